@@ -46,7 +46,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 
-bench: $(VENV)/dev  ## Measure the speed bars, as ratios within one run
+bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
 figures: $(VENV)/dev  ## Redraw the figures in docs/
@@ -80,6 +80,10 @@ $(VENV)/base-usual: $(VENV)/base $(COMPILED)
 
 $(VENV)/test-all: $(VENV)/test $(COMPILED)
 	$(BIN)/armcontour warm
+	@touch $@
+
+$(VENV)/bench: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[bench]'
 	@touch $@
 
 $(VENV)/dev: pyproject.toml | $(VENV)/bin/python

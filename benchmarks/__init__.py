@@ -1,1 +1,1 @@
-"""Speed bars, measured as ratios against a peer in the same run."""
+"""Speed, as ratios against a peer in the same run and against a baseline of such ratios."""

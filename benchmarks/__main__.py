@@ -1,78 +1,186 @@
-"""Measure everything and print one table, and three of what the planners answered."""
+"""Measure the lines, and say what became slower than the baseline."""
 
 from __future__ import annotations
+
+import argparse
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import date
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import (
-    certify,
-    jerk,
-    kinematics,
-    learning,
-    optimal,
-    polyline,
-    program,
-    projection,
-    shaping,
-    spread,
-    square,
-    start_up,
+from benchmarks import baseline
+from benchmarks.baseline import Known, Session
+from benchmarks.measured import Line, Measured, Missing, in_words, measure
+
+MODULES = (
+    *("start_up", "optimal", "torque", "square", "kinematics", "polyline", "projection"),
+    *("paper", "certify", "learning", "spread", "shaping", "jerk", "commands"),
 )
+PACKAGES = (
+    *("numpy", "scipy", "numba", "pin"),
+    *("toppra", "cmeel-toppra", "roboplan", "casadi"),
+)
+# One thread in us and in the peers, as the time of the processor counts each.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# How often a line is measured that seems slower than the baseline, and one for the baseline.
+AGAIN, TIMES = 2, 3
 
 
-def main() -> None:
-    """Run all benchmarks."""
-    console = Console(width=140)
-    plans, judged, notes = optimal.measure()
-    polylines, more = polyline.measure()
-    solved, guessed = kinematics.measure()
-    squares, around, settings = square.measure()
-    executed, rates = spread.measure()
-    programs, long = program.measure()
-    shaped, shapes, corners = shaping.measure()
-    jerky, missing = jerk.measure()
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; answers 1 if something is slower than the baseline, or failed."""
+    given = _parser().parse_args(arguments)
+    # It is read when numpy is imported, by the modules.
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    lines = chosen(all_lines(), given.only, given.full)
+    if given.list:
+        print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
+        return 0
+    begin, sessions = time.perf_counter(), baseline.read(given.baseline)
+    known = {} if given.update else baseline.known(sessions)
+    found, trouble = _measure_all(lines, known, TIMES if given.update else 1)
+    best = [_judged(x) for x in found.values()]
+    _print_table(best, baseline.known(sessions))
+    print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
+    print(
+        f"\n{len(best)} lines in {(time.perf_counter() - begin) / 60:.1f} min.", *trouble, sep="\n"
+    )
+    failed = any(x.startswith("Failed") for x in trouble)
+    if given.update:
+        new = Session(
+            date.today().isoformat(),
+            _commit(),
+            _machine(),
+            {name: Known.of(x) for name, x in found.items()},
+        )
+        baseline.write(given.baseline, baseline.updated(sessions, new))
+        print(f"Written: {given.baseline}")
+        return int(failed)
+    print(*baseline.sentences(best, known), sep="\n")
+    return int(failed or any(baseline.is_slower(x, known) for x in best))
+
+
+def all_lines() -> list[Line]:
+    """The lines of all modules."""
+    return [x for name in MODULES for x in import_module(f"benchmarks.{name}").lines()]
+
+
+def chosen(lines: Iterable[Line], only: Sequence[str] | None, full: bool) -> list[Line]:
+    """The lines whose names begin with one of those given; the longest only if wanted by name."""
+    if not only:
+        return [x for x in lines if full or not x.full]
+    found = [
+        x
+        for x in lines
+        if x.name in only or ((full or not x.full) and x.name.startswith(tuple(only)))
+    ]
+    if not found:
+        raise SystemExit(f"No line begins with {' or '.join(only)}: see --list.")
+    return found
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="lines that begin so")
+    parser.add_argument("--full", action="store_true", help="the longest lines, too")
+    parser.add_argument("--list", action="store_true", help="print the names of the lines")
+    parser.add_argument("--update", action="store_true", help="write what is found as the baseline")
+    parser.add_argument("--baseline", type=Path, default=baseline.FILE, help="its file")
+    return parser
+
+
+def _measure_all(
+    lines: Sequence[Line], known: Mapping[str, Known], times: int
+) -> tuple[dict[str, list[Measured]], list[str]]:
+    """All measurements by name, and sentences on lines without any."""
+    found: dict[str, list[Measured]] = {}
+    trouble: list[str] = []
+    for k, line in enumerate(lines):
+        print(f"{k + 1}/{len(lines)} {line.name}", end=": ", flush=True)
+        try:
+            found[line.name] = measure(line, times)
+        except Missing as reason:
+            print("left out", flush=True)
+            trouble.append(f"Left out: {line.name}, as {reason}.")
+        except Exception as error:
+            print("failed", flush=True)
+            trouble.append(f"Failed: {line.name}: {type(error).__name__}: {error}")
+        else:
+            _print_row(found[line.name][-1], known)
+    # Noise is not blamed on a line: it is slower only if it is so whenever it is measured.
+    for _ in range(AGAIN):
+        for line in lines:
+            mine = found.get(line.name, [])
+            if mine and all(baseline.is_slower(x, known) for x in mine):
+                print(f"{line.name} seems slower, once more", end=": ", flush=True)
+                mine += measure(line)
+                _print_row(mine[-1], known)
+    return found, trouble
+
+
+def _judged(found: Sequence[Measured]) -> Measured:
+    """The measurement with the lowest ratio."""
+    return min(found, key=lambda x: x.ratio)
+
+
+def _print_row(x: Measured, known: Mapping[str, Known]) -> None:
+    change = baseline.change(x, known)
+    more = "" if change is None else f", {change:+.0%}"
+    took = in_words(x.least[0])
+    print(f"{took}, {x.ratio:.3g} of {x.line.peer}{more}", flush=True)
+
+
+def _print_table(found: Iterable[Measured], known: Mapping[str, Known]) -> None:
     table = Table(title="armcontour benchmarks", title_justify="left")
-    for name in ("what", "ours [ms]", "peer", "peer [ms]", "ratio", "bar"):
-        table.add_column(name)
-    smaller = [*start_up.measure(), *projection.measure(), *certify.measure(), *learning.measure()]
-    rows = [*smaller, *plans, *polylines, *solved, *squares, *executed, *programs, *shaped, *jerky]
-    for measured in rows:
+    heads = ("line", "what", "ours", "peer", "peer's", "ratio", "baseline", "change", "bar")
+    for name in heads:
+        right = name in ("ours", "peer's", "ratio", "baseline", "change")
+        table.add_column(name, justify="right" if right else "left")
+    for x in found:
+        change = baseline.change(x, known)
+        ours, peer = (in_words(x) for x in x.least)
         table.add_row(
-            measured.what,
-            f"{measured.ours * 1e3:.3g}",
-            measured.peer,
-            f"{measured.peer_time * 1e3:.3g}",
-            f"{measured.ours / measured.peer_time:.3g}",
-            measured.bar,
+            *(x.line.name, x.line.what, ours, x.line.peer, peer),
+            f"{x.ratio:.3g}",
+            "-" if change is None else f"{known[x.line.name].ratio:.3g}",
+            "-" if change is None else f"{change:+.0%}",
+            "-" if x.of_bar == "-" else f"{x.of_bar} of {x.line.bar}",
         )
-    console.print(table)
-    answers = Table(title="optimal plans", title_justify="left")
-    for name in ("points", "planner", "duration [s]", "largest violation"):
-        answers.add_column(name)
-    for answer in judged:
-        answers.add_row(
-            str(answer.points), answer.who, f"{answer.duration:.6f}", f"{answer.violation:.1e}"
-        )
-    console.print(answers)
-    drawn = Table(title="plans of the square", title_justify="left")
-    for name in ("planner", "duration [s]", "corner error [mm]", "off the square [mm]"):
-        drawn.add_column(name)
-    for name in ("tool speed [m/s]", "joint limits used", "through its samples"):
-        drawn.add_column(name)
-    for plan in around:
-        lengths = f"{plan.corner * 1e3:.3f}", f"{plan.off * 1e3:.3f}"
-        shares = f"{plan.speed:.4f}", f"{plan.law:.3f}", f"{plan.executed:.3f}"
-        drawn.add_row(plan.who, f"{plan.duration:.4f}", *lengths, *shares)
-    console.print(drawn)
-    motions = Table(title="shaped paths [s]", title_justify="left")
-    for name in ("what", "arcs", "shaped", "start", "bar", "oracle"):
-        motions.add_column(name)
-    for x in shapes:
-        motions.add_row(x.what, f"{x.arcs:.4f}", f"{x.shaped:.4f}", x.start, x.bar, x.oracle)
-    console.print(motions)
-    for note in [*notes, *more, *guessed, *settings, *rates, *long, *corners, *missing]:
-        console.print(note)
+    Console(width=200).print(table)
 
 
-main()
+def _commit() -> str:
+    root = Path(__file__).parents[1]
+    call = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def _machine() -> str:
+    """Processor, cores, and versions of what the times depend on."""
+    cpus = Path("/proc/cpuinfo")
+    names = cpus.read_text().splitlines() if cpus.exists() else []
+    name = next((x.split(":")[1].strip() for x in names if x.startswith("model name")), None)
+    parts = [name or platform.processor() or platform.machine(), f"{os.cpu_count()} cores"]
+    parts.append(f"Python {platform.python_version()}")
+    for package in PACKAGES:
+        try:
+            parts.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(parts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

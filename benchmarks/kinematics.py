@@ -14,7 +14,6 @@ than any of tracing, and those of the first knot before, which tracing never has
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,18 +21,19 @@ import numpy as np
 
 import armcontour as ac
 from armcontour._checks import FloatArray
-from armcontour.arms import _newton
 from armcontour.motion import quintic
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
 from armcontour.tracing.poses import pose_derivatives_at, poses_at
 from benchmarks import ur5e
-from benchmarks.measured import Measured, paired
+from benchmarks.measured import Bar, Line, Pair, timed
 
 PLACES = 2000
-RUNS = 41
-FAR = "the knot before"
+FAR = "knot"
+# Paths and guesses, by the parts of the lines' names.
+PATHS = {"held": "one orientation", "turning": "turning"}
+GUESSES = {"quintics": "quintics", "place": "the place before", FAR: "the knot before"}
 TURN = 0.3  # rad, between corners of the second path
 ANGULAR_TOLERANCE = 0.02  # rad
 # What is returned is right within these.
@@ -50,55 +50,54 @@ class Task:
     path: ac.Path
 
 
-def measure() -> tuple[list[Measured], list[str]]:
-    """Times, and notes on the guesses and on what part the path has."""
+def lines() -> list[Line]:
+    """Both paths from all guesses, and the part of it that the path has."""
+    peer = f"{PLACES:,} forward kinematics, pinocchio"
+    found = []
+    for key, name in PATHS.items():
+        for start, guessed in GUESSES.items():
+            what = f"IK and derivatives, {name}, from {guessed}"
+            bar = Bar() if start == FAR else Bar(ratio=10)
+            found.append(Line(f"ik/{key}/{start}", what, peer, partial(_pair, key, start), bar))
+        what = f"of it, poses and rates of the path, {name}"
+        found.append(Line(f"ik/{key}/path", what, peer, partial(_pair, key, None)))
+    return found
+
+
+def _pair(key: str, start: str | None) -> Pair:
     import pinocchio as pin
 
-    arm = ur5e.load()
+    arm, path = ur5e.load(), path_of(key)
     model = pin.buildModelFromXML(ur5e.urdf(arm, 1.0))
     data = model.createData()
-    measured, notes = [], []
-    for name, path in paths().items():
-        task = prepared(arm, path)
-        exact = task.solver.ends(task.knots, task.knots.u0, task.guesses["quintics"])[0]
+    task = prepared(arm, path)
+    exact = task.solver.ends(task.knots, task.knots.u0, task.guesses["quintics"])[0]
 
-        def peer(q: FloatArray = exact) -> None:
-            for row in q:
-                pin.framesForwardKinematics(model, data, row)
+    def peer() -> None:
+        for row in exact:
+            pin.framesForwardKinematics(model, data, row)
 
-        evaluate = partial(_evaluate, task)
-        ours, theirs = paired(evaluate, peer, RUNS)
-        peer_name = f"{PLACES:,} forward kinematics, pinocchio"
-        for guessed, guess in task.guesses.items():
-            off, moved = verified(arm, model, task, guess)
-            solve = partial(task.solver.ends, task.knots, task.knots.u0, guess)
-            times = paired(solve, peer, RUNS)
-            what = f"IK and derivatives, {name}, from {guessed}"
-            bar = "-" if guessed == FAR else "< 10"
-            measured.append(Measured(what, times[0], peer_name, times[1], bar))
-            notes.append(
-                f"{what}: guesses off by {np.median(moved):.1e} rad, at most {moved.max():.1e}; "
-                f"tool within {off:.1e} m."
-            )
-        what = f"of it, poses and rates of the path, {name}"
-        measured.append(Measured(what, ours, peer_name, theirs, "-"))
-        notes.append(_of_tracing(arm, path, name))
-    return measured, notes
+    if start is None:
+        return Pair(timed(partial(_evaluate, task)), timed(peer))
+    guess = task.guesses[start]
+    off, moved = verified(arm, model, task, guess)
+    note = f"guesses off by {np.median(moved):.1e} rad, at most {moved.max():.1e}"
+    ours = timed(partial(task.solver.ends, task.knots, task.knots.u0, guess))
+    return Pair(ours, timed(peer), lambda: [f"{note}; tool within {off:.1e} m"])
 
 
-def paths() -> dict[str, ac.Path]:
-    """The square with its tool held in one way, and in a way at every corner."""
+def path_of(key: str) -> ac.Path:
+    """The square with its tool held in one way, or in a way at every corner."""
+    error = ur5e.CORNER_ERROR
+    if key == "held":
+        return ac.round_corners(ur5e.square(), tolerance=error)
     from scipy.spatial.transform import Rotation
 
     turns = TURN * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1], [0, 0, 0]])
     turned = Rotation.from_rotvec(turns).as_matrix() @ ur5e.DOWN
-    error = ur5e.CORNER_ERROR
-    return {
-        "one orientation": ac.round_corners(ur5e.square(), tolerance=error),
-        "turning": ac.round_corners(
-            ur5e.square(turned), tolerance=error, angular_tolerance=ANGULAR_TOLERANCE
-        ),
-    }
+    return ac.round_corners(
+        ur5e.square(turned), tolerance=error, angular_tolerance=ANGULAR_TOLERANCE
+    )
 
 
 def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
@@ -119,7 +118,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     quintics = np.einsum("ikj,ik->ij", coefficients[i], x[:, None] ** np.arange(6))
     guesses = {
         "quintics": quintics,
-        "the place before": traced(np.append(0.0, s[:-1])),
+        "place": traced(np.append(0.0, s[:-1])),
         FAR: q[i],
     }
     return Task(solver, knots, guesses, path)
@@ -156,26 +155,3 @@ def verified(
 def _evaluate(task: Task) -> tuple[FloatArray, FloatArray]:
     knots = task.knots
     return poses_at(task.path, knots, knots.u0), pose_derivatives_at(task.path, knots, knots.u0)
-
-
-def _of_tracing(arm: ac.SerialArm, path: ac.Path, name: str) -> str:
-    """How far guesses are off when the path is traced."""
-    offs: list[FloatArray] = []
-    newton: Callable[..., tuple[FloatArray, FloatArray]] = _newton.newton
-
-    def listening(*arguments: object) -> tuple[FloatArray, FloatArray]:
-        found = newton(*arguments)
-        offs.append(found[1])
-        return found
-
-    _newton.newton = listening
-    try:
-        traced = ac.trace(path, arm)
-    finally:
-        _newton.newton = newton
-    # The first two are of knots that were followed, and so are exact.
-    off = np.concatenate([np.zeros(1), *offs[2:]])
-    return (
-        f"Tracing it, {name}: {len(traced.breaks)} knots, {len(off) - 1} of them guessed, off by "
-        f"at most {off.max():.1e} rad."
-    )

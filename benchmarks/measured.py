@@ -1,34 +1,264 @@
-"""What a benchmark found, and how times are taken."""
+"""Lines of the table: what is timed against what, how times are taken, and what was found.
+
+Times are those of the processor, in rounds in which both sides take turns. The ratio is that of the
+least times: what other work on the machine takes from the caches makes times longer, never shorter,
+and medians of short calls twice as long. Bars are of medians, as a quiet machine has them.
+"""
 
 from __future__ import annotations
 
+import gc
+import os
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import median
+
+# A side of a round takes about this long [s], if it is one of many short calls.
+SLICE, MOST_CALLS = 0.03, 60
+# A line takes about this long [s], in so many rounds; long work is measured once.
+BUDGET, MOST_ROUNDS = 2.0, 20
+
+# Runs a process and prints what it took. A small process does so, as one begins with the peak
+# memory of that which started it.
+LAUNCH = """
+import resource, subprocess, sys, time
+begin = time.perf_counter()
+done = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL)
+wall = time.perf_counter() - begin
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+unit = 1 if sys.platform == "darwin" else 1024
+print(used.ru_utime + used.ru_stime, wall, used.ru_maxrss * unit)
+sys.exit(done.returncode)
+"""
+
+
+class Missing(Exception):
+    """A line cannot be measured here; the text says what lacks."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What one run took: time of the processor and by the clock [s], and peak memory [bytes]."""
+
+    processor: float
+    wall: float
+    memory: float | None = None
+
+    def of(self, parts: int) -> Taken:
+        """What one of equal parts took."""
+        return Taken(self.processor / parts, self.wall / parts, self.memory)
+
+
+# Runs something so many times and says what each of them took.
+Timer = Callable[[int], list[Taken]]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a line shall not exceed: the ratio to its peer, time [s], memory [bytes].
+
+    Args:
+        ratio: Share of the peer's time.
+        seconds: Time of the processor, or by the clock.
+        memory: Peak memory.
+        clock: Whether seconds are by the clock, as for work on several cores.
+    """
+
+    ratio: float | None = None
+    seconds: float | None = None
+    memory: float | None = None
+    clock: bool = False
+
+    def __str__(self) -> str:
+        parts = []
+        if self.ratio is not None:
+            parts.append(f"{self.ratio:.3g}")
+        if self.seconds is not None:
+            parts.append(f"{in_words(self.seconds)}{' by the clock' if self.clock else ''}")
+        if self.memory is not None:
+            parts.append(f"{self.memory / 1e9:.3g} GB")
+        return ", ".join(parts) or "-"
+
+    def missed(self, ratio: float, ours: Taken) -> bool:
+        """Whether a ratio, or what a run took, is over the bar."""
+        seconds = ours.wall if self.clock else ours.processor
+        pairs = ((ratio, self.ratio), (seconds, self.seconds), (ours.memory, self.memory))
+        return any(
+            value is not None and limit is not None and value > limit for value, limit in pairs
+        )
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both sides of a line, ready to be timed.
+
+    Args:
+        ours: Times our work.
+        peer: Times the peer's.
+        notes: Sentences on what was computed, such as durations.
+        warm: Whether both warm themselves, so that the first run counts.
+        parts: Equal parts that a run of ours and of the peer consists of; times are of one.
+    """
+
+    ours: Timer
+    peer: Timer
+    notes: Callable[[], Iterable[str]] = tuple
+    warm: bool = False
+    parts: tuple[int, int] = (1, 1)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table.
+
+    Args:
+        name: By which the baseline knows it.
+        what: What is timed, in words.
+        peer: What it is compared with, in words.
+        prepare: Makes both sides, which is not timed; raises `Missing`.
+        bar: The bar.
+        full: Whether it takes so long that it is measured only if asked for.
+    """
+
+    name: str
+    what: str
+    peer: str
+    prepare: Callable[[], Pair]
+    bar: Bar = Bar()
+    full: bool = False
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One line of the table: times in s, and the bar on their ratio in words."""
+    """What was found for a line.
 
-    what: str
-    ours: float
-    peer: str
-    peer_time: float
-    bar: str
+    Args:
+        line: The line.
+        ours: What each of our runs took, or each of its equal parts.
+        peer: The same of the peer.
+        notes: Sentences on what was computed.
+    """
+
+    line: Line
+    ours: list[Taken]
+    peer: list[Taken]
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def least(self) -> tuple[float, float]:
+        """The least times of the processor [s], ours and the peer's."""
+        ours, peer = (min(x.processor for x in side) for side in (self.ours, self.peer))
+        return ours, peer
+
+    @property
+    def ratio(self) -> float:
+        """That of the least times."""
+        ours, peer = self.least
+        return ours / peer
+
+    @cached_property
+    def usual(self) -> Taken:
+        """What the median of our runs took, and the most memory."""
+        memory = [x.memory for x in self.ours if x.memory is not None]
+        return Taken(
+            median(x.processor for x in self.ours),
+            median(x.wall for x in self.ours),
+            max(memory, default=None),
+        )
+
+    @property
+    def usual_ratio(self) -> float:
+        """That of the medians."""
+        return self.usual.processor / median(x.processor for x in self.peer)
+
+    @property
+    def missed(self) -> bool:
+        """Whether it misses its bar."""
+        return self.line.bar.missed(self.usual_ratio, self.usual)
+
+    @property
+    def of_bar(self) -> str:
+        """What it has of what its bar limits, in words."""
+        bar, usual = self.line.bar, self.usual
+        return str(
+            Bar(
+                None if bar.ratio is None else self.usual_ratio,
+                None if bar.seconds is None else usual.wall if bar.clock else usual.processor,
+                None if bar.memory is None else usual.memory,
+                bar.clock,
+            )
+        )
 
 
-def paired(
-    ours: Callable[[], object], peer: Callable[[], object], runs: int
-) -> tuple[float, float]:
-    """Median times of both, taken in turn so that both see the same machine."""
-    ours()
-    peer()
-    times: tuple[list[float], list[float]] = ([], [])
-    for _ in range(runs):
-        for call, taken in zip((ours, peer), times, strict=True):
-            start = time.perf_counter()
+def measure(line: Line, times: int = 1) -> list[Measured]:
+    """Prepare a line once and measure it so many times; the first has the notes."""
+    pair = line.prepare()
+    gc.collect()
+    if not pair.warm:
+        pair.ours(1)
+        pair.peer(1)
+    found = [_measure(pair) for _ in range(times)]
+    notes = tuple(pair.notes())
+    return [Measured(line, *sides, notes) for sides in found]
+
+
+def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
+    ours, peer = pair.ours(1), pair.peer(1)
+    each = ours[0].processor, min(x.processor for x in peer)
+    calls = [max(1, min(MOST_CALLS, int(SLICE / max(x, 1e-6)))) for x in each]
+    whole = sum(n * x for n, x in zip(calls, each, strict=True))
+    for _ in range(min(MOST_ROUNDS, int(BUDGET / whole))):
+        ours += pair.ours(calls[0])
+        peer += pair.peer(calls[1])
+    return [x.of(pair.parts[0]) for x in ours], [x.of(pair.parts[1]) for x in peer]
+
+
+def timed(call: Callable[[], object]) -> Timer:
+    """A timer of a call in this process."""
+
+    def run(times: int) -> list[Taken]:
+        taken = []
+        for _ in range(times):
+            wall, processor = time.perf_counter(), time.process_time()
             call()
-            taken.append(time.perf_counter() - start)
-    return median(times[0]), median(times[1])
+            processor, wall = time.process_time() - processor, time.perf_counter() - wall
+            taken.append(Taken(processor, wall))
+        return taken
+
+    return run
+
+
+def spawned(
+    command: Callable[[], Sequence[str]], environment: Callable[[], Mapping[str, str]] = dict
+) -> Timer:
+    """A timer of a process from its start to its end, with the processes that it waits for.
+
+    Args:
+        command: Says what to run.
+        environment: Makes the variables of a run that differ from this process's.
+    """
+
+    def run(times: int) -> list[Taken]:
+        taken = []
+        for _ in range(times):
+            called = [sys.executable, "-c", LAUNCH, *command()]
+            done = subprocess.run(
+                called, env={**os.environ, **environment()}, capture_output=True, text=True
+            )
+            if done.returncode != 0:
+                raise RuntimeError(f"{' '.join(called[3:])}: {done.stderr.strip()[-500:]}")
+            taken.append(Taken(*(float(x) for x in done.stdout.split())))
+        return taken
+
+    return run
+
+
+def in_words(seconds: float) -> str:
+    """A time with its unit."""
+    if seconds < 1e-3:
+        return f"{seconds * 1e6:.3g} µs"
+    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from types import SimpleNamespace
 
 import numpy as np
 
 import armcontour as ac
-from benchmarks.measured import Measured, paired
+from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 
 JOINTS, WAYPOINTS = 6, 5
 POINTS = (200, 1000, 5000)
@@ -33,44 +33,44 @@ WAY = RNG.uniform(-2, 2, (WAYPOINTS, JOINTS))
 VELOCITY, ACCELERATION = RNG.uniform(1, 3, JOINTS), RNG.uniform(1, 5, JOINTS)
 # Parameters from 0 to 1 on which every uniform grid above has a point.
 AT = np.linspace(0, 1, WAYPOINTS)
+# Bars of the ratio, by the number of points.
+CPP_BARS = {200: 1.0, 1000: 1 / 3, 5000: 1 / 5}
+PYTHON_BARS = {1000: 1 / 40, 5000: 1 / 60}
+SMALL, LARGE = 10_000, 1_000_000
+# Grids on which memory is measured.
+GRIDS = (10_000, 100_000, 1_000_000)
+# The peak since exec, unlike getrusage's, is not the parent's.
+MEMORY = """
+from benchmarks import optimal
+optimal.plan(1000)
+peak = lambda: int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
+before = peak()
+planned = optimal.plan({points})
+print((peak() - before) * 1024 / {points})
+"""
 # Places per grid interval at which a law is judged.
 PLACES = 20
 
 
-@dataclass(frozen=True)
-class Judged:
-    """One planner's answer: the duration [s] and the largest share over a limit, 0 for none."""
-
-    points: int
-    who: str
-    duration: float
-    violation: float
-
-
-def measure() -> tuple[list[Measured], list[Judged], list[str]]:
-    """Times, answers, and notes on what could not be measured."""
-    measured, judged, notes = [], [], []
-    peers: list[tuple[str, Callable[[int], tuple[Measured, list[Judged]]]]] = []
-    try:
-        import toppra  # noqa: F401
-
-        peers.append(("toppra", _against_python))
-    except ImportError:
-        notes.append("toppra is not installed: python -m pip install toppra (linux-x86_64).")
-    with tempfile.TemporaryDirectory() as folder:
-        program, reason = _build(Path(folder))
-        if program is None:
-            notes.append(f"TOPP-RA's C++ library is left out: {reason}.")
-        else:
-            peers.append(("TOPP-RA C++", lambda n: _against_cpp(n, program)))
-        for points in POINTS:
-            judged.append(_judge(points, "armcontour", *_ours(points)))
-            for _, against in peers:
-                found, answer = against(points)
-                measured.append(found)
-                judged += answer
-    measured.append(_scaling())
-    return measured, judged, notes
+def lines() -> list[Line]:
+    """Both peers on every grid, and a large grid against a small one."""
+    rows: list[tuple[str, str, Callable[[int], Pair], dict[int, float]]] = [
+        ("toppra", "toppra (Seidel)", _against_python, PYTHON_BARS),
+        ("cpp", "TOPP-RA C++ (Seidel)", _against_cpp, CPP_BARS),
+    ]
+    found = [
+        Line(
+            f"plan/{name}/{points}",
+            f"optimal plan, {points} points",
+            peer,
+            partial(against, points),
+            Bar(ratio=bars.get(points)),
+        )
+        for name, peer, against, bars in rows
+        for points in POINTS
+    ]
+    what = f"optimal plan, a grid point of {LARGE:,}"
+    return [*found, Line("plan/grid", what, f"one of {SMALL:,}", _scaling, Bar(ratio=1.5))]
 
 
 def plan(points: int) -> ac.Trajectory:
@@ -80,16 +80,17 @@ def plan(points: int) -> ac.Trajectory:
     return ac.plan(ac.JointPath.spline(WAY, AT), arm, grid=np.linspace(0, 1, points))
 
 
-def _against_python(points: int) -> tuple[Measured, list[Judged]]:
-    ours, peer = paired(lambda: plan(points), lambda: _python(points), 31 if points < 5000 else 15)
-    law = _python(points)
-    t = np.linspace(0, law.duration, PLACES * points)
-    used = max((abs(law(t, 1)) / VELOCITY).max(), (abs(law(t, 2)) / ACCELERATION).max())
-    answer = Judged(points, "toppra", float(law.duration), max(float(used) - 1, 0.0))
-    what = f"optimal plan, {points} points"
-    return Measured(what, ours, "toppra (Seidel)", peer, "< 0.025" if points >= 1000 else "-"), [
-        answer
-    ]
+def _against_python(points: int) -> Pair:
+    if find_spec("toppra") is None:
+        raise Missing("toppra is not installed, which has wheels for linux-x86_64")
+
+    def notes() -> list[str]:
+        law = _python(points)
+        t = np.linspace(0, law.duration, PLACES * points)
+        used = max((abs(law(t, 1)) / VELOCITY).max(), (abs(law(t, 2)) / ACCELERATION).max())
+        return [_answer("armcontour", *_ours(points)), _said("toppra", law.duration, used)]
+
+    return Pair(timed(lambda: plan(points)), timed(lambda: _python(points)), notes)
 
 
 def _python(points: int):  # noqa: ANN202  # toppra has no types
@@ -116,19 +117,21 @@ def _python(points: int):  # noqa: ANN202  # toppra has no types
     ).compute_trajectory(0, 0)
 
 
-def _build(folder: Path) -> tuple[Path | None, str]:
-    """The C++ program, or why there is none."""
+@cache
+def _program() -> tuple[Path, tempfile.TemporaryDirectory[str]]:
+    """The C++ program, and its folder, which lasts as long as this process."""
     compiler = shutil.which("g++")
     prefix = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"
     eigens = [prefix / "include" / "eigen3", Path("/usr/include/eigen3")]
     eigen = next((x for x in eigens if x.is_dir()), None)
     if compiler is None:
-        return None, "there is no g++"
+        raise Missing("there is no g++")
     if not (prefix / "include" / "toppra").is_dir():
-        return None, "python -m pip install cmeel-toppra brings it"
+        raise Missing("cmeel-toppra is not installed")
     if eigen is None:
-        return None, "its headers need Eigen: python -m pip install cmeel-eigen"
-    program = folder / "toppra_peer"
+        raise Missing("cmeel-eigen is not installed, and TOPP-RA's headers need Eigen")
+    folder = tempfile.TemporaryDirectory()
+    program = Path(folder.name) / "toppra_peer"
     built = subprocess.run(
         [
             compiler,
@@ -148,32 +151,41 @@ def _build(folder: Path) -> tuple[Path | None, str]:
         text=True,
         check=False,
     )
-    return (program, "") if built.returncode == 0 else (None, built.stderr.splitlines()[0])
+    if built.returncode != 0:
+        raise Missing(f"TOPP-RA's C++ library was not built: {built.stderr.splitlines()[0]}")
+    return program, folder
 
 
-def _against_cpp(points: int, program: Path) -> tuple[Measured, list[Judged]]:
-    """In turns: a few runs of ours, a few of theirs, timed inside their process."""
+def _against_cpp(points: int) -> Pair:
+    program, _ = _program()
+
+    def notes() -> list[str]:
+        _, duration, squares = _run(program, points, 1)
+        return [_answer("TOPP-RA C++", duration, np.linspace(0, 1, points), squares, None)]
+
+    return Pair(timed(lambda: plan(points)), _timer(program, points), notes)
+
+
+def _timer(program: Path, points: int) -> Timer:
+    """Runs are timed inside of the program's process."""
+
+    def run(times: int) -> list[Taken]:
+        return [Taken(x, x) for x in _run(program, points, times)[0]]
+
+    return run
+
+
+def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np.ndarray]:
+    """Times of so many runs [s], the duration [s], and ds² on the grid."""
     grid = np.linspace(0, 1, points)
     numbers = [AT, WAY, VELOCITY, ACCELERATION, grid]
-    ours, peer, duration, squares = [], [], 0.0, np.zeros(0)
-    plan(points)
-    for _ in range(7):
-        for _ in range(7):
-            start = time.perf_counter()
-            plan(points)
-            ours.append(time.perf_counter() - start)
-        text = f"{JOINTS} {WAYPOINTS} {points} 7\n" + "\n".join(
-            repr(float(x)) for values in numbers for x in np.ravel(values)
-        )
-        done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
-        head, *rest = done.stdout.splitlines()
-        taken, length = (float(x) for x in head.split())
-        peer.append(taken)
-        duration, squares = length, np.array([float(x) for x in rest])
-    bar = "< 0.33" if points >= 1000 else "-"
-    what = f"optimal plan, {points} points"
-    found = Measured(what, median(ours), "TOPP-RA C++ (Seidel)", median(peer), bar)
-    return found, [_judge(points, "TOPP-RA C++", duration, grid, squares, None)]
+    text = f"{JOINTS} {WAYPOINTS} {points} {times}\n" + "\n".join(
+        repr(float(x)) for values in numbers for x in np.ravel(values)
+    )
+    done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
+    head, *rest = done.stdout.splitlines()
+    duration, *taken = (float(x) for x in head.split())
+    return taken, duration, np.array([float(x) for x in rest])
 
 
 def _ours(points: int) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
@@ -183,14 +195,13 @@ def _ours(points: int) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     return planned.duration, law.s, law.speeds**2, law.rates.slope
 
 
-def _judge(
-    points: int,
+def _answer(
     who: str,
     duration: float,
     grid: np.ndarray,
     squares: np.ndarray,
     skew: np.ndarray | None,
-) -> Judged:
+) -> str:
     """Judge ds² on a grid, with a path acceleration linear in s between its points."""
     path = ac.JointPath.spline(WAY, AT)
     width, slope = np.diff(grid), np.zeros(len(grid) - 1) if skew is None else skew
@@ -204,17 +215,27 @@ def _judge(
     velocity = abs(first) * np.sqrt(np.maximum(x.ravel(), 0.0))[:, None] / VELOCITY
     acceleration = abs(first * u.ravel()[:, None] + second * x.ravel()[:, None]) / ACCELERATION
     used = float(max(velocity.max(), acceleration.max()))
-    return Judged(points, who, duration, max(used - 1, 0.0))
+    return _said(who, duration, used)
 
 
-def _scaling() -> Measured:
+def _said(who: str, duration: float, used: float) -> str:
+    over = max(float(used) - 1, 0.0)
+    return f"{who}: {duration:.6f} s, largest violation {over:.1e}"
+
+
+def _scaling() -> Pair:
     """Time per grid point at a million points against that at ten thousand."""
-    small, large = 10_000, 1_000_000
-    many, one = paired(lambda: plan(large), lambda: [plan(small) for _ in range(10)], 5)
-    return Measured(
-        "optimal plan, a grid point of 1,000,000",
-        many / large,
-        "one of 10,000",
-        one / small / 10,
-        "< 1.5",
-    )
+    ours, peer = timed(lambda: plan(LARGE)), timed(lambda: plan(SMALL))
+    return Pair(ours, peer, memory, parts=(LARGE, SMALL))
+
+
+def memory() -> list[str]:
+    """Growth of the peak memory per grid point, each in a process of its own."""
+    found = []
+    for points in GRIDS:
+        code = MEMORY.format(points=points)
+        run = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        found.append(f"{float(run.stdout):,.0f} at {points:,}")
+    return [f"peak memory, bytes a grid point: {', '.join(found)}"]

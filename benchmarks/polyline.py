@@ -9,64 +9,54 @@ neither the path nor the constraints nor the law.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 
 import armcontour as ac
 from armcontour._checks import FloatArray
-from benchmarks.measured import Measured, paired
+from benchmarks.measured import Bar, Line, Missing, Pair, timed
 
 SEGMENTS = 10_000
 # Grid points a segment, and spline points a line or arc, for toppra.
 GRID_POINTS, SPLINE_POINTS = 5, 4
 TOLERANCE = 5e-5
 VELOCITY = (2.0, 2.0)
-RUNS = 5
-# Grids on which memory is measured.
-GRIDS = (10_000, 100_000, 1_000_000)
-# The peak since exec, unlike getrusage's, is not the parent's.
-MEMORY = """
-from benchmarks import optimal
-optimal.plan(1000)
-peak = lambda: int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
-before = peak()
-planned = optimal.plan({points})
-print((peak() - before) * 1024 / {points})
-"""
 
 
-def measure() -> tuple[list[Measured], list[str]]:
-    """Times, and notes: durations, memory, and what could not be measured."""
-    measured: list[Measured] = []
-    notes = [memory()]
-    try:
-        import toppra  # noqa: F401
-    except ImportError:
-        return measured, notes
-    arm = ac.load_arm("pmk3s")
+def lines() -> list[Line]:
+    """Both shapes, with limits of the joints and with those of the tool too."""
+    peer, bar = "toppra, solver alone", Bar(ratio=0.5)
+    return [
+        Line(
+            f"polyline/{shape}/{limits}",
+            f"{shape} of {SEGMENTS:,} segments, {name}",
+            peer,
+            partial(_pair, shape, limits == "tool"),
+            bar,
+        )
+        for shape in ("zigzag", "wavy")
+        for limits, name in (("joints", "joint limits"), ("tool", "tool limits too"))
+    ]
+
+
+def _pair(shape: str, tool: bool) -> Pair:
+    if find_spec("toppra") is None:
+        raise Missing("toppra is not installed, which has wheels for linux-x86_64")
+    arm, points = ac.load_arm("pmk3s"), zigzag() if shape == "zigzag" else wavy()
     joints = arm.limits.replace(joint_velocity=VELOCITY)
-    tool = joints.replace(speed=0.15, centripetal_acceleration=0.09)
-    for shape, points in (("zigzag", zigzag()), ("wavy", wavy())):
-        solve = toppra_solver(points, arm, joints)
-        for name, limits in (("joint limits", joints), ("tool limits too", tool)):
-            what = f"{shape} of {SEGMENTS:,} segments, {name}"
-            ours = partial(plan, points, arm, limits)
-            try:
-                planned = ours()
-            except ac.NotRealizable as error:
-                notes.append(f"{what}: not planned. {error}")
-                continue
-            times = paired(ours, solve, RUNS)
-            measured.append(Measured(what, times[0], "toppra, solver alone", times[1], "< 0.5"))
-            notes.append(
-                f"{what}: {planned.duration:.3f} s on {len(planned.breaks):,} grid points; "
-                f"toppra, joint limits: {solve():.3f} s on {GRID_POINTS * SEGMENTS + 1:,}."
-            )
-    return measured, notes
+    solve = toppra_solver(points, arm, joints)
+    limits = joints.replace(speed=0.15, centripetal_acceleration=0.09) if tool else joints
+
+    def notes() -> list[str]:
+        planned = plan(points, arm, limits)
+        theirs = f"{solve():.3f} s on {GRID_POINTS * SEGMENTS + 1:,}"
+        ours = f"{planned.duration:.3f} s on {len(planned.breaks):,} grid points"
+        return [f"{ours}; toppra, joint limits: {theirs}"]
+
+    return Pair(timed(lambda: plan(points, arm, limits)), timed(solve), notes)
 
 
 def zigzag() -> FloatArray:
@@ -127,15 +117,3 @@ def toppra_solver(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> Callabl
         return float((2 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
 
     return solve
-
-
-def memory() -> str:
-    """Growth of the peak memory per grid point, each in a process of its own."""
-    found = []
-    for points in GRIDS:
-        code = MEMORY.format(points=points)
-        run = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        found.append(f"{float(run.stdout):,.0f} at {points:,}")
-    return f"Peak memory of an optimal plan, 6 joints, bytes a grid point: {', '.join(found)}."

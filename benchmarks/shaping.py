@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 import armcontour as ac
 from armcontour._checks import FloatArray
-from benchmarks import ur5e
-from benchmarks.measured import Measured, paired
+from benchmarks import reference, ur5e
+from benchmarks.measured import Bar, Line, Pair, timed
 
 CENTRIPETAL, SPEED = 0.09, 0.15  # m/s², m/s
 POINTS = {
@@ -32,107 +31,113 @@ BARS = (
 )
 # Line tolerance [mm] and zone [mm] of a mixed tolerance of 5 mm on job 1, and its bars.
 MIXED = (0.1, 20.0), (4.90, 4.64)
-LONGEST = {1: "< 2 s", 2: "< 6 s"}
+LONGEST = {1: 2.0, 2: 6.0}
 # Corners of long paths, their tolerance and the lengths of their lines [m].
 LONG, SHORT = 1000, 100
 LONG_TOLERANCE, STEPS = 2e-3, (0.015, 0.040)
 # Distances from the first joint between which long paths stay [m].
 NEAR, FAR = 0.15, 0.42
-RUNS = 3
 
 
-@dataclass(frozen=True)
-class Shaped:
-    """One motion: durations of arcs and of the shaped path [s], with its bar and the oracle's."""
-
-    what: str
-    arcs: float
-    shaped: float
-    start: str
-    bar: str
-    oracle: str
-
-
-def measure() -> tuple[list[Measured], list[Shaped], list[str]]:
-    """Times, durations, and a note."""
-    arm = ac.load_arm("pmk3s")
-    measured: list[Measured] = []
-    shapes: list[Shaped] = []
-    for job, tolerance, *bars in BARS:
-        path = ac.Path.polyline(POINTS[job])
-        for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True):
-            limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=cap)
-            what = f"job {job}, {tolerance:g} mm{', centripetal limit' if cap else ''}"
-            found = _both(what, path, arm, limits, {"tolerance": tolerance / 1e3}, LONGEST[job])
-            measured.append(found[0])
-            known = "-" if oracle is None else f"{oracle:.3f}"
-            shapes.append(_shaped(what, *found[1:], f"{bar:g}", known))
+def lines() -> list[Line]:
+    """Both jobs with their tolerances, the UR5e's square, and long paths."""
+    found = [
+        _line(
+            f"{job}/{tolerance:g}mm",
+            f"job {job}, {tolerance:g} mm",
+            {"points": POINTS[job], "options": {"tolerance": tolerance / 1e3}},
+            cap,
+            bar,
+            oracle,
+            LONGEST[job],
+        )
+        for job, tolerance, *bars in BARS
+        for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True)
+    ]
     (line, zone), bars = MIXED
-    options = {"tolerance": 5e-3, "line_tolerance": line / 1e3, "zone": zone / 1e3}
-    for cap, bar in zip((CENTRIPETAL, None), bars, strict=True):
-        limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=cap)
-        what = f"job 1, lines {line:g} mm, corners 5 mm{', centripetal limit' if cap else ''}"
-        found = _both(what, ac.Path.polyline(POINTS[1]), arm, limits, options, "< 2 s")
-        measured.append(found[0])
-        shapes.append(_shaped(what, *found[1:], f"{bar:g}", "-"))
-    space, square = ur5e.load(), ur5e.square()
-    joints = ac.Limits(joint_velocity=3.14, joint_acceleration=8.0, speed=0.25)
-    options = {"tolerance": ur5e.CORNER_ERROR}
-    found = _both("UR5e, square, 0.25 mm", square, space, joints, options, "< 5 s")
-    measured.append(found[0])
-    shapes.append(_shaped(found[0].what, *found[1:], "-", "-"))
-    long, note = _long(arm)
-    return [*measured, *long], shapes, [note]
+    mixed = {"tolerance": 5e-3, "line_tolerance": line / 1e3, "zone": zone / 1e3}
+    found += [
+        _line(
+            "1/mixed",
+            f"job 1, lines {line:g} mm, corners 5 mm",
+            {"points": POINTS[1], "options": mixed},
+            cap,
+            bar,
+            None,
+            LONGEST[1],
+        )
+        for cap, bar in zip((CENTRIPETAL, None), bars, strict=True)
+    ]
+    longer = Bar(ratio=12, seconds=30)
+    what, peer = f"shaped: {LONG} corners, 2 mm", f"{SHORT} corners"
+    return [
+        *found,
+        Line(
+            "shaped/ur5e", "shaped: UR5e, square, 0.25 mm", reference.NAME, _space, Bar(seconds=5)
+        ),
+        Line("shaped/long", what, peer, _long, longer, full=True),
+    ]
 
 
-def _both(
+def _line(
+    name: str,
     what: str,
-    path: ac.Path,
-    arm: ac.Arm,
-    limits: ac.Limits,
-    options: dict[str, float],
-    bar: str,
-) -> tuple[Measured, ac.Trajectory, ac.Trajectory]:
-    """Times and motions of the arcs and of the shaped path."""
-    found: dict[str, ac.Trajectory] = {}
+    job: dict[str, Any],
+    cap: float | None,
+    bar: float,
+    oracle: float | None,
+    longest: float,
+) -> Line:
+    """One of the jobs on the PMK-3s, with the duration that it shall have and an oracle's."""
+    if cap is not None:
+        name, what = f"{name}/centripetal", f"{what}, centripetal limit"
+    known = f"bar {bar:g}{'' if oracle is None else f', oracle {oracle:.3f}'}"
 
-    def arcs() -> None:
-        rounded = ac.round_corners(path, tolerance=options["tolerance"])
-        found["arcs"] = ac.plan(rounded, arm, limits)
+    def prepare() -> Pair:
+        arm = ac.load_arm("pmk3s")
+        limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=cap)
+        path = ac.Path.polyline(job["points"])
+        return _pair(path, arm, limits, job["options"], known)
+
+    return Line(f"shaped/{name}", f"shaped: {what}", reference.NAME, prepare, Bar(seconds=longest))
+
+
+def _space() -> Pair:
+    limits = ac.Limits(joint_velocity=3.14, joint_acceleration=8.0, speed=0.25)
+    return _pair(ur5e.square(), ur5e.load(), limits, {"tolerance": ur5e.CORNER_ERROR}, "no bar")
+
+
+def _pair(
+    path: ac.Path, arm: ac.Arm, limits: ac.Limits, options: dict[str, float], known: str
+) -> Pair:
+    found: list[ac.Trajectory] = []
 
     def shape() -> None:
-        found["shaped"] = ac.plan(path, arm, limits, method="shaped", **options)
+        found[:] = [ac.plan(path, arm, limits, method="shaped", **options)]
 
-    ours, peer = paired(shape, arcs, RUNS)
-    return Measured(f"shaped: {what}", ours, "arcs", peer, bar), found["arcs"], found["shaped"]
+    def notes() -> list[str]:
+        arcs = ac.plan(ac.round_corners(path, tolerance=options["tolerance"]), arm, limits)
+        (shaped,) = found
+        assert isinstance(shaped.path, ac.ShapedPath)
+        start = shaped.path.outcome.start
+        ours = f"shaped {shaped.duration:.4f} s from {start}"
+        return [f"arcs {arcs.duration:.4f} s, {ours} ({known})"]
+
+    return Pair(timed(shape), timed(reference.work), notes)
 
 
-def _shaped(what: str, arcs: ac.Trajectory, shaped: ac.Trajectory, bar: str, oracle: str) -> Shaped:
-    assert isinstance(shaped.path, ac.ShapedPath)
-    start = shaped.path.outcome.start
-    return Shaped(what, arcs.duration, shaped.duration, start, bar, oracle)
-
-
-def _long(arm: ac.Arm) -> tuple[list[Measured], str]:
+def _long() -> Pair:
     """How much longer ten times the corners take."""
+    arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=CENTRIPETAL)
-    taken, durations = [], []
-    for corners in (SHORT, LONG):
+
+    def shape(corners: int) -> ac.Trajectory:
         path = ac.Path.polyline(wander(corners))
-        begin = time.perf_counter()
-        planned = ac.plan(path, arm, limits, method="shaped", tolerance=LONG_TOLERANCE)
-        taken.append(time.perf_counter() - begin)
-        arcs = ac.plan(ac.round_corners(path, tolerance=LONG_TOLERANCE), arm, limits)
-        durations.append(f"{corners} corners: arcs {arcs.duration:.2f} s")
-        durations[-1] += f", shaped {planned.duration:.2f} s"
-    row = Measured(
-        f"shaped: {LONG} corners, 2 mm",
-        taken[1],
-        f"{SHORT} corners",
-        taken[0],
-        "<= 12, <= 30 s on 2 cores",
-    )
-    return [row], f"Shaped: {'; '.join(durations)}."
+        return ac.plan(path, arm, limits, method="shaped", tolerance=LONG_TOLERANCE)
+
+    # Shaping many corners is warm after few.
+    shape(SHORT)
+    return Pair(timed(lambda: shape(LONG)), timed(lambda: shape(SHORT)), warm=True)
 
 
 def wander(corners: int) -> FloatArray:
@@ -147,15 +152,3 @@ def wander(corners: int) -> FloatArray:
         if (off > NEAR).all() and (off < FAR).all() and there[1] > 0:
             points.append(there)
     return np.array(points)
-
-
-if __name__ == "__main__":
-    rows, found, notes = measure()
-    for row in rows:
-        print(
-            f"{row.what}: {row.ours:.2f} s ({row.ours / row.peer_time:.1f} x {row.peer}; {row.bar})"
-        )
-    for x in found:
-        more = f"from {x.start}; bar {x.bar}, oracle {x.oracle}"
-        print(f"{x.what}: arcs {x.arcs:.4f}, shaped {x.shaped:.4f} {more}")
-    print(*notes, sep="\n")

@@ -21,33 +21,30 @@ not timed.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
 
 import armcontour as ac
 from armcontour._checks import FloatArray
-from benchmarks import ur5e
-from benchmarks.measured import Measured
+from benchmarks import torque, ur5e
+from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
 VELOCITY, ACCELERATION, SPEED = 3.14, 8.0, 0.25  # rad/s, rad/s², m/s
 JOINTS = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
-ROUNDS, RUNS = 11, 5
 # Intervals of a coarser grid than the default's, about as many as roboplan's.
 COARSE = 400
 # Places per interval at which a plan is judged.
@@ -73,77 +70,97 @@ SLACK = 1.002
 
 Ask = Callable[..., Any]
 
-
-@dataclass(frozen=True)
-class Judged:
-    """One plan: lengths in m, speed in m/s, and the largest shares of the joints' limits.
-
-    `law` is the largest share of the law itself, `executed` that of the cubics through its samples;
-    ours is executed as it is.
-    """
-
-    who: str
-    duration: float
-    corner: float
-    off: float
-    speed: float
-    law: float
-    executed: float
+OURS = {
+    "start": "start given",
+    "coarse": f"start given, intervals={COARSE}",
+    "configurations": "all configurations",
+    "joints": "joint limits only, start given",
+}
+TORQUE = "square, the arm's torque limits"
+# A plan may leave the rounded path by this much [m].
+OFF = 1e-6
 
 
-def measure() -> tuple[list[Measured], list[Judged], list[str]]:
-    """Times, answers, and notes."""
+def lines() -> list[Line]:
+    """Ours against roboplan's settings, and with the arm's torque limits against toppra."""
+    pairs = [
+        ("start", "roboplan, TimeOptimal", Bar(ratio=0.5)),
+        ("start", "roboplan, Bounded", Bar(ratio=1)),
+        ("coarse", "roboplan, TimeOptimal", Bar()),
+        ("start", "roboplan, its own tolerance", Bar()),
+        ("configurations", "roboplan, TimeOptimal", Bar()),
+        ("joints", "roboplan, joint limits only", Bar()),
+        ("start", "roboplan, default", Bar()),
+        ("start", "roboplan, default TimeOptimal", Bar()),
+    ]
+    found = [
+        Line(
+            f"square/{ours}/{peer.removeprefix('roboplan, ').replace(' ', '-')}",
+            f"square, {OURS[ours]}",
+            peer,
+            partial(_pair, ours, peer),
+            bar,
+        )
+        for ours, peer, bar in pairs
+    ]
+    peer = f"toppra and RNEA, {torque.POINTS} points"
+    return [
+        *found,
+        Line("torque/square/start", TORQUE, peer, partial(_torque, True), Bar(seconds=12e-3)),
+        Line(
+            "torque/square/configurations",
+            f"{TORQUE}, all configurations",
+            peer,
+            partial(_torque, False),
+            Bar(seconds=35e-3),
+        ),
+    ]
+
+
+def _pair(ours: str, peer: str) -> Pair:
     arm, path = ur5e.load(), ur5e.square()
-    limits = JOINTS.replace(speed=SPEED)
+    limits = JOINTS if ours == "joints" else JOINTS.replace(speed=SPEED)
+    start = plan(arm, path, JOINTS.replace(speed=SPEED))(0.0)
+    given = None if ours == "configurations" else start
+    call = partial(plan, arm, path, limits, given, COARSE if ours == "coarse" else None)
+    ask = _roboplan()
+    mode, options = _settings()[peer]
+    _prepare(ask, peer, mode, options)
+
+    def theirs(times: int) -> list[Taken]:
+        return [Taken(x, x) for x in ask("time", name=peer, runs=times)]
+
+    def notes() -> list[str]:
+        found = call()
+        rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
+        off = _off(rounded, arm.forward(found(_places(found.breaks))))
+        if off > OFF:
+            raise AssertionError(f"The plan leaves the rounded path by {off:.1e} m.")
+        values = ", ".join(f"{k}={v:.5g}" for k, v in options.items()) or "its defaults"
+        return [
+            f"{_ours('armcontour', arm, path, found)}; {off:.1e} m off the rounded path",
+            f"{_theirs(ask, arm, path, peer, mode, options)} ({mode}, {values})",
+        ]
+
+    return Pair(timed(call), theirs, notes)
+
+
+def _torque(given: bool) -> Pair:
+    """The arm's own limits and the tool's speed; toppra is given the joint path that we plan on."""
+    arm, path = ur5e.load(), ur5e.square()
+    limits = arm.limits.replace(speed=SPEED)
     first = plan(arm, path, limits)
     start = first(0.0)
-    free = plan(arm, path, JOINTS, start)
-    coarse = plan(arm, path, limits, start, COARSE)
-    judged = [
-        _ours("armcontour", arm, path, first),
-        _ours(f"armcontour, intervals={COARSE}", arm, path, coarse),
-        _ours("armcontour, joint limits only", arm, path, free),
-    ]
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    off = _off(rounded, arm.forward(first(_places(first.breaks))))
-    notes = [f"Square: the plan leaves the rounded path by {off:.1e} m (bar: 1e-6 m)."]
-    if off > 1e-6:
-        raise AssertionError(notes[-1])
-    ours = {
-        "start given": partial(plan, arm, path, limits, start),
-        f"start given, intervals={COARSE}": partial(plan, arm, path, limits, start, COARSE),
-        "all configurations": partial(plan, arm, path, limits),
-        "joint limits only, start given": partial(plan, arm, path, JOINTS, start),
-    }
-    python = os.environ.get(PYTHON)
-    if python is None and find_spec("roboplan") is not None:
-        python = sys.executable
-    if python is None:
-        notes.append(f"roboplan is left out: install it, or set {PYTHON} to a Python that has it.")
-        return [], judged, notes
-    with _peer(python, arm, start) as ask:
-        settings = _settings(ask, arm)
-        for name, (mode, options) in settings.items():
-            judged.append(_theirs(ask, arm, path, name, mode, options))
-        taken = _in_turn(ours, ask, list(settings))
-    notes += [
-        f"{name}: mode {mode}, " + (", ".join(f"{k}={v:.5g}" for k, v in options.items()) or "-")
-        for name, (mode, options) in settings.items()
-    ]
-    pairs = [
-        ("start given", "roboplan, TimeOptimal", "< 1"),
-        ("start given", "roboplan, Bounded", "< 1"),
-        (f"start given, intervals={COARSE}", "roboplan, TimeOptimal", "-"),
-        ("start given", "roboplan, its own tolerance", "-"),
-        ("all configurations", "roboplan, TimeOptimal", "-"),
-        ("joint limits only, start given", "roboplan, joint limits only", "-"),
-        ("start given", "roboplan, default", "-"),
-    ]
-    measured = [
-        Measured(f"square, {name}", taken[name], peer, taken[peer], bar)
-        for name, peer, bar in pairs
-    ]
-    return measured, judged, notes
+    traced = ac.trace(rounded, arm, start=start)
+    s = np.linspace(0, traced.length, torque.PLACES)
+    solve = torque.toppra_planner(arm, arm.limits, s / traced.length, traced(s))
+
+    def notes() -> list[str]:
+        return [f"{first.duration:.4f} s; toppra, joint limits only: {solve():.4f} s"]
+
+    call = partial(plan, arm, path, limits, start if given else None)
+    return Pair(timed(call), timed(solve), notes)
 
 
 def plan(
@@ -159,8 +176,10 @@ def plan(
     return ac.plan(rounded, arm, limits, start=start, **options)
 
 
-def _settings(ask: Ask, arm: ac.SerialArm) -> dict[str, tuple[str, dict[str, float]]]:
+@cache
+def _settings() -> dict[str, tuple[str, dict[str, float]]]:
     """Modes and options by name."""
+    ask, arm = _roboplan(), ur5e.load()
     low, high = 0.05, 0.5
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
@@ -181,23 +200,7 @@ def _settings(ask: Ask, arm: ac.SerialArm) -> dict[str, tuple[str, dict[str, flo
     }
 
 
-def _in_turn(ours: dict[str, Callable[[], object]], ask: Ask, peers: list[str]) -> dict[str, float]:
-    """Median times, every round all of them."""
-    taken: dict[str, list[float]] = {name: [] for name in [*ours, *peers]}
-    for _ in range(ROUNDS):
-        for name, call in ours.items():
-            # What ran before has taken the caches.
-            call()
-            for _ in range(RUNS):
-                begin = time.process_time()
-                call()
-                taken[name].append(time.process_time() - begin)
-        for name in peers:
-            taken[name] += ask("time", name=name, runs=RUNS)
-    return {name: median(times) for name, times in taken.items()}
-
-
-def _ours(who: str, arm: ac.SerialArm, path: ac.Path, planned: ac.Trajectory) -> Judged:
+def _ours(who: str, arm: ac.SerialArm, path: ac.Path, planned: ac.Trajectory) -> str:
     law = planned.laws[0]
     i = np.repeat(np.arange(len(law.breaks) - 1), PLACES)
     t = _places(law.breaks)
@@ -208,7 +211,7 @@ def _ours(who: str, arm: ac.SerialArm, path: ac.Path, planned: ac.Trajectory) ->
 
 def _theirs(
     ask: Ask, arm: ac.SerialArm, path: ac.Path, who: str, mode: str, options: dict[str, float]
-) -> Judged:
+) -> str:
     _prepare(ask, "fine", mode, {**options, "dt": FINE})
     _, _, dq, ddq = _samples(ask, "fine")
     _prepare(ask, who, mode, options)
@@ -227,11 +230,18 @@ def _judged(
     dq: FloatArray,
     law: float,
     executed: float,
-) -> Judged:
+) -> str:
+    """A plan in words, with the largest shares of the joints' limits.
+
+    `law` is that of the law itself, `executed` that of the cubics through its samples; ours is
+    executed as it is.
+    """
     tool = arm.forward(q)
     corner = max(np.linalg.norm(tool - x, axis=1).min() for x in ur5e.corners()[1:-1])
     speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()
-    return Judged(who, duration, float(corner), _off(path, tool), float(speed), law, executed)
+    lengths = f"corner error {corner * 1e3:.3f} mm, off the square {_off(path, tool) * 1e3:.3f} mm"
+    shares = f"joint limits used {law:.3f}, through its samples {executed:.3f}"
+    return f"{who}: {duration:.4f} s, {lengths}, {speed:.4f} m/s, {shares}"
 
 
 def _used(dq: FloatArray, ddq: FloatArray) -> float:
@@ -271,29 +281,37 @@ def _samples(ask: Ask, name: str) -> list[FloatArray]:
     return [x[fresh] for x in found]
 
 
-@contextmanager
-def _peer(python: str, arm: ac.SerialArm, start: FloatArray) -> Iterator[Ask]:
-    """A call that has roboplan's process do something."""
-    with tempfile.TemporaryDirectory() as folder:
-        urdf, limits = Path(folder) / "arm.urdf", Path(folder) / "limits.yaml"
-        urdf.write_text(ur5e.urdf(arm, VELOCITY))
-        rows = [f"  {x}:\n    max_acceleration: [{ACCELERATION}]\n" for x in arm.joint_names]
-        limits.write_text("joint_limits:\n" + "".join(rows))
-        pipe = subprocess.PIPE
-        with subprocess.Popen(
-            [python, PROGRAM], stdin=pipe, stdout=pipe, text=True, bufsize=1
-        ) as process:
-            assert process.stdin is not None and process.stdout is not None
+@cache
+def _roboplan() -> Ask:
+    """A call that has roboplan's process do something; it ends with this one."""
+    python = os.environ.get(PYTHON)
+    if python is None and find_spec("roboplan") is not None:
+        python = sys.executable
+    if python is None:
+        raise Missing(f"roboplan is not installed, and {PYTHON} names no Python that has it")
+    arm = ur5e.load()
+    start = plan(arm, ur5e.square(), JOINTS.replace(speed=SPEED))(0.0)
+    resources = ExitStack()
+    atexit.register(resources.close)
+    folder = Path(resources.enter_context(tempfile.TemporaryDirectory()))
+    urdf, limits = folder / "arm.urdf", folder / "limits.yaml"
+    urdf.write_text(ur5e.urdf(arm, VELOCITY))
+    rows = [f"  {x}:\n    max_acceleration: [{ACCELERATION}]\n" for x in arm.joint_names]
+    limits.write_text("joint_limits:\n" + "".join(rows))
+    pipe = subprocess.PIPE
+    process = subprocess.Popen([python, PROGRAM], stdin=pipe, stdout=pipe, text=True, bufsize=1)
+    # Leaving it closes its input, which ends it.
+    resources.enter_context(process)
 
-            def ask(what: str, **arguments: Any) -> Any:
-                process.stdin.write(json.dumps([what, arguments]) + "\n")
-                process.stdin.flush()
-                found, error = json.loads(process.stdout.readline())
-                if error is not None:
-                    raise RuntimeError(f"roboplan: {error}")
-                return found
+    def ask(what: str, **arguments: Any) -> Any:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdin.write(json.dumps([what, arguments]) + "\n")
+        process.stdin.flush()
+        found, error = json.loads(process.stdout.readline())
+        if error is not None:
+            raise RuntimeError(f"roboplan: {error}")
+        return found
 
-            files = {"urdf": str(urdf), "limits": str(limits)}
-            ask("arm", **files, base=ur5e.BASE, tool=ur5e.TOOL, start=start.tolist())
-            yield ask
-            process.stdin.close()
+    files = {"urdf": str(urdf), "limits": str(limits)}
+    ask("arm", **files, base=ur5e.BASE, tool=ur5e.TOOL, start=start.tolist())
+    return ask

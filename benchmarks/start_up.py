@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
-from benchmarks.measured import Measured, paired
+from benchmarks.measured import Bar, Line, Pair, spawned
 
 
-def measure() -> list[Measured]:
+def lines() -> list[Line]:
     """Whole processes, with their files in the system's cache."""
+    return [
+        Line("help", "armcontour --help", "import numba, scipy", _prepare, Bar(ratio=0.25)),
+    ]
 
-    def ours() -> None:
-        subprocess.run(
-            [sys.executable, "-m", "armcontour", "--help"], check=True, capture_output=True
-        )
 
-    def peer() -> None:
-        code = "import numba, scipy.interpolate"
-        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
-
-    times = paired(ours, peer, 7)
-    return [Measured("armcontour --help", times[0], "import numba, scipy", times[1], "< 0.25")]
+def _prepare() -> Pair:
+    ours = [sys.executable, "-m", "armcontour", "--help"]
+    peer = [sys.executable, "-c", "import numba, scipy.interpolate"]
+    return Pair(spawned(lambda: ours), spawned(lambda: peer))

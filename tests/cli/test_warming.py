@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import pytest
 
 import armcontour
 from armcontour import _warming
 from armcontour._progress import Step
-from conftest import Command
 
+Command = Callable[..., Any]
 PACKAGE = FilePath(armcontour.__file__).parent
 
 

@@ -1,0 +1,130 @@
+"""The baseline: ratios measured before, kept in a file, and what became slower than they are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+
+from benchmarks.measured import Measured
+
+FILE = Path(__file__).with_name("baseline.json")
+# A line that takes this share more than in the baseline has become slower.
+SLOWER = 0.1
+
+
+@dataclass(frozen=True)
+class Known:
+    """A line of the baseline.
+
+    Args:
+        ratio: Median of some measurements.
+        runs: How many.
+        spread: How much larger the largest of them was than the smallest, as a share.
+        peer: What the ratio is to, in words; that to another peer is another line.
+    """
+
+    ratio: float
+    runs: int
+    spread: float
+    peer: str
+
+    @classmethod
+    def of(cls, found: Sequence[Measured]) -> Known:
+        """What some measurements of a line come to."""
+        ratios = [x.ratio for x in found]
+        spread = max(ratios) / min(ratios) - 1
+        ratio = float(f"{median(ratios):.4g}")
+        return cls(ratio, len(ratios), round(spread, 3), found[0].line.peer)
+
+
+@dataclass(frozen=True)
+class Session:
+    """Lines measured at one time.
+
+    Args:
+        date: The day, as 2026-01-31.
+        commit: The commit of this project.
+        machine: Processor, cores, versions of Python and of the libraries, in words.
+        lines: Lines by name.
+    """
+
+    date: str
+    commit: str
+    machine: str
+    lines: dict[str, Known]
+
+
+def read(file: Path) -> list[Session]:
+    """The sessions of a baseline; none if there is no file."""
+    if not file.exists():
+        return []
+    sessions = json.loads(file.read_text(encoding="utf-8"))["sessions"]
+    return [
+        Session(**{**x, "lines": {name: Known(**y) for name, y in x["lines"].items()}})
+        for x in sessions
+    ]
+
+
+def write(file: Path, sessions: Iterable[Session]) -> None:
+    """Write a baseline, a line of text for each of its lines."""
+    texts = []
+    for x in sessions:
+        head = {key: value for key, value in asdict(x).items() if key != "lines"}
+        rows = [f"    {json.dumps(k)}: {json.dumps(asdict(v))}" for k, v in sorted(x.lines.items())]
+        body = json.dumps(head, ensure_ascii=False)[1:-1].replace('", "', '",\n   "')
+        texts.append(f'  {{{body},\n   "lines": {{\n' + ",\n".join(rows) + "\n   }}")
+    whole = '{"sessions": [\n' + ",\n".join(texts) + "\n]}\n"
+    file.write_text(whole, encoding="utf-8")
+
+
+def known(sessions: Iterable[Session]) -> dict[str, Known]:
+    """All lines of a baseline by name."""
+    return {name: line for x in sessions for name, line in x.lines.items()}
+
+
+def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
+    """A baseline with lines measured anew, which leave the session that they were of."""
+    kept = []
+    for x in sessions:
+        lines = {name: line for name, line in x.lines.items() if name not in new.lines}
+        if lines:
+            kept.append(Session(x.date, x.commit, x.machine, lines))
+    return [*kept, new]
+
+
+def change(found: Measured, lines: Mapping[str, Known]) -> float | None:
+    """How much slower than in the baseline, as a share; None for a new line."""
+    before = lines.get(found.line.name)
+    if before is None or before.peer != found.line.peer:
+        return None
+    return found.ratio / before.ratio - 1
+
+
+def is_slower(found: Measured, lines: Mapping[str, Known]) -> bool:
+    """Whether a line has become slower than the baseline has it."""
+    more = change(found, lines)
+    return more is not None and more > SLOWER
+
+
+def sentences(found: Sequence[Measured], lines: Mapping[str, Known]) -> list[str]:
+    """What to say of the lines: slower ones first, then missed bars, then new lines."""
+    said = []
+    slow = [x for x in found if is_slower(x, lines)]
+    for x in sorted(slow, key=lambda x: -(change(x, lines) or 0.0)):
+        before = lines[x.line.name].ratio
+        said.append(
+            f"Slower than the baseline by {change(x, lines):.0%}: {x.line.name} takes "
+            f"{x.ratio:.3g} of {x.line.peer}, {before:.3g} before."
+        )
+    if not slow:
+        said.append(f"No line is slower than the baseline by more than {SLOWER:.0%}.")
+    said += [
+        f"Misses its bar of {x.line.bar}: {x.line.name} has {x.of_bar}." for x in found if x.missed
+    ]
+    new = [x.line.name for x in found if change(x, lines) is None]
+    if new:
+        said.append(f"Not in the baseline yet: {', '.join(new)}.")
+    return said

@@ -1,0 +1,149 @@
+"""Whole commands in processes of their own: long programs, drawings, the paper's job, a first run.
+
+They start warm, after a command of their kind, or cold, with an empty folder for what numba
+compiles. Their peak memory is that of the largest process.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import reference
+from benchmarks.measured import Bar, Line, Pair, Taken, spawned, timed
+
+GASKET = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
+# Mean length of a line of G-code [mm], and the width of the noise on it.
+STEP, NOISE = 0.5, 0.01
+# Distance of circles, and their smallest and largest radius [mm].
+APART, RADII = 6.0, (1.2, 2.2)
+# Runs of the reference work beside a command, at least.
+REFERENCES = 20
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Drawings of a kind: the ending of their file, its text for so many parts, options."""
+
+    ending: str
+    text: Callable[[int], str]
+    parts: str
+    warm: int
+    options: tuple[str, ...]
+
+
+def gcode(lines: int) -> str:
+    """Lines of a wavy spiral, run in and out within 120 x 120 mm."""
+    rng = np.random.default_rng(1)
+    radius = 35 + 24 * np.sin(np.linspace(0, lines / 2500, lines))
+    angle = np.cumsum(STEP * rng.uniform(0.5, 1.5, lines) / radius)
+    x = 75 + radius * np.cos(angle) + rng.normal(0, NOISE, lines)
+    y = 75 + radius * np.sin(angle) + rng.normal(0, NOISE, lines)
+    head = f"G21 G90 G17 G64 P0.05\nG0 X{x[0]:.3f} Y{y[0]:.3f}\nM3\nF6000\n"
+    body = "".join(f"G1 X{a:.3f} Y{b:.3f}\n" for a, b in zip(x[1:], y[1:], strict=True))
+    return f"{head}{body}M5\nM2\n"
+
+
+def circles(count: int) -> str:
+    """An SVG drawing of circles in rows, none quite where a grid has it."""
+    rng = np.random.default_rng(2)
+    columns = int(np.ceil(np.sqrt(1.2 * count)))
+    size = APART * (columns + 2)
+    row, column = np.divmod(np.arange(count), columns)
+    x, y = (APART * (1.5 + k) + rng.uniform(-0.5, 0.5, count) for k in (column, row))
+    found = [
+        f'<circle cx="{a:.3f}" cy="{b:.3f}" r="{r:.3f}"/>'
+        for a, b, r in zip(x, y, rng.uniform(*RADII, count), strict=True)
+    ]
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}mm" height="{size}mm" '
+    return f'{head}viewBox="0 0 {size} {size}">{"".join(found)}</svg>'
+
+
+TAUGHT = ("--no-simulation", "--export", "csv")
+GCODE = Drawn("ngc", gcode, "lines of G-code", 2000, TAUGHT)
+CIRCLES = Drawn("svg", circles, "circles", 30, ("--no-simulation",))
+
+
+def lines() -> list[Line]:
+    """Long programs, of which the longest only if asked for; then shorter commands."""
+    # Processor time, as programs may be planned on several cores; the bars are by the clock.
+    return [
+        _long("gcode/pmk3s", GCODE, 150_000, "pmk3s", _by_clock(15, 2e9)),
+        _long("gcode/ur5e", GCODE, 15_000, "ur5e", _by_clock(6, 2e9)),
+        _long("gcode/ur5e/full", GCODE, 150_000, "ur5e", _by_clock(60, 2e9), full=True),
+        _long("circles/ur5e", CIRCLES, 300, "ur5e", Bar()),
+        _long("circles/ur5e/full", CIRCLES, 3000, "ur5e", _by_clock(8), full=True),
+        Line("gasket/warm", "run, gasket, ur5e", reference.NAME, _gasket, _by_clock(3)),
+        Line("gasket/cold", "first run, gasket, ur5e", reference.COMPILED, _cold, _by_clock(12)),
+        Line("demo", "armcontour demo", reference.NAME, _demo, _by_clock(4)),
+    ]
+
+
+def _by_clock(seconds: float, memory: float | None = None) -> Bar:
+    return Bar(seconds=seconds, memory=memory, clock=True)
+
+
+def _long(name: str, drawn: Drawn, count: int, cell: str, bar: Bar, full: bool = False) -> Line:
+    what = f"run, {count:,} {drawn.parts}, {cell}"
+    return Line(name, what, reference.NAME, partial(_drawn, drawn, count, cell), bar, full)
+
+
+def _drawn(drawn: Drawn, count: int, cell: str) -> Pair:
+    folder = tempfile.TemporaryDirectory()
+    file = Path(folder.name) / f"part.{drawn.ending}"
+    command = partial(_run, folder, file, "--cell", cell, *drawn.options)
+    file.write_text(drawn.text(drawn.warm))
+    spawned(command)(1)
+    file.write_text(drawn.text(count))
+    return _against_reference(command)
+
+
+def _gasket() -> Pair:
+    folder = tempfile.TemporaryDirectory()
+    command = partial(_run, folder, GASKET, "--cell", "ur5e")
+    spawned(command)(1)
+    return _against_reference(command)
+
+
+def _cold() -> Pair:
+    folder = tempfile.TemporaryDirectory()
+
+    def empty() -> dict[str, str]:
+        return {"NUMBA_CACHE_DIR": tempfile.mkdtemp(dir=folder.name)}
+
+    ours = partial(_run, folder, GASKET, "--cell", "ur5e")
+    code = "from benchmarks.reference import compile_function; compile_function()"
+    peer = [sys.executable, "-c", code]
+    return Pair(spawned(ours, empty), spawned(lambda: peer, empty), warm=True)
+
+
+def _demo() -> Pair:
+    folder = tempfile.TemporaryDirectory()
+
+    def command() -> list[str]:
+        out = str(Path(folder.name) / "out")
+        return [sys.executable, "-m", "armcontour", "demo", "--out", out, "--force"]
+
+    spawned(command)(1)
+    return _against_reference(command)
+
+
+def _run(folder: tempfile.TemporaryDirectory[str], file: Path, *options: str) -> list[str]:
+    """The command that runs a file, with its results in a folder that it replaces."""
+    out = str(Path(folder.name) / "out")
+    return [sys.executable, "-m", "armcontour", "run", str(file), *options, "--out", out, "--force"]
+
+
+def _against_reference(command: Callable[[], list[str]]) -> Pair:
+    work = timed(reference.work)
+
+    def peer(times: int) -> list[Taken]:
+        return work(max(times, REFERENCES))
+
+    return Pair(spawned(command), peer, warm=True)
