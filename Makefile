@@ -7,16 +7,19 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
 	2>/dev/null && echo $$p && break; done)
 
+# The files of compiled functions, and the list of what they are called with.
+COMPILED := $(shell find src/armcontour -name '_*.py') src/armcontour/_kernels.txt
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soak bench figures schema clean
+.PHONY: help demo test check soak bench figures schema kernels clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
 
-demo: $(VENV)/base  ## Run the paper's job end to end, and say where its report is
+demo: $(VENV)/base-usual  ## Run the paper's job end to end, and say where its report is
 	$(BIN)/armcontour demo --out demo --force
 
-test: $(VENV)/test  ## Run the whole test suite, on all cores
+test: $(VENV)/test-all  ## Run the whole test suite, on all cores
 	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
@@ -52,6 +55,9 @@ figures: $(VENV)/dev  ## Redraw the figures in docs/
 schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the tables of their keys
 	$(BIN)/python -m docs.reference.job_keys
 
+kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
+	$(BIN)/python -m soak.kernels
+
 clean:  ## Remove the environment and the demo's results
 	rm -rf $(VENV) demo
 
@@ -65,6 +71,15 @@ $(VENV)/base: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/test: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+# What is compiled at its first use is compiled here, once for each state of the sources.
+$(VENV)/base-usual: $(VENV)/base $(COMPILED)
+	$(BIN)/armcontour warm usual
+	@touch $@
+
+$(VENV)/test-all: $(VENV)/test $(COMPILED)
+	$(BIN)/armcontour warm
 	@touch $@
 
 $(VENV)/bench: pyproject.toml | $(VENV)/bin/python

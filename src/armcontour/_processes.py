@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import cached_property
 from threading import Condition, Lock, Thread
-from typing import IO, Any, Generic, TypeAlias, TypeVar, cast
+from typing import IO, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
 from armcontour.errors import ExecutionError
 
@@ -77,8 +77,58 @@ def map_in_processes(
                 finished.append(k)
                 tell(len(finished))
 
+    _feed_all(children, feed)
+    return found
+
+
+class Order(Protocol[T, R]):
+    """Items in an order that depends on what is done already; several threads use it."""
+
+    def take(self) -> T | None:
+        """The next item, maybe after a while; None if none is left."""
+
+    def finish(self, item: T, result: R) -> None:
+        """Take an item that is done, and its result."""
+
+    def give_up(self) -> None:
+        """Have no items any more."""
+
+
+def share_work(work: Callable[[T], R], order: Order[T, R], *, processes: int) -> None:
+    """Do some work on items in other processes, in an order that depends on what is done already.
+
+    Args:
+        work: The work; it can be pickled, as items and results can.
+        order: The items.
+        processes: Number of processes.
+
+    Raises:
+        ExecutionError: A process ended before its work did.
+        RuntimeError: An error of the work, as text.
+    """
+    children = [_start() for _ in range(processes)]
+
+    def feed(child: subprocess.Popen[bytes]) -> None:
+        assert child.stdin is not None and child.stdout is not None
+        try:
+            _send(child.stdin, work)
+            while (item := order.take()) is not None:
+                _send(child.stdin, item)
+                order.finish(item, _receive(child.stdout))
+        except BaseException:
+            # Others may wait for what this process should have done.
+            order.give_up()
+            raise
+
+    _feed_all(children, feed)
+
+
+def _feed_all(
+    children: Sequence[subprocess.Popen[bytes]], feed: Callable[[subprocess.Popen[bytes]], None]
+) -> None:
+    """Feed each process in a thread of its own; then, or after an error, end them all."""
     try:
-        with ThreadPoolExecutor(count) as pool:
+        with ThreadPoolExecutor(len(children)) as pool:
             try:
                 for future in as_completed([pool.submit(feed, x) for x in children]):
                     future.result()
@@ -89,7 +139,6 @@ def map_in_processes(
     finally:
         for child in children:
             _end(child)
-    return found
 
 
 def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:

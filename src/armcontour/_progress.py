@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 
@@ -37,3 +38,30 @@ def under(progress: Progress | None, *names: str) -> Progress:
     if progress is None:
         return lambda step: None
     return lambda step: progress(Step((*names, *step.names), step.done))
+
+
+# What a user reads while functions are compiled.
+COMPILING = "compiling, first run only"
+
+# Who is told that a function is being compiled.
+_listeners: list[Callable[[str], None]] = []
+
+
+@contextmanager
+def hear_compiling(listener: Callable[[str], None]) -> Iterator[None]:
+    """Call a function with the name of each function that is compiled in this process meanwhile."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
+
+
+def tell_compiling(name: str) -> None:
+    """Tell all who want to know it that a function is being compiled.
+
+    Args:
+        name: Name of the function, after that of its module.
+    """
+    for listener in tuple(_listeners):
+        listener(name)

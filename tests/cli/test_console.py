@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path as FilePath
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -40,12 +42,10 @@ def test_tables_and_lines_escape_what_a_terminal_would_obey(
     assert "[bold]plain[/bold]" in shown
 
 
-def test_errors_escape_names_of_files(tmp_path: FilePath) -> None:
-    name = f"{CLIPBOARD}.yaml"
-    command = [sys.executable, "-m", "armcontour", "run", name, "--out", "out"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert "\x1b" not in done.stderr and r"\x1b]52" in done.stderr
+def test_errors_escape_names_of_files(tmp_path: FilePath, command_in: Callable[..., Any]) -> None:
+    done = command_in(tmp_path, "run", f"{CLIPBOARD}.yaml", "--out", "out")
+    assert done.code == 2
+    assert "\x1b" not in done.errors and r"\x1b]52" in done.errors
 
 
 def test_output_that_cannot_be_written_is_one_sentence(tmp_path: FilePath) -> None:

@@ -12,25 +12,6 @@ from armcontour._kernels import compiled
 
 
 @compiled()
-def write_rotation(axis: FloatArray, angle: float, out: FloatArray) -> None:
-    """Write the rotation matrix of a turn by `angle` about the unit vector `axis` into `out`."""
-    c, s = math.cos(angle), math.sin(angle)
-    v = 2.0 * math.sin(0.5 * angle) ** 2
-    x, y, z = axis[0], axis[1], axis[2]
-    out[0, 0], out[0, 1], out[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
-    out[1, 0], out[1, 1], out[1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
-    out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
-
-
-@compiled()
-def write_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    """Write the product of two 3 by 3 matrices into `out`, which must be a third array."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-
-
-@compiled()
 def write_kinematics(
     rotations: FloatArray,
     positions: FloatArray,
@@ -41,7 +22,6 @@ def write_kinematics(
     origins: FloatArray,
     directions: FloatArray,
     pose: FloatArray,
-    scratch: FloatArray,
 ) -> None:
     """Write the joint origins, the joint axes and the tool pose of one state into arrays.
 
@@ -59,29 +39,58 @@ def write_kinematics(
         origins: Output: a point on each joint axis [m], (dof, 3).
         directions: Output: the joint axes, (dof, 3).
         pose: Output: the pose of the tool, (3, 4).
-        scratch: Memory for intermediate results, (3, 3, 3).
     """
-    here, turn, moved = scratch[0], scratch[1], scratch[2]
-    here[:, :] = base[:, :3]
+    # Number by number, as views of small arrays cost more than the arithmetic: a.. is the rotation
+    # up to here, m.. the same times the rotation of the next joint frame.
+    a00, a01, a02 = base[0, 0], base[0, 1], base[0, 2]
+    a10, a11, a12 = base[1, 0], base[1, 1], base[1, 2]
+    a20, a21, a22 = base[2, 0], base[2, 1], base[2, 2]
     x, y, z = base[0, 3], base[1, 3], base[2, 3]
     for k in range(len(q)):
-        p = positions[k]
-        x += here[0, 0] * p[0] + here[0, 1] * p[1] + here[0, 2] * p[2]
-        y += here[1, 0] * p[0] + here[1, 1] * p[1] + here[1, 2] * p[2]
-        z += here[2, 0] * p[0] + here[2, 1] * p[1] + here[2, 2] * p[2]
-        write_product(here, rotations[k], moved)
+        p0, p1, p2 = positions[k, 0], positions[k, 1], positions[k, 2]
+        x += a00 * p0 + a01 * p1 + a02 * p2
+        y += a10 * p0 + a11 * p1 + a12 * p2
+        z += a20 * p0 + a21 * p1 + a22 * p2
+        p0, p1, p2 = rotations[k, 0, 0], rotations[k, 1, 0], rotations[k, 2, 0]
+        m00 = a00 * p0 + a01 * p1 + a02 * p2
+        m10 = a10 * p0 + a11 * p1 + a12 * p2
+        m20 = a20 * p0 + a21 * p1 + a22 * p2
+        p0, p1, p2 = rotations[k, 0, 1], rotations[k, 1, 1], rotations[k, 2, 1]
+        m01 = a00 * p0 + a01 * p1 + a02 * p2
+        m11 = a10 * p0 + a11 * p1 + a12 * p2
+        m21 = a20 * p0 + a21 * p1 + a22 * p2
+        p0, p1, p2 = rotations[k, 0, 2], rotations[k, 1, 2], rotations[k, 2, 2]
+        m02 = a00 * p0 + a01 * p1 + a02 * p2
+        m12 = a10 * p0 + a11 * p1 + a12 * p2
+        m22 = a20 * p0 + a21 * p1 + a22 * p2
         origins[k, 0], origins[k, 1], origins[k, 2] = x, y, z
-        a = axes[k]
-        for i in range(3):
-            directions[k, i] = moved[i, 0] * a[0] + moved[i, 1] * a[1] + moved[i, 2] * a[2]
-        write_rotation(a, q[k], turn)
-        write_product(moved, turn, here)
-    for i in range(3):
-        for j in range(3):
-            pose[i, j] = here[i, 0] * end[0, j] + here[i, 1] * end[1, j] + here[i, 2] * end[2, j]
-    for i in range(3):
-        along = here[i, 0] * end[0, 3] + here[i, 1] * end[1, 3] + here[i, 2] * end[2, 3]
-        pose[i, 3] = along + (x if i == 0 else y if i == 1 else z)
+        e, f, g = axes[k, 0], axes[k, 1], axes[k, 2]
+        directions[k, 0] = m00 * e + m01 * f + m02 * g
+        directions[k, 1] = m10 * e + m11 * f + m12 * g
+        directions[k, 2] = m20 * e + m21 * f + m22 * g
+        # The rotation about the joint axis, column by column.
+        c, s = math.cos(q[k]), math.sin(q[k])
+        v = 2.0 * math.sin(0.5 * q[k]) ** 2
+        p0, p1, p2 = c + e * e * v, f * e * v + g * s, g * e * v - f * s
+        a00 = m00 * p0 + m01 * p1 + m02 * p2
+        a10 = m10 * p0 + m11 * p1 + m12 * p2
+        a20 = m20 * p0 + m21 * p1 + m22 * p2
+        p0, p1, p2 = e * f * v - g * s, c + f * f * v, g * f * v + e * s
+        a01 = m00 * p0 + m01 * p1 + m02 * p2
+        a11 = m10 * p0 + m11 * p1 + m12 * p2
+        a21 = m20 * p0 + m21 * p1 + m22 * p2
+        p0, p1, p2 = e * g * v + f * s, f * g * v - e * s, c + g * g * v
+        a02 = m00 * p0 + m01 * p1 + m02 * p2
+        a12 = m10 * p0 + m11 * p1 + m12 * p2
+        a22 = m20 * p0 + m21 * p1 + m22 * p2
+    for j in range(4):
+        p0, p1, p2 = end[0, j], end[1, j], end[2, j]
+        pose[0, j] = a00 * p0 + a01 * p1 + a02 * p2
+        pose[1, j] = a10 * p0 + a11 * p1 + a12 * p2
+        pose[2, j] = a20 * p0 + a21 * p1 + a22 * p2
+    pose[0, 3] += x
+    pose[1, 3] += y
+    pose[2, 3] += z
 
 
 @compiled()
@@ -161,7 +170,6 @@ def poses(
     n, dof = q.shape
     found = np.empty((n, 3, 4))
     origins, directions = np.empty((n, dof, 3)), np.empty((n, dof, 3))
-    scratch = np.empty((3, 3, 3))
     for i in range(n):
         write_kinematics(
             rotations,
@@ -173,7 +181,6 @@ def poses(
             origins[i],
             directions[i],
             found[i],
-            scratch,
         )
     return found, origins, directions
 

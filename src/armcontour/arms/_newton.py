@@ -37,7 +37,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
     Args:
         a: Matrix, (n, n), overwritten.
-        b: Right-hand sides, (n, k), overwritten with the solutions.
+        b: Right-hand side, (n,), overwritten with the solution.
         n: Number of equations.
 
     Returns:
@@ -52,8 +52,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
         if best != i:
             for j in range(n):
                 a[i, j], a[best, j] = a[best, j], a[i, j]
-            for j in range(b.shape[1]):
-                b[i, j], b[best, j] = b[best, j], b[i, j]
+            b[i], b[best] = b[best], b[i]
         pivot = a[i, i]
         least, most = min(least, abs(pivot)), max(most, abs(pivot))
         if pivot == 0.0 or not math.isfinite(pivot):
@@ -63,14 +62,12 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
             if factor != 0.0:
                 for j in range(i + 1, n):
                     a[k, j] -= factor * a[i, j]
-                for j in range(b.shape[1]):
-                    b[k, j] -= factor * b[i, j]
-    for j in range(b.shape[1]):
-        for i in range(n - 1, -1, -1):
-            value = b[i, j]
-            for k in range(i + 1, n):
-                value -= a[i, k] * b[k, j]
-            b[i, j] = value / a[i, i]
+                b[k] -= factor * b[i]
+    for i in range(n - 1, -1, -1):
+        value = b[i]
+        for k in range(i + 1, n):
+            value -= a[i, k] * b[k]
+        b[i] = value / a[i, i]
     return least / most
 
 
@@ -181,33 +178,32 @@ def newton(
     found = np.zeros(n, dtype=np.bool_)
     change = np.zeros(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
-    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
-    a, b, start = np.empty((dof, dof)), np.empty((dof, 1)), np.empty(dof)
+    pose, full = np.empty((3, 4)), np.empty((6, dof))
+    a, b, start = np.empty((dof, dof)), np.empty(dof), np.empty(dof)
     e = np.empty(6)
     for i in range(n):
         start[:] = q[i]
         for _ in range(MOST_STEPS):
-            write_kinematics(
-                rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
-            )
+            write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
             write_jacobian(origins, directions, pose, full)
             write_pose_error(pose, targets[i], task, e)
             write_task_rows(full, targets[i], task, a)
-            b[:task, 0] = e[:task]
+            for k in range(task):
+                b[k] = e[k]
             for r in range(dof - task):
                 value = 0.0
                 for k in range(dof):
                     a[task + r, k] = w[i, r, k]
                     value += w[i, r, k] * (g[i, k] - q[i, k])
-                b[task + r, 0] = value
+                b[task + r] = value
             if solve(a, b, dof) < SINGULAR:
                 break
             size = 0.0
             for k in range(dof):
-                size = max(size, abs(b[k, 0]))
+                size = max(size, abs(b[k]))
             scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
             for k in range(dof):
-                q[i, k] += scale * b[k, 0]
+                q[i, k] += scale * b[k]
             if size < ARRIVED:
                 found[i] = True
                 break
@@ -258,25 +254,24 @@ def path_derivatives(
     n, dof = q.shape
     first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
-    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
-    a, copy, b = np.empty((dof, dof)), np.empty((dof, dof)), np.empty((dof, 1))
+    pose, full = np.empty((3, 4)), np.empty((6, dof))
+    a, copy, b = np.empty((dof, dof)), np.empty((dof, dof)), np.empty(dof)
     bias, turn = np.empty(6), np.empty(3)
     for i in range(n):
-        write_kinematics(
-            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
-        )
+        write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
         write_jacobian(origins, directions, pose, full)
         target, rate = targets[i], rates[i]
         write_task_rows(full, target, task, a)
         for r in range(dof - task):
             a[task + r] = w[i, 0, r]
         copy[:] = a
-        b[:3, 0] = rate[0]
-        if task == 6:
-            b[3:6, 0] = rate[2]
-        elif task == 5:
+        for k in range(3):
+            b[k] = rate[0, k]
+            if task == 6:
+                b[3 + k] = rate[2, k]
+        if task == 5:
             for j in range(2):
-                b[3 + j, 0] = (
+                b[3 + j] = (
                     target[0, j] * rate[2, 0]
                     + target[1, j] * rate[2, 1]
                     + target[2, j] * rate[2, 2]
@@ -285,15 +280,15 @@ def path_derivatives(
             value = 0.0
             for k in range(dof):
                 value += w[i, 0, r, k] * g[i, 1, k] - w[i, 1, r, k] * (q[i, k] - g[i, 0, k])
-            b[task + r, 0] = value
+            b[task + r] = value
         pivot_ratio[i] = solve(copy, b, dof)
-        first[i] = b[:, 0]
+        first[i] = b
         write_bias_acceleration(origins, directions, pose, first[i], bias)
         for k in range(3):
-            b[k, 0] = rate[1, k] - bias[k]
+            b[k] = rate[1, k] - bias[k]
         if task == 6:
             for k in range(3):
-                b[3 + k, 0] = rate[3, k] - bias[3 + k]
+                b[3 + k] = rate[3, k] - bias[3 + k]
         elif task == 5:
             # The tool may rotate about its axis at another rate than the target: the difference of
             # the angular velocities is along the tool axis.
@@ -307,7 +302,7 @@ def path_derivatives(
                 vx = rate[2, 1] * z - rate[2, 2] * y
                 vy = rate[2, 2] * x - rate[2, 0] * z
                 vz = rate[2, 0] * y - rate[2, 1] * x
-                b[3 + j, 0] = (
+                b[3 + j] = (
                     vx * turn[0]
                     + vy * turn[1]
                     + vz * turn[2]
@@ -323,9 +318,9 @@ def path_derivatives(
                     - 2.0 * w[i, 1, r, k] * (first[i, k] - g[i, 1, k])
                     - w[i, 2, r, k] * (q[i, k] - g[i, 0, k])
                 )
-            b[task + r, 0] = value
+            b[task + r] = value
         solve(a, b, dof)
-        second[i] = b[:, 0]
+        second[i] = b
     return first, second, pivot_ratio
 
 
@@ -360,12 +355,10 @@ def free_motions(
     n, dof = q.shape
     found = np.empty((n, dof - task, dof))
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
-    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
+    pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, rest = np.empty((dof, dof)), np.empty(dof)
     for i in range(n):
-        write_kinematics(
-            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
-        )
+        write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
         write_jacobian(origins, directions, pose, full)
         write_task_rows(full, targets[i], task, rows)
         for r in range(dof):
@@ -419,7 +412,7 @@ def write_shortest_step(
         damping: Damping of the least squares.
         rows: Memory for the Jacobian of the pose error, (6, dof).
         square: Memory, (6, 6).
-        right: Memory, (6, 1).
+        right: Memory, (6,).
         out: Output: the step [rad], (dof,).
 
     Returns:
@@ -428,19 +421,19 @@ def write_shortest_step(
     dof = full.shape[1]
     write_task_rows(full, target, task, rows)
     for i in range(task):
-        for j in range(task):
+        for j in range(i + 1):
             value = damping * damping if i == j else 0.0
             for k in range(dof):
                 value += rows[i, k] * rows[j, k]
-            square[i, j] = value
-        right[i, 0] = e[i]
+            square[i, j] = square[j, i] = value
+        right[i] = e[i]
     if solve(square, right, task) == 0.0:
         return math.inf
     most = 0.0
     for k in range(dof):
         value = 0.0
         for i in range(task):
-            value += rows[i, k] * right[i, 0]
+            value += rows[i, k] * right[i]
         out[k] = value
         most = max(most, abs(value))
     return most
@@ -478,8 +471,8 @@ def approach(
     """
     n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
-    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
-    rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty((6, 1))
+    pose, full = np.empty((3, 4)), np.empty((6, dof))
+    rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
     step, trial, e = np.empty(dof), np.empty(dof), np.zeros(6)
     residual = np.empty((n, 2))
     for i in range(n):
@@ -488,7 +481,7 @@ def approach(
         trial[:] = q[i]
         for _ in range(most):
             write_kinematics(
-                rotations, positions, axes, base, end, trial, origins, directions, pose, scratch
+                rotations, positions, axes, base, end, trial, origins, directions, pose
             )
             write_pose_error(pose, target, task, e)
             value = 0.0
@@ -511,7 +504,7 @@ def approach(
                     break
                 # The step starts from q[i] again, so e of the rejected trial is computed anew.
                 write_kinematics(
-                    rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
+                    rotations, positions, axes, base, end, q[i], origins, directions, pose
                 )
                 write_pose_error(pose, target, task, e)
                 for k in range(3, task):
@@ -522,9 +515,7 @@ def approach(
             scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
             for k in range(dof):
                 trial[k] = q[i, k] + scale * step[k]
-        write_kinematics(
-            rotations, positions, axes, base, end, q[i], origins, directions, pose, scratch
-        )
+        write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
         write_pose_error(pose, target, task, e)
         residual[i, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
         turn = 0.0
@@ -584,8 +575,8 @@ def follow(
     """
     n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
-    pose, scratch, full = np.empty((3, 4)), np.empty((3, 3, 3)), np.empty((6, dof))
-    rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty((6, 1))
+    pose, full = np.empty((3, 4)), np.empty((6, dof))
+    rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
     step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.zeros(6)
     target = np.empty((3, 4))
     smallest = 0.5**MOST_HALVINGS
@@ -602,7 +593,7 @@ def follow(
             before = math.inf
             for _ in range(FOLLOW_CORRECTIONS):
                 write_kinematics(
-                    rotations, positions, axes, base, end, trial, origins, directions, pose, scratch
+                    rotations, positions, axes, base, end, trial, origins, directions, pose
                 )
                 write_jacobian(origins, directions, pose, full)
                 write_pose_error(pose, target, task, e)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path as FilePath
 from typing import Annotated
 
@@ -33,6 +34,16 @@ JobOrDrawing = Annotated[
         "waypoints (.csv, .parquet), with --cell."
     ),
 ]
+
+
+class Kind(Enum):
+    """What the command `warm` compiles."""
+
+    all = "all"
+    usual = "usual"
+    plane = "plane"
+    space = "space"
+
 
 app = typer.Typer(
     name="armcontour",
@@ -234,6 +245,21 @@ def init(
     from armcontour.cli.starting import write_cell
 
     write_cell(cell, out, force=force)
+
+
+@app.command()
+def warm(
+    kind: Annotated[
+        Kind,
+        typer.Argument(
+            help="all; or what usual runs need: on arms in the plane, in space, or both (usual)."
+        ),
+    ] = Kind.all,
+) -> None:
+    """Compile everything that is compiled at its first use, so that no command has to wait."""
+    from armcontour.cli.warming import warm_up
+
+    warm_up(kind.value)
 
 
 @app.command()

@@ -47,9 +47,11 @@ def _run() -> int:
     """Run the typer app and return its exit code."""
     # Imported here: typer takes a tenth of a second, during which signals must work already.
     from armcontour.cli.commands import app
+    from armcontour.cli.progress import compiling_said
 
     try:
-        app()
+        with compiling_said():
+            app()
     except SystemExit as end:
         # A pipe whose reader has ended: click makes it the exit code 1.
         if isinstance(end.__context__, BrokenPipeError):

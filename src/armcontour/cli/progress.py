@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
-from armcontour._progress import Progress, Step
+from armcontour._progress import COMPILING, Progress, Step, hear_compiling
 from armcontour._text import to_line
 
 # Time between two lines of progress in a pipe, and before the first [s].
@@ -35,7 +35,45 @@ def search_progress(what: str) -> Iterator[Progress]:
             bar.update(task, description=words)
             lines.tell(words, None if step.done is None else f"{step.done:.0%}")
 
+        with hear_compiling(lambda name: show(Step((COMPILING, name)))):
+            yield show
+
+
+@contextmanager
+def share_progress() -> Iterator[Progress]:
+    """Show a bar with the share that is done, on a terminal; yields the function that updates it.
+
+    A pipe or a file gets the first step at once.
+    """
+    from rich.progress import BarColumn, TaskProgressColumn
+
+    with _bar(BarColumn(), TaskProgressColumn()) as bar:
+        task = bar.add_task("", total=1.0)
+        lines = Lines(bar.disable, at_once=True)
+
+        def show(step: Step) -> None:
+            words = to_line(str(step))
+            bar.update(task, description=words, completed=step.done or 0.0)
+            lines.tell(words, f"{step.done:.0%}" if step.done else None)
+
         yield show
+
+
+@contextmanager
+def compiling_said() -> Iterator[None]:
+    """Write one line when a function has to be compiled, which takes a while."""
+    said = False
+
+    def say(name: str) -> None:
+        nonlocal said
+        if not said:
+            said = True
+            words = COMPILING[0].upper() + COMPILING[1:]
+            sys.stderr.write(f"{words}; `armcontour warm` compiles everything beforehand.\n")
+            sys.stderr.flush()
+
+    with hear_compiling(say):
+        yield
 
 
 class Lines:
@@ -44,11 +82,18 @@ class Lines:
     Args:
         wanted: Whether to write any.
         clock: Gives the current time [s].
+        at_once: Whether the first line is written at once.
     """
 
-    def __init__(self, wanted: bool, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        wanted: bool,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        at_once: bool = False,
+    ) -> None:
         self._wanted, self._clock = wanted, clock
-        self._last = clock()
+        self._last = clock() - (EVERY if at_once else 0.0)
 
     def tell(self, words: str, more: str | None = None) -> None:
         """Write a line, unless there was one a moment ago.
@@ -133,7 +178,13 @@ def job_progress() -> Iterator[JobProgress]:
             end = time.monotonic() + whole - spent if whole > spent else None
             bar.update(task, description=what, completed=spent, total=whole, end=end)
 
-        yield JobProgress(show)
+        def compiling(name: str) -> None:
+            words = to_line(f"{COMPILING}: {name}")
+            lines.tell(words)
+            bar.update(task, description=words)
+
+        with hear_compiling(compiling):
+            yield JobProgress(show)
 
 
 @contextmanager

@@ -52,6 +52,7 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
+    from armcontour._warming import warm_for_run
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.summary import summarise_taught, summary
@@ -63,6 +64,7 @@ def run_job(
         if exports:
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
+        warm_for_run(job.arm.dimension, progress)
         from armcontour.jobs import run, steps_of, teach
 
         steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]

@@ -43,8 +43,10 @@ def run_filter(
         p = rate[j]
         d1 = damping[j, 0]
         d2 = damping[j, 1]
-        state = np.array([start[j], 0.0, 0.0])
-        states[0, j] = state
+        state = np.zeros(3)
+        state[0] = start[j]
+        for c in range(3):
+            states[0, j, c] = state[c]
         for i in range(n):
             steps = int(np.ceil(width[i] * fastest[j] / LARGEST_STEP))
             steps = max(steps, 1)
@@ -58,7 +60,8 @@ def run_filter(
                     for m in range(5, 0, -1):
                         local[m] = local[m] * x0 + local[m - 1] * share
                     local[0] = local[0] * x0 + coefficients[i, k, j]
-                series[0] = state
+                for c in range(3):
+                    series[0, c] = state[c]
                 for k in range(TERMS):
                     source = local[k] if k < 6 else 0.0
                     scale = p * h / (k + 1)
@@ -71,5 +74,6 @@ def run_filter(
                     for k in range(TERMS, -1, -1):
                         total += series[k, c]
                     state[c] = total
-            states[i + 1, j] = state
+            for c in range(3):
+                states[i + 1, j, c] = state[c]
     return states

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -12,6 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.tally import STILL, States, Tally
+from armcontour.motion import Trajectory
 
 # Places that are judged at a time.
 CHUNK = 200_000
@@ -64,9 +65,7 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two times that increase.")
     random = np.random.default_rng(seed)
-    jerks = _known_jerks(law, tally.limits, breaks[:1])
-    # Of joints and tool the third derivative is asked for only where it is judged.
-    orders = ORDERS if set(jerks) - {"path_jerk"} else ORDERS[:-1]
+    jerks = find_known_jerks(law, tally.limits, breaks[:1])
     size = max(1, CHUNK // (points + 2))
     count = 0
     for first in range(0, len(breaks) - 1, size):
@@ -74,14 +73,11 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
         right = np.concatenate([ends[:-1], inner.ravel()])
         left = ends[1:]
-        states = _states(law, right, left, tally.arm.dof, orders)
+        states = offer_states(law, tally, right, left, jerks)
         count += len(states.t)
-        tally.states(states)
         tally.pose(states.t, states.q, states.errors[0])
         if "path_jerk" in jerks:
-            along = cast("Any", law)
-            rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
-            tally.offer("path_jerk", states.t, np.abs(rate), _limit(tally, "path_jerk"), states.q)
+            offer_path_jerk(law, tally, right, left, states)
         _acceleration_steps(
             law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
         )
@@ -91,21 +87,60 @@ def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: 
     return count
 
 
-def _states(
-    law: Law, right: FloatArray, left: FloatArray, dof: int, orders: Sequence[str]
+def offer_states(
+    law: Law, tally: Tally, right: FloatArray, left: FloatArray, jerks: Collection[str]
 ) -> States:
+    """Offer what joints and tool do at some times to a tally.
+
+    Args:
+        law: The law.
+        tally: Where findings go.
+        right: Times at which a break belongs to the interval after it [s], (n,).
+        left: Times at which a break belongs to the interval before it [s], (m,).
+        jerks: The limits of jerk that are judged.
+
+    Returns:
+        The states, (n + m, dof).
+
+    Raises:
+        InvalidInput: A value is not finite, or the law has another number of joints.
+    """
+    # Of joints and tool the third derivative is asked for only where it is judged.
+    order = 3 if set(jerks) - {"path_jerk"} else 2
+    states = _states(law, right, left, tally.arm.dof, order)
+    tally.states(states)
+    return states
+
+
+def offer_path_jerk(
+    law: Law, tally: Tally, right: FloatArray, left: FloatArray, states: States
+) -> None:
+    """Offer the path jerk at some times to a tally; arguments as of `offer_states`."""
+    along = cast("Any", law)
+    rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+    tally.offer("path_jerk", states.t, np.abs(rate), _limit(tally, "path_jerk"), states.q)
+
+
+def _states(law: Law, right: FloatArray, left: FloatArray, dof: int, order: int) -> States:
     t = np.concatenate([right, left])
+    if isinstance(law, Trajectory):
+        # All derivatives at once.
+        after, before = law.motion(right, order), law.motion(left, order, side="left")
+    else:
+        after, before = (
+            tuple(law(at, k, side=side) for k in range(order + 1))
+            for at, side in ((right, "right"), (left, "left"))
+        )
     columns = []
-    for order, name in enumerate(orders):
-        values = np.concatenate([law(right, order), law(left, order, side="left")])
+    for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
+        values = np.concatenate(sides)
         if values.shape != (len(t), dof):
             raise InvalidInput(
                 f"The law gives {values.shape[-1]} joints, but the arm has {dof}: "
                 "give the arm that the law was made for."
             )
-        bad = ~np.isfinite(values).all(axis=1)
-        if bad.any():
-            at = float(t[bad][0])
+        if not np.isfinite(values).all():
+            at = float(t[~np.isfinite(values).all(axis=1)][0])
             raise InvalidInput(f"The law's {name} are not finite at t = {at:.9g} s.", t=at)
         columns.append(values)
     q, dq, ddq, *dddq = columns
@@ -165,8 +200,8 @@ def _accelerations(law: Law, t: FloatArray, tally: Tally, name: str, side: str) 
     return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
 
 
-def _known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
-    """The limits of jerk that can be judged of a law: of joints and tool, and along a path.
+def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+    """Find the limits of jerk that can be judged of a law: of joints and tool, along a path.
 
     Args:
         law: The law.

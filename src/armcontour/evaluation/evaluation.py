@@ -16,10 +16,10 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.checking import check
 from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
+from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
@@ -30,10 +30,6 @@ from armcontour.program import Program
 REST_SPEED = 1e-3
 # A joint makes full use of a limit from this share on.
 NEAR = 0.99
-# Samples of the plan per knot interval; least and largest number in all.
-FINER = 20
-FEWEST_PLACES = 4000
-MOST_PLACES = 400_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,9 +60,9 @@ class Evaluation:
         utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
             acceleration, velocity or torque; None unless `evaluate` was asked for the use of limits
             by `limit_use=True`.
-        limit_ratios: Largest used share of every limit in the planned motion, at up to 20 samples
-            per knot interval; `check` takes more samples. None unless `evaluate` was asked for the
-            use of limits by `limit_use=True`.
+        limit_ratios: Largest used share of every limit in the planned motion, on both sides of its
+            breaks and at the peaks between them. None unless `evaluate` was asked for the use of
+            limits by `limit_use=True`.
         demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
         demand_ratio: Largest share of the limit in its direction that each joint would have
             needed, (dof,); 0 for a joint without a limit.
@@ -145,7 +141,8 @@ def evaluate(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
-    t, speed, duration = executed.t, executed.tool_speed, executed.taught.trajectory.duration
+    trajectory = executed.taught.trajectory
+    t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moving, moved = np.flatnonzero(speed > REST_SPEED), (t >= 0) & (t <= duration)
     settled = float(t[moving[-1]]) if len(moving) else 0.0
     end = max(duration, settled)
@@ -175,7 +172,7 @@ def evaluate(
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
         **_compute_demands(executed, bounds, end),
         utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
-        limit_ratios=_limit_ratios(executed, bounds) if limit_use else None,
+        limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
     )
 
 
@@ -262,13 +259,3 @@ def _torque(executed: Execution) -> FloatArray | None:
     if not judges_torque(executed.arm):
         return None
     return executed.arm.torque(executed.q, executed.dq, executed.ddq)
-
-
-def _limit_ratios(executed: Execution, limits: Limits) -> dict[str, float]:
-    """Largest used share of every limit in the planned motion."""
-    trajectory = executed.taught.trajectory
-    intervals = len(trajectory.breaks)
-    points = min(max(FINER, FEWEST_PLACES // intervals), max(1, MOST_PLACES // intervals))
-    found = check(trajectory, executed.arm, limits, points=points)
-    # Steps at breaks are not limits.
-    return {x.name: x.ratio for x in found.uses if x.name in Limits.__dataclass_fields__}

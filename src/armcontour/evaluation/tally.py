@@ -172,14 +172,16 @@ class Tally:
         if not value.size:
             return 0.0
         allowed = np.broadcast_to(np.asarray(limit, dtype=np.float64), value.shape)
-        off = np.broadcast_to(np.asarray(error, dtype=np.float64), value.shape)
+        off, (used, room) = np.asarray(error, dtype=np.float64), _use(value, limit, zero)
         # With a very small limit the ratio may overflow.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            room = np.abs(allowed - zero)
-            used = np.where(allowed < zero, zero - value, value - zero)
-            ratio = _without_nan(used / room, np.inf)
-            slack = _without_nan(off / room, np.inf)
-            certain = _without_nan((used - off) / room, -np.inf)
+            ratio = certain = used / room
+            slack = np.zeros(1)
+            if off.any() or not (room > 0).all() or np.isnan(ratio).any():
+                ratio = _without_nan(ratio, np.inf)
+                slack = _without_nan(np.asarray(off / room), np.inf)
+                certain = _without_nan((used - off) / room, -np.inf)
+        slack = np.broadcast_to(slack, value.shape)
 
         def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
             at = np.unravel_index(i, value.shape)
@@ -301,20 +303,30 @@ class Tally:
             self.offer("joint_velocity", x.t, np.abs(x.dq), limits.joint_velocity, x.q, x.errors[1])
         if x.ddq is not None:
             self.joint_acceleration(x.t, x.ddq, x.q, x.errors[2])
-        if limits.speed is not None:
-            velocity, error = self.tool_velocity(x)
-            self.offer("speed", x.t, np.linalg.norm(velocity, axis=1), limits.speed, x.q, error)
-        if x.ddq is None or (
-            limits.tool_acceleration is None and limits.centripetal_acceleration is None
-        ):
+        self.tool_motion(x)
+
+    def tool_motion(self, x: States) -> None:
+        """Offer speed and acceleration of the tool."""
+        limits = self.limits
+        accelerations = (limits.tool_acceleration, limits.centripetal_acceleration)
+        ddq = x.ddq if any(y is not None for y in accelerations) else None
+        if limits.speed is None and ddq is None:
             return
-        acceleration, error = self.tool_acceleration(x)
+        if ddq is None:
+            velocity = self.arm.tool_velocity(x.q, x.dq)
+        else:
+            velocity, acceleration = self.arm.tool_motion(x.q, x.dq, ddq)
+        speed = np.linalg.norm(velocity, axis=1)
+        velocity_error = self._spread(x, self.arm.tool_velocity, velocity, 1)
+        if limits.speed is not None:
+            self.offer("speed", x.t, speed, limits.speed, x.q, velocity_error)
+        if ddq is None:
+            return
         size = np.linalg.norm(acceleration, axis=1)
+        error = self._spread(x, self.arm.tool_acceleration, acceleration, 2)
         if limits.tool_acceleration is not None:
             self.offer("tool_acceleration", x.t, size, limits.tool_acceleration, x.q, error)
-        velocity, velocity_error = self.tool_velocity(x)
         # An error of the direction of motion makes a normal part of tangential acceleration.
-        speed = np.linalg.norm(velocity, axis=1)
         turned = size * np.minimum(1.0, velocity_error / np.maximum(speed, SLOWEST))
         self.centripetal(x.t, velocity, acceleration, x.q, error + turned, speed > SLOWEST)
 
@@ -429,9 +441,26 @@ def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> It
             yield function(*moved) - value
 
 
+def share_of(value: FloatArray, limit: npt.ArrayLike, zero: FloatArray | float = 0.0) -> FloatArray:
+    """Values over a limit, which is counted from an origin; NaN counts as an infinite share."""
+    used, room = _use(value, limit, zero)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _without_nan(used / room, np.inf)
+
+
+def _use(
+    value: FloatArray, limit: npt.ArrayLike, zero: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """How far values are from an origin, towards a limit; and how far the limit is from there."""
+    allowed = np.asarray(limit, dtype=np.float64)
+    used = np.where(allowed < zero, zero - value, value - zero)
+    return used, np.asarray(np.abs(allowed - zero))
+
+
 def _without_nan(values: FloatArray, instead: float) -> FloatArray:
     """The values, with NaN replaced."""
-    return np.where(np.isnan(values), instead, values)
+    none = np.isnan(values)
+    return np.where(none, instead, values) if none.any() else values
 
 
 def _angular(twist: Quantity) -> Quantity:

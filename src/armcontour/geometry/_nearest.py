@@ -11,7 +11,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
 
 
-@compiled()
+@compiled(inner=True)
 def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -> Any:
     """Squared distance from a point to box `node`."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
@@ -20,7 +20,7 @@ def _box_distance2(x: float, y: float, z: float, boxes: FloatArray, node: int) -
     return dx * dx + dy * dy + dz * dz
 
 
-@compiled()
+@compiled(inner=True)
 def offsets(k: float, u: float) -> tuple[float, float]:
     """Tangential and normal coordinates of the point at distance u along a segment.
 
@@ -36,7 +36,7 @@ def offsets(k: float, u: float) -> tuple[float, float]:
     return u * (1 - angle * angle / 6), u * angle / 2 * (1 - angle * angle / 12)
 
 
-@compiled()
+@compiled(inner=True)
 def point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
     """Squared distance from `p` to the point at distance `u` along segment `g`."""
     along, across = offsets(g[9], u)
@@ -47,7 +47,7 @@ def point_distance2(p: FloatArray, g: FloatArray, u: float) -> float:
     return total
 
 
-@compiled()
+@compiled(inner=True)
 def nearest_within(p: FloatArray, g: FloatArray, low: float, high: float) -> tuple[float, float]:
     """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
 
@@ -83,7 +83,7 @@ def nearest_within(p: FloatArray, g: FloatArray, low: float, high: float) -> tup
     return at_low, low
 
 
-@compiled()
+@compiled(inner=True)
 def _on_segment(p: FloatArray, g: FloatArray) -> tuple[float, float]:
     """Squared distance to segment `g`, and the distance along it of the nearest point."""
     return nearest_within(p, g, 0.0, g[10])
@@ -115,7 +115,8 @@ def search_tree(
         best2, best_u = _on_segment(p, geometry[best_segment])
         depth = 0
         stack[0] = 0
-        bound[0] = _box_distance2(x, y, z, boxes, 0)
+        # Not the number 0 itself: numba would compile the function for it once more.
+        bound[0] = _box_distance2(x, y, z, boxes, stack[0])
         while depth >= 0:
             node = stack[depth]
             node_bound = bound[depth]
@@ -155,7 +156,7 @@ def search_tree(
     return distance, s
 
 
-@compiled()
+@compiled(inner=True)
 def _plane_point(g: FloatArray, u: float) -> tuple[float, float]:
     """The point at distance u along segment g, in the plane."""
     along, across = offsets(g[9], u)

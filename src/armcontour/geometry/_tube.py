@@ -47,7 +47,7 @@ def find_room(
     return room
 
 
-@compiled()
+@compiled(inner=True)
 def _owns(u: float, g: FloatArray, given_up: BoolArray) -> Any:
     """Whether a piece has the point at distance u along it, and not its neighbour."""
     return not ((given_up[0] and u <= 0.0) or (given_up[1] and u >= g[10]))
@@ -78,7 +78,7 @@ def nearest_in_range(
     return distance, s
 
 
-@compiled()
+@compiled(inner=True)
 def _put_point(g: FloatArray, u: float, p: FloatArray) -> None:
     """Write the point at distance u along segment g into p."""
     along, across = offsets(g[9], u)
@@ -86,13 +86,13 @@ def _put_point(g: FloatArray, u: float, p: FloatArray) -> None:
         p[axis] = g[axis] + along * g[3 + axis] + across * g[6 + axis]
 
 
-@compiled()
+@compiled(inner=True)
 def _own_part(g: FloatArray, place: float, reach: float) -> tuple[float, float]:
     """Part of a piece within reach of a place, as distances along it; empty if low > high."""
     return max(place - reach - g[11], 0.0), min(place + reach - g[11], g[10])
 
 
-@compiled()
+@compiled(inner=True)
 def _normal_gap(g: FloatArray, u: float, h: FloatArray, v: float) -> Any:
     """Distance between the unit normals of two arcs at distances u and v along them."""
     cg, sg = math.cos(g[9] * u), math.sin(g[9] * u)
@@ -104,7 +104,7 @@ def _normal_gap(g: FloatArray, u: float, h: FloatArray, v: float) -> Any:
     return math.sqrt(total)
 
 
-@compiled()
+@compiled(inner=True)
 def _plane_gap(g: FloatArray, h: FloatArray) -> Any:
     """Distance between the unit vectors about which the tangents of two arcs turn."""
     total = 0.0
@@ -115,7 +115,7 @@ def _plane_gap(g: FloatArray, h: FloatArray) -> Any:
     return math.sqrt(total)
 
 
-@compiled()
+@compiled(inner=True)
 def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
     """How far two matched parts of segments can be farther apart inside than at their ends.
 
@@ -135,7 +135,7 @@ def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: flo
     return (abs(bend_g - bend_h) + min(bend_g, bend_h) * apart) / 8
 
 
-@compiled()
+@compiled(inner=True)
 def _judge(
     g: FloatArray,
     part: FloatArray,

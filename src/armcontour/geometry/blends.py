@@ -115,6 +115,10 @@ def make_blends(before: Segments, after: Segments, t: FloatArray, smooth: BoolAr
         t: Tangent lengths, no longer than the segments [m], (n,).
         smooth: Mask of the blends with continuous curvature; the others are pairs of arcs, (n,).
     """
+    if not len(t):
+        none = np.zeros(0)
+        of = np.zeros(0, dtype=np.intp)
+        return Blends(rows=before, of=of, lengths=none, radius=none, error=none, bend=none)
     plain, bent = np.flatnonzero(~smooth), np.flatnonzero(smooth)
     pairs = _make_pairs(before[plain], after[plain], t[plain])
     found = connect(before[bent], after[bent], t[bent])

@@ -90,7 +90,7 @@ class Path:
             )
         return Path(
             segments=Segments.lines(given[kept], **demand.columns(len(kept) - 1)),
-            merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
+            merged=_left_out(len(given), kept),
         )
 
     @classmethod
@@ -139,7 +139,7 @@ class Path:
         segments, waypoints = fit_spline(given[kept], tolerance, closed)
         return Path(
             segments=segments.replace(**demand.columns(len(segments))),
-            merged=tuple(np.setdiff1d(np.arange(len(given)), kept).tolist()),
+            merged=_left_out(len(given), kept),
             waypoints=waypoints,
         )
 
@@ -364,6 +364,13 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
             allowed=length,
         )
     return np.asarray(np.clip(at, 0.0, length))
+
+
+def _left_out(count: int, kept: IntArray) -> tuple[int, ...]:
+    """Indices below `count` that are not kept."""
+    if len(kept) == count:
+        return ()
+    return tuple(np.setdiff1d(np.arange(count), kept).tolist())
 
 
 def _without_repeats(points: FloatArray) -> IntArray:

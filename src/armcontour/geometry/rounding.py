@@ -343,7 +343,9 @@ def _round_all(
     """The path with all corners replaced; tolerance, speed and acceleration are given."""
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    kinked = np.setdiff1d(find_kinks(path), corner)
+    kinked = find_kinks(path)
+    if len(kinked):
+        kinked = np.setdiff1d(kinked, corner)
     angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
     return _round(path, wishes, kinked, angle)

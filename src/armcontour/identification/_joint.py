@@ -29,7 +29,7 @@ SAME_SPAN = 1e-12
 UNREACHED = 1e300
 
 
-@compiled()
+@compiled(inner=True)
 def _clipped(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 

@@ -15,7 +15,7 @@ TERMS = 18
 STEPS = 110
 
 
-@compiled()
+@compiled(inner=True)
 def advance(rates: Rates, i: int, u: float) -> tuple[float, float, float, float, float]:
     """State of a law at time u after the start of interval i; its dds is linear in s or time.
 
@@ -62,7 +62,7 @@ def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _from(
     breaks: FloatArray,
     s: FloatArray,
@@ -110,7 +110,7 @@ def _from(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _advance_integrals(
     breaks: FloatArray,
     s: FloatArray,

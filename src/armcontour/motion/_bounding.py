@@ -72,7 +72,7 @@ def path_rates(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _grow(values: FloatArray, reach: float) -> None:
     """Turn a function's derivatives at a place, from the first on, into bounds within `reach`."""
     last = len(values) - 1
@@ -84,7 +84,7 @@ def _grow(values: FloatArray, reach: float) -> None:
         values[k] = total
 
 
-@compiled()
+@compiled(inner=True)
 def _highest(f0: float, f1: float, f2: float, half: float) -> float:
     """The largest value of f0 + f1 u + f2 u² / 2 for u from -half to half."""
     found = f0 + abs(f1) * half + 0.5 * f2 * half * half
@@ -93,7 +93,7 @@ def _highest(f0: float, f1: float, f2: float, half: float) -> float:
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _fifth(q: FloatArray, v: FloatArray) -> float:
     """The fifth derivative of q(s(t)), from those of q over s and of s over time."""
     return float(
@@ -105,7 +105,7 @@ def _fifth(q: FloatArray, v: FloatArray) -> float:
     )
 
 
-@compiled()
+@compiled(inner=True)
 def _fourth(q: FloatArray, v: FloatArray) -> float:
     """The fourth derivative of q(s(t))."""
     return float(

@@ -81,23 +81,68 @@ def path_motions(
 
 
 @compiled()
-def _find_piece(breaks: FloatArray, s: float, piece: int, begin: float, end: float) -> int:
-    """The interval of a joint path that has the place s, within an interval of a law.
+def _find_before(values: FloatArray, x: float, low: int, high: int, side: int) -> int:
+    """The last of some increasing values that is below x, or not above it; low if there is none.
 
     Args:
-        breaks: Of the joint path, (m + 1,).
-        s: The place.
-        piece: A guess.
-        begin: Start of the law's interval: its place at a break is after the break.
-        end: End of the law's interval: its place at a break is before the break.
+        values: The values.
+        x: The number.
+        low: The first of them that may be found.
+        high: The last of them that may be found.
+        side: 1 for a value that is not above x, 0 for one that is below it.
     """
-    last = len(breaks) - 2
-    if breaks[piece] <= begin < end <= breaks[piece + 1]:
-        return piece
-    first = min(max(int(np.searchsorted(breaks, begin, side="right")) - 1, 0), last)
-    final = min(max(int(np.searchsorted(breaks, end)) - 1, 0), last)
-    here = min(max(int(np.searchsorted(breaks, s, side="right")) - 1, 0), last)
-    return min(max(here, first), final)
+    while low < high:
+        middle = (low + high + 1) // 2
+        if values[middle] < x or (side == 1 and values[middle] == x):
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@compiled()
+def place_times(
+    law: IntArray,
+    t: FloatArray,
+    side: int,
+    starts: FloatArray,
+    rows: IntArray,
+    breaks: FloatArray,
+    local: FloatArray,
+) -> IntArray:
+    """Intervals of times, among those of laws whose breaks are in one row, (n,).
+
+    Args:
+        law: The law of each time, (n,).
+        t: Times [s], (n,).
+        side: At a break, 1 for the interval after it and 0 for the one before it.
+        starts: Start times of the laws [s], (laws,).
+        rows: Indices of the laws' first breaks, and the number of all breaks, (laws + 1,).
+        breaks: Breaks of all laws, each counted from its start [s].
+        local: Where the times since the starts of the laws go [s], (n,).
+    """
+    found = np.empty(len(t), np.intp)
+    row = 0
+    for k in range(len(t)):
+        first, last, start = rows[law[k]], rows[law[k] + 1] - 2, starts[law[k]]
+        # A time less the start is rounded, to either side of the law's break. So times are
+        # compared with the very sums that `Trajectory.breaks` has.
+        low, high = first, last
+        if first <= row <= last and start + breaks[row] < t[k]:
+            low = row
+            if row == last or t[k] < start + breaks[row + 1]:
+                high = row
+        while low < high:
+            middle = (low + high + 1) // 2
+            at = start + breaks[middle]
+            if at < t[k] or (side == 1 and at == t[k]):
+                low = middle
+            else:
+                high = middle - 1
+        row = low
+        found[k] = row
+        local[k] = min(max(t[k] - start, breaks[row]), breaks[row + 1])
+    return found
 
 
 @compiled()
@@ -105,18 +150,25 @@ def joint_motions(
     along: FloatArray,
     begin: FloatArray,
     end: FloatArray,
+    law: IntArray,
+    rows: IntArray,
     breaks: FloatArray,
     coefficients: FloatArray,
     out: Motion,
 ) -> None:
-    """Joint positions and their derivatives over time along a joint path, by the chain rule.
+    """Joint positions and their derivatives over time along joint paths, by the chain rule.
 
     Args:
         along: s and its derivatives over time up to the third, (4, n).
-        begin: Start of the law's interval at each place [m], (n,).
+        begin: Start of the law's interval at each place [m]: a place at a break of the joint path
+            is after the break if the interval is, (n,).
         end: Its end [m], (n,).
-        breaks: Of the joint path, (m + 1,).
-        coefficients: Of the joint path, (m, 6, dof).
+        law: The law of each place, (n,).
+        rows: Indices of the first breaks of the laws' joint paths, and the number of all breaks,
+            (laws + 1,).
+        breaks: Breaks of all joint paths [m], each counted from its own start, (m,).
+        coefficients: The coefficients of the interval after each break, (m, 6, dof); those after
+            the last break of a joint path are not read, and may be missing.
         out: Where the results go; what has no rows is not computed.
     """
     dof = coefficients.shape[2]
@@ -125,7 +177,12 @@ def joint_motions(
     for k in range(along.shape[1]):
         s, ds = along[0, k], along[1, k]
         dds, ddds = along[2, k], along[3, k]
-        piece = _find_piece(breaks, s, piece, begin[k], end[k])
+        low, high = rows[law[k]], rows[law[k] + 1] - 2
+        inside = low <= piece <= high and breaks[piece] <= begin[k] < end[k] <= breaks[piece + 1]
+        if not inside:
+            first = _find_before(breaks, begin[k], low, high, 1)
+            final = max(_find_before(breaks, end[k], low, high, 0), first)
+            piece = _find_before(breaks, s, first, final, 1)
         width = breaks[piece + 1] - breaks[piece]
         x = (s - breaks[piece]) / width
         for j in range(dof):

@@ -156,7 +156,8 @@ class JointPath:
         # ends, beyond which a clamped one goes on without slope.
         bend = np.zeros_like(knots)
         none = np.zeros((int(clamped), knots.shape[1]))
-        wide = np.pad(width[:, 0], int(clamped))
+        wide = np.zeros(len(width) + 2 * int(clamped))
+        wide[int(clamped) : int(clamped) + len(width)] = width[:, 0]
         unknown = len(wide) - 1
         if unknown:
             beside, own = wide[1:-1], 2 * (wide[:-1] + wide[1:])

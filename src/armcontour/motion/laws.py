@@ -330,9 +330,10 @@ def join_path(
     count = along[0].size
     found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     begin, end = (flatten(x, shape) for x in ends)
-    joint_motions(
-        along.reshape(4, count), begin, end, joint_path.breaks, joint_path.coefficients, found
-    )
+    only = np.zeros(count, dtype=np.intp)
+    rows = np.array([0, len(joint_path.breaks)])
+    tables = rows, joint_path.breaks, joint_path.coefficients
+    joint_motions(along.reshape(4, count), begin, end, only, *tables, found)
     # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
     return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
 

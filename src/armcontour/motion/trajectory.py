@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -13,10 +13,13 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion.laws import Law, LawAlongPath
+from armcontour.motion.joined import JoinedLaws
+from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 
 # Number of times that are computed together, to save memory.
 AT_ONCE = 50_000
+# Times of so many laws along joint paths are computed together.
+MANY = 4
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
 # Along one path, the end of a law and the start of the next differ by less than this [m].
@@ -210,8 +213,7 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = self._clip_times(t, order)
-        return self._evaluate(at, side, lambda law, i, t: (law.on_interval(i, t, order),), 1)[0]
+        return self._evaluate(self._clip_times(t, order), side, (order,))[0]
 
     def motion(
         self, t: npt.ArrayLike, order: int = 2, *, side: str = "right"
@@ -228,20 +230,15 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = self._clip_times(t, order)
-        return self._evaluate(at, side, lambda law, i, t: law.motion(i, t, order), order + 1)
+        return self._evaluate(self._clip_times(t, order), side, tuple(range(order + 1)))
 
     def _evaluate(
-        self,
-        t: FloatArray,
-        side: str,
-        evaluate: Callable[[Law, IntArray, FloatArray], tuple[FloatArray, ...]],
-        count: int,
+        self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
-        """So many values of the laws at times, `t.shape + (dof,)` each."""
+        """Values of the laws at times, `t.shape + (dof,)` for each order: one, or all up to one."""
+        flat = t.ravel()
         found: tuple[FloatArray, ...] = ()
-        for k, of, i, local in self.locate(t.ravel(), side):
-            values = evaluate(self.laws[k], i, local)
+        for of, values in self._values(flat, side, orders):
             if len(of) == t.size:
                 # They are in order.
                 found = values
@@ -251,9 +248,53 @@ class Trajectory:
             for whole, part in zip(found, values, strict=True):
                 whole[of] = part
         if not found:
-            found = tuple(np.empty((0, self.dof)) for _ in range(count))
+            found = tuple(np.empty((0, self.dof)) for _ in orders)
         # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
         return found if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in found)
+
+    def _values(
+        self, t: FloatArray, side: str, orders: tuple[int, ...]
+    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
+        """Values of laws at times: of each law, or of many laws at a time.
+
+        Yields:
+            Indices of times in `t`, (m,), and the values there, (m, dof) for each order.
+        """
+        which = self._law_at(t, side)
+        touched = np.unique(which) if len(self.laws) >= MANY else which[:0]
+        many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
+        alone = np.arange(len(t))
+        if len(many) >= MANY:
+            together = np.zeros(len(self.laws), dtype=bool)
+            together[many] = True
+            yield from self._values_together(
+                np.flatnonzero(together[which]), which, t, side, orders
+            )
+            alone = np.flatnonzero(~together[which])
+        for k, of, i, local in self.locate(t[alone], side):
+            law = self.laws[k]
+            if len(orders) == 1:
+                yield alone[of], (law.on_interval(i, local, orders[0]),)
+            else:
+                yield alone[of], law.motion(i, local, orders[-1])
+
+    def _values_together(
+        self, of: IntArray, which: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
+    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
+        """Values at the times of laws along joint paths, of AT_ONCE times together.
+
+        Args:
+            of: Indices of these times in `t`, (m,).
+            which: The law of every time in `t`, (n,).
+            t: As in `_values`.
+            side: As in `_values`.
+            orders: As in `_values`.
+        """
+        for begin in range(0, len(of), AT_ONCE):
+            here = of[begin : begin + AT_ONCE]
+            laws, law = np.unique(which[here], return_inverse=True)
+            joined = JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
+            yield here, joined.motion(law, t[here], side, orders)
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """The motion at any times, at rest before and after it, (n, dof).
@@ -354,14 +395,18 @@ class Trajectory:
             Index of the law, indices of its times in `t`, their intervals, and their times since
             the start of the law [s].
         """
-        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
-        for k, of in _group_by_law(np.clip(found, 0, len(self.laws) - 1)):
+        for k, of in _group_by_law(self._law_at(t, side)):
             start, own = self.starts[k], self.laws[k].breaks
             # A time less the start is rounded, to either side of the law's break. So times are
             # compared with the very sums that `breaks` has.
             i = np.searchsorted(start + own, t[of], side=_checks.side(side)) - 1
             i = np.clip(i, 0, len(own) - 2)
             yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
+
+    def _law_at(self, t: FloatArray, side: str) -> IntArray:
+        """Index of the law at each time [s], (n,)."""
+        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
+        return np.clip(found, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.

@@ -17,7 +17,7 @@ PARALLEL = 1e-12
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 
 
-@compiled()
+@compiled(inner=True)
 def box_of(piece: FloatArray) -> FloatArray:
     """Smallest and largest x, then y, of a piece, (4,)."""
     k, length = piece[CURVATURE], piece[LENGTH]
@@ -38,19 +38,19 @@ def box_of(piece: FloatArray) -> FloatArray:
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _sinc(x: float) -> float:
     """The function sin(x) / x."""
     return float(np.sinc(x / np.pi))
 
 
-@compiled()
+@compiled(inner=True)
 def _cosc(x: float) -> float:
     """The function (1 - cos(x)) / x."""
     return float(2 * np.sin(x / 2) ** 2 / x) if abs(x) > 1e-8 else x / 2
 
 
-@compiled()
+@compiled(inner=True)
 def _place(piece: FloatArray, x: float, y: float) -> float:
     """Distance along a piece at which it comes to a point that lies on it or on its going on."""
     k = piece[CURVATURE]
@@ -71,7 +71,7 @@ def _place(piece: FloatArray, x: float, y: float) -> float:
     return float(u)
 
 
-@compiled()
+@compiled(inner=True)
 def _common_points(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     """Points that two pieces, gone on, have in common: how many; ends where they run together."""
     ka, kb = a[CURVATURE], b[CURVATURE]
@@ -95,7 +95,7 @@ def _common_points(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     return 2
 
 
-@compiled()
+@compiled(inner=True)
 def _on_lines(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     """Points in which two lines meet."""
     sine = a[TX] * b[TY] - a[TY] * b[TX]
@@ -108,7 +108,7 @@ def _on_lines(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     return 1
 
 
-@compiled()
+@compiled(inner=True)
 def _on_line_and_circle(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     """Points in which the line of a meets the circle of b."""
     k = b[CURVATURE]
@@ -124,7 +124,7 @@ def _on_line_and_circle(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     return 2
 
 
-@compiled()
+@compiled(inner=True)
 def _ends_of(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     """The four ends of two pieces on one line or circle."""
     for i, piece in enumerate((a, b)):
@@ -136,7 +136,7 @@ def _ends_of(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
     return 4
 
 
-@compiled()
+@compiled(inner=True)
 def _snap(u: float, length: float) -> float:
     """A place along a piece; one near an end is this end."""
     if u <= SAME_PLACE:

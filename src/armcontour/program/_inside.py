@@ -18,7 +18,7 @@ from armcontour._kernels import compiled
 AX, AY, BX, BY, CX, CY, RADIUS, TURN = range(8)
 
 
-@compiled()
+@compiled(inner=True)
 def winding(x: float, y: float, chords: FloatArray) -> int:
     """The winding number of a closed contour around a point."""
     found = 0

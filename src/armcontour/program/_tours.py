@@ -25,7 +25,7 @@ FEW = 30
 NO_GAIN = 1e-12
 
 
-@compiled()
+@compiled(inner=True)
 def distance(exits: FloatArray, a: int, entries: FloatArray, b: int) -> float:
     """Distance from the exit of option a to the entry of option b; 0 if either is -1."""
     if a < 0 or b < 0:
@@ -108,7 +108,7 @@ def choose_options(
         at = before[at]
 
 
-@compiled()
+@compiled(inner=True)
 def _refresh(state: Any) -> None:
     """Set the positions, and the lengths of links up to each position in both directions."""
     exits, entries, _, _, _, tour, option, place, ahead, back = state
@@ -120,14 +120,14 @@ def _refresh(state: Any) -> None:
         back[k] = back[k - 1] + distance(exits, b, entries, a)
 
 
-@compiled()
+@compiled(inner=True)
 def _at(state: Any, k: int) -> int:
     """The option at position k of the tour; -1 before its start and after its end."""
     tour, option = state[5], state[6]
     return option[tour[k]] if 0 <= k < len(tour) else -1
 
 
-@compiled()
+@compiled(inner=True)
 def _may_swap(state: Any, i: int, j: int, k: int) -> bool:
     """Whether the parts i to j-1 and j to k-1 of the tour may change places."""
     parent, tour, place = state[3], state[5], state[7]
@@ -138,7 +138,7 @@ def _may_swap(state: Any, i: int, j: int, k: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _may_reverse(state: Any, i: int, j: int) -> bool:
     """Whether the part i to j of the tour may be run backwards."""
     parent, tour, place = state[3], state[5], state[7]
@@ -149,7 +149,7 @@ def _may_reverse(state: Any, i: int, j: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _swap(tour: IntArray, i: int, j: int, k: int) -> None:
     """Exchange the parts i to j-1 and j to k-1 of a tour."""
     part = tour[i:j].copy()
@@ -157,7 +157,7 @@ def _swap(tour: IntArray, i: int, j: int, k: int) -> None:
     tour[i + k - j : k] = part
 
 
-@compiled()
+@compiled(inner=True)
 def _try_option(state: Any, c: int) -> bool:
     """Take the best option of a contour between its neighbours; whether it is a better one."""
     exits, entries, first, _, _, _, option, place, ahead, _ = state
@@ -175,7 +175,7 @@ def _try_option(state: Any, c: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _try_reversal(state: Any, i: int, j: int) -> bool:
     """Run the part i to j of the tour backwards if that is shorter; whether it was."""
     exits, entries, _, _, _, tour, _, _, ahead, back = state
@@ -189,7 +189,7 @@ def _try_reversal(state: Any, i: int, j: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _try_carrying(state: Any, i: int, j: int, p: int) -> bool:
     """Carry the part i to j to between p and p + 1, forwards or backwards, if that is shorter."""
     exits, entries, _, _, _, tour, _, _, ahead, back = state
@@ -217,7 +217,7 @@ def _try_carrying(state: Any, i: int, j: int, p: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _improve_at(state: Any, c: int) -> bool:
     """Make one move that shortens the tour at a contour; whether there was one."""
     exits, entries, _, _, near, tour, option, place, _, _ = state
@@ -241,7 +241,7 @@ def _improve_at(state: Any, c: int) -> bool:
     )
 
 
-@compiled()
+@compiled(inner=True)
 def _bring_together(state: Any, i: int, k: int) -> bool:
     """Make one move after which what is at positions i and k is adjacent; whether it is shorter."""
     n = len(state[5])
@@ -261,7 +261,7 @@ def _bring_together(state: Any, i: int, k: int) -> bool:
     return False
 
 
-@compiled()
+@compiled(inner=True)
 def _improve(state: Any, queue: IntArray, count: int, queued: Any) -> None:
     """Make moves at the contours in the queue, and at what they touch, until none is shorter."""
     tour, place = state[5], state[7]

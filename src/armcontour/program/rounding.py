@@ -143,6 +143,8 @@ def _interpolate(places: FloatArray, s: npt.ArrayLike) -> FloatArray:
 
 def _put(contour: Contour, path: Path, place: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
     """The contour on a path, on which `place` gives the arc lengths of events and work."""
+    if not contour.events and contour.work is None:
+        return dataclasses.replace(contour, path=path)
     arc_lengths = place([x.s for x in contour.events])
     events = tuple(
         dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)

@@ -173,7 +173,7 @@ class Errors(NamedTuple):
     end_peak: float
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo:
     """The servo with a payload: more inertia at the same torque reduces gain and limits.
 
@@ -187,7 +187,7 @@ def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo
     return Servo(servo.kp, servo.kv * share, servo.lower * share, servo.upper * share)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _motion(states: States, j: int, servo: Servo) -> Motion:
     """The motion of a joint so far; its range of demands is plus and minus the largest so far."""
     limit = min(-servo.lower, servo.upper)
@@ -195,7 +195,7 @@ def _motion(states: States, j: int, servo: Servo) -> Motion:
     return Motion(states.q[j], states.w[j], states.saturated[j], -most, most)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _keep(m: Motion, servo: Servo, states: States, j: int) -> bool:
     """Write the motion of a joint into the states; returns whether it is finite."""
     limit = min(-servo.lower, servo.upper)
@@ -204,7 +204,7 @@ def _keep(m: Motion, servo: Servo, states: States, j: int) -> bool:
     return math.isfinite(m.q + m.w)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _run_evenly(
     servo: Servo,
     drive: Drive,
@@ -248,14 +248,14 @@ def _run_evenly(
     return True
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _play(command: FloatArray, i: int, rate: float, t: float) -> Cubic:
     """The cubic of interval i, executed faster by a factor `rate`, from its time t [s] on."""
     b, c, d = command[i, 1] * rate, command[i, 2] * rate**2, command[i, 3] * rate**3
     return shift(Cubic(command[i, 0], b, c, d), t)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _run_unevenly(
     servo: Servo,
     drive: Drive,
@@ -323,7 +323,7 @@ def _run_unevenly(
     return _keep(m, loaded, states, j)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _sharpen(
     line: Line,
     k: int,
@@ -371,7 +371,7 @@ def _sharpen(
     return peak
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _add(
     clock: Clock, e: Errors, peak: float, t: float, x: float, y: float, z: float, d2: float
 ) -> Errors:
@@ -416,7 +416,7 @@ def _add(
     return Errors(integral, d2, peak, x, y, z, dx, dy, dz, end, end_integral, end_peak)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _measure(
     robot: Robot,
     line: Line,
@@ -469,7 +469,7 @@ def _measure(
     return segment, e
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _bound_speed(kp: FloatArray, kv: FloatArray, goal: FloatArray, states: States) -> float:
     """Bound on the sum of all later joint velocities once the command is constant [rad/s].
 
@@ -487,7 +487,7 @@ def _bound_speed(kp: FloatArray, kv: FloatArray, goal: FloatArray, states: State
     return total
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _advance_joints(
     i: int,
     clock: Clock,
@@ -515,7 +515,7 @@ def _advance_joints(
     return True
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _execute(
     i: int,
     robot: Robot,
@@ -571,7 +571,7 @@ def _execute(
             return e, RESTLESS
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _finish(e: Errors, more: float) -> Errors:
     """The errors of a tool that no longer moves; `more` is added to the integral."""
     integral = e.integral + more

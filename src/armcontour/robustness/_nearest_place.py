@@ -12,7 +12,7 @@ from armcontour._kernels import FUSED, compiled
 REACH = 5.0
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
     """Squared distance of a point from segment i of a table g, as `monte_carlo._table` makes it."""
     gx, gy, gz = x - g[i, 0], y - g[i, 1], z - g[i, 2]
@@ -38,7 +38,7 @@ def _to_segment(x: float, y: float, z: float, g: FloatArray, i: int) -> float:
     return min(_to_joint(x, y, z, g, i, 0), _to_joint(x, y, z, g, i, 15))
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -> float:
     """Squared distance of a point from an end of segment i.
 
@@ -48,7 +48,7 @@ def _to_joint(x: float, y: float, z: float, g: FloatArray, i: int, first: int) -
     return float(gx * gx + gy * gy + gz * gz)
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def _march(
     x: float,
     y: float,

@@ -21,20 +21,20 @@ class Cubic(NamedTuple):
     third: float
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def evaluate(u: Cubic, t: float) -> float:
     """Value of the command at time t [rad]."""
     return u.value + t * (u.rate + t * (u.second + t * u.third))
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def shift(u: Cubic, t: float) -> Cubic:
     """The same command, with time counted from t."""
     rate = u.rate + t * (2 * u.second + t * 3 * u.third)
     return Cubic(evaluate(u, t), rate, u.second + 3 * u.third * t, u.third)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def divide_interval(
     period: float,
     steps: int,

@@ -119,7 +119,7 @@ class Phase(NamedTuple):
     highest: float
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def fastest_rate(kp: float, kv: float) -> float:
     """Inverse of the shortest time constant [1/s], or slightly more."""
     if kv == 0.0:
@@ -127,7 +127,7 @@ def fastest_rate(kp: float, kv: float) -> float:
     return kv if kv >= 4 * kp else math.sqrt(kp * kv)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
     """`exp(decay t) cosh(w t)` and `exp(decay t) sinh(w t) / w`, with `w² = discriminant`."""
     x = discriminant * t * t
@@ -146,7 +146,7 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
     return e * math.cos(w * t), e * math.sin(w * t) / w
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
     """The free motion over time t.
 
@@ -168,7 +168,7 @@ def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
     return Step(t, a, s, b, c - kv / 2 * s, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     """Responses from rest to the commands t, t² and t³ at time t, by Taylor series.
 
@@ -198,7 +198,7 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     return first * t, 2 * second * t * t, 6 * third * t * t * t
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
     """Position [rad] and velocity [rad/s] after a free motion under the command u."""
     s, e = step, q - u.value
@@ -207,7 +207,7 @@ def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, flo
     return x, v
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _sample(servo: Servo, f: Signal, t: float) -> tuple[float, float]:
     """Value and slope of a signal at time t."""
     value = f.c0 + t * (f.c1 + t * (f.c2 + t * f.c3))
@@ -221,14 +221,14 @@ def _sample(servo: Servo, f: Signal, t: float) -> tuple[float, float]:
     return value, slope
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _excess_over(f: Signal, side: float, bound: float) -> Signal:
     """Excess of a signal over an upper bound (side 1), or below a lower bound (side -1)."""
     c0 = side * (f.c0 - bound)
     return Signal(c0, side * f.c1, side * f.c2, side * f.c3, side * f.free, side * f.slope)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
     """Time at which a signal that rises in [low, high] is 0, by Newton's method from guess t."""
     near = NEAR * (high - low)
@@ -250,7 +250,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
     return high
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _find_extremum(servo: Servo, y: float, dy: float) -> float:
     """First time after 0 at which the slope of a free motion is 0; infinity if there is none.
 
@@ -275,7 +275,7 @@ def _find_extremum(servo: Servo, y: float, dy: float) -> float:
     return t if t > 0.0 else t + math.pi / w
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
     """The two times in (0, end) at which the slope of a cubic is 0; `end` for a missing one."""
     a, b, d = 3 * f.c3, f.c2, f.c1  # slope = a t² + 2 b t + d
@@ -293,7 +293,7 @@ def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
     return min(one, two), max(one, two)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
     """The two times in (0, end) at which a signal has an extremum; `end` for a missing one.
 
@@ -319,7 +319,7 @@ def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
     return min(first, second), max(first, second)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
     """The demand: acceleration of the servo before saturation [rad/s²]."""
     if servo.kv == 0.0:
@@ -327,7 +327,7 @@ def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
     return servo.kv * (servo.kp * (u.value - q) - w)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
     """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0.
 
@@ -339,7 +339,7 @@ def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
     return -1.0 if z < servo.lower - least else 0.0
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: float) -> Signal:
     """Excess of the demand over a bound while the joint accelerates at that bound."""
     kp, kv = servo.kp, servo.kv
@@ -354,7 +354,7 @@ def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: floa
     )
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
     """First time in [0, end] at which a cubic that starts at or above 0 falls below 0, or `end`."""
     if over.c3 == 0.0:
@@ -377,7 +377,7 @@ def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
     return end
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
     """The motion in saturation for time t, while the demand exceeds a bound.
 
@@ -402,7 +402,7 @@ def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: fl
     return Phase(t, side, 0.0, x, v, bound + least, bound + most)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float) -> float:
     """Fraction of a step at which the demand about reaches a bound, by a cubic through both ends.
 
@@ -426,7 +426,7 @@ def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float
     return x
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _move_freely(
     servo: Servo, u: Cubic, q: float, w: float, z: float, step: Step, span: float
 ) -> Phase:
@@ -472,7 +472,7 @@ def _move_freely(
     return Phase(t, 0.0, 0.0, x, v, lowest, highest)
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def next_phase(
     servo: Servo, u: Cubic, q: float, w: float, side: float, left: float, span: float, step: Step
 ) -> Phase:
@@ -513,7 +513,7 @@ def progresses(kp: float, kv: float, span: float) -> bool:
     return step >= span or (span + step > span and span < MOST_STEPS * step)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint of second order over a step, event by event."""
     q, w, saturated, lowest, highest = m
@@ -534,7 +534,7 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     return Motion(q, w, saturated, lowest, highest)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _bound_free(
     servo: Servo, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
@@ -554,7 +554,7 @@ def _bound_free(
     return low, high
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _bound_demand(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
@@ -568,7 +568,7 @@ def _bound_demand(
     return min(line, end) + low, max(line, end) + high
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _demand_extremum(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> float:
@@ -593,7 +593,7 @@ def _demand_extremum(
     return value - slope * slope / (2 * bend) if bend != 0.0 else value
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint of first order over a step; its demand is its acceleration."""
     kp, t = servo.kp, step.time
@@ -613,7 +613,7 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
     return Motion(q, w, 0.0, lowest, highest)
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint over a step under the command u.
 

@@ -29,7 +29,7 @@ COLUMNS = 7
 KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
 
 
-@compiled()
+@compiled(inner=True)
 def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) -> None:
     """Factors of a free motion over time t, and their derivatives with respect to kp and kv.
 
@@ -66,7 +66,7 @@ def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) ->
     out[2, 3] = cv - s / 2 - kv / 2 * sv
 
 
-@compiled()
+@compiled(inner=True)
 def move_freely(
     x: FloatArray, columns: int, f: FloatArray, kp: float, v: float, r: float, t: float
 ) -> None:
@@ -100,7 +100,7 @@ def move_freely(
         x[0, DELAY] -= r
 
 
-@compiled()
+@compiled(inner=True)
 def _move_saturated(x: FloatArray, columns: int, side: float, t: float) -> None:
     """Advance the derivatives by time t in saturation at the upper (1) or lower (-1) limit."""
     for j in range(1, columns):

@@ -86,7 +86,7 @@ def divide(period: float, steps: int, dead_time: FloatArray) -> Parts:
     return Parts(number, width, local, late, due, repeats, np.empty((dof, most, 11)))
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
     """Compute the free motions of the parts of one joint.
 
@@ -110,14 +110,14 @@ def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
     return True
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def write_step(s: Step, row: FloatArray) -> None:
     """Write a free motion into an array, (11,)."""
     row[0], row[1], row[2], row[3], row[4], row[5] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
     row[6], row[7], row[8], row[9], row[10] = s.q2, s.q3, s.w1, s.w2, s.w3
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def run_joint(
     servo: Servo,
     command: FloatArray,

@@ -70,6 +70,8 @@ class Simulation:
         joints = self.joints
         if bounds is not None:
             joints = joints._replace(lower=bounds[0], upper=bounds[1])
+        # Copies: functions are compiled again for arrays that are read-only.
+        q, dq = np.array(q), np.array(dq)
         run = run_joints(joints, self.commands, self.parts, self.steps, begin, end, q, dq)
         if run.stuck.any():
             self._refuse_stuck(int(np.argmax(run.stuck)))

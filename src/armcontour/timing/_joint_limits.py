@@ -82,6 +82,7 @@ def _first_pass(
     high: FloatArray,
     start: float,
     end: float,
+    packed: FloatArray,
 ) -> tuple[FloatArray, FloatArray, bool]:
     """A plan without margins and without skew, the slopes of u for it, and whether there is one."""
     n, dof = len(piece), coefficients.shape[2]
@@ -93,7 +94,7 @@ def _first_pass(
     for i in range(fixed.shape[1]):
         ends[0, i], ends[1, i] = min(ends[0, i], fixed[0, i]), min(ends[1, i], fixed[1, i])
     ceiling = _at_points(ends, stops)
-    packed, none, skew = np.empty((n, 4, 2 * dof)), np.zeros(n), np.zeros(n)
+    none, skew = np.zeros(n), np.zeros(n)
     pack(width, none, first, second, low, high, np.zeros((n, dof)), 0, packed, np.zeros(n))
     x, sound = _reach(width, packed, ceiling, none, start, end)
     if not sound:
@@ -131,6 +132,7 @@ def plan_in_one_go(
     largest_dip: float,
     wider: float,
     tries: int,
+    packed: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
     """Plan on a coarse grid, and then with margins on the grid itself.
 
@@ -157,6 +159,7 @@ def plan_in_one_go(
         largest_dip: As in `judge`.
         wider: Ratio by which the headroom grows where it was too little.
         tries: Largest number of plans on the grid.
+        packed: Memory for the rows, (n, 4, 2 dof).
 
     Returns:
         ds² at the points, (n + 1,); slopes of dds, (n,); the share of limits that margins take,
@@ -174,6 +177,7 @@ def plan_in_one_go(
         high,
         start,
         end,
+        packed[: len(coarse_piece)],
     )
     n, dof = len(piece), coefficients.shape[2]
     lost = np.zeros(n)
@@ -186,7 +190,7 @@ def plan_in_one_go(
     # Derivatives of the interval at hand, and of the one before it.
     first, second = np.empty((2, 2, dof)), np.empty((2, 2, dof))
     third, fourth, bulge = np.empty((2, dof)), np.empty((2, dof)), np.empty((2, dof))
-    shifts, ceiling, packed = np.empty(n), np.empty((2, n)), np.empty((n, 4, 2 * dof))
+    shifts, ceiling = np.empty(n), np.empty((2, n))
     for _ in range(tries):
         largest, smallest = bound_x(most, least, ratio, skew, width)
         too_much = False

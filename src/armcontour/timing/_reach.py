@@ -34,7 +34,7 @@ LARGEST_CHANGE = 0.1
 VANISHED = 1e-9
 
 
-@compiled()
+@compiled(inline="always")
 def write_rows(
     half: float,
     shift: float,
@@ -75,14 +75,13 @@ def write_rows(
         start, last = (1.0, 0.0) if end == 0 else (0.0, 1.0)
         aside = shift * (start - last)
         for k in range(a.shape[2]):
-            inertia = a[end, row, k] * half
-            room = margin[row, k]
-            out[i, 0, begin + k] = start * b[end, row, k] - inertia
-            out[i, 1, begin + k] = last * b[end, row, k] + inertia
-            out[i, 2, begin + k] = low[at, bound, k] + room + inertia * aside
-            out[i, 3, begin + k] = high[at, bound, k] - room + inertia * aside
-        for k in range(a.shape[2]):
-            room, allowed = margin[row, k], min(high[at, bound, k], -low[at, bound, k])
+            inertia, other, room = a[end, row, k] * half, b[end, row, k], margin[row, k]
+            least, most = low[at, bound, k], high[at, bound, k]
+            out[i, 0, begin + k] = start * other - inertia
+            out[i, 1, begin + k] = last * other + inertia
+            out[i, 2, begin + k] = least + room + inertia * aside
+            out[i, 3, begin + k] = most - room + inertia * aside
+            allowed = min(most, -least)
             if room > lost * allowed:
                 lost = room / allowed
             if abs(a[end, row, k]) * turn > allowed - room:

@@ -68,7 +68,7 @@ class Timing:
             own = SHAPE_OPTIONS if self.method == Method.SHAPED else ()
             options = {x: y for x, y in self.options.items() if x not in own}
             found = plan_optimal(joint_path, self.arm, self.limits, memory=self.memory, **options)
-            return replace(found, method=Method(self.method))
+            return found if found.method == self.method else replace(found, method=Method.SHAPED)
         if self.method == Method.MAC:
             return plan_mac(joint_path, self.arm, self.limits, **self.options)
         return plan_conventional(joint_path, self.arm, self.limits)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import NoReturn, TypeGuard
 
 import numpy as np
 
@@ -60,6 +60,7 @@ from armcontour.timing.grid import (
 )
 from armcontour.timing.jerk import MOST_ITERATIONS, JerkLimits, Task, limit_jerk
 from armcontour.timing.vanishing import reparametrize, standing
+from armcontour.timing.workspace import Workspace
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
 # at most MOST_REFINEMENTS times; the allowed share grows each time, up to LARGEST_MARGIN_EVER.
@@ -148,7 +149,8 @@ def plan_optimal(
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
-        law = _solve(placed, _Task(tuple(active), start, end, arm, rests), most)
+        with Workspace() as space:
+            law = _solve(placed, _Task(tuple(active), start, end, arm, rests, space), most)
         if jerk is None:
             return law
         return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
@@ -224,6 +226,7 @@ class _Task:
         end_speed: ds at the end [m/s].
         arm: The arm, for messages.
         standing: Arc lengths at which dq_ds of all joints vanishes [m].
+        space: Memory for the rows of all passes.
     """
 
     active: tuple[Constraint, ...]
@@ -231,6 +234,7 @@ class _Task:
     end_speed: float
     arm: Arm
     standing: FloatArray
+    space: Workspace
 
     @property
     def curved(self) -> bool:
@@ -255,7 +259,7 @@ class Problem:
     Args:
         grid: The grid.
         path: Derivatives of the joint path on the grid.
-        active: The constraints.
+        task: The constraints, and memory for their rows, which the next problem uses again.
         bounds: Bounds of x and u, from which margins between the points follow; None for no
             margins.
         about: Without bounds: x on each interval [m²/s²] near which rows that stand for a curve
@@ -266,17 +270,17 @@ class Problem:
         self,
         grid: Grid,
         path: JointDerivatives,
-        active: Sequence[Constraint],
+        task: _Task,
         bounds: Bounds | None = None,
         about: FloatArray | None = None,
     ) -> None:
         n = len(grid)
-        self.grid = grid
+        self.grid, self.space = grid, task.space
         self.c, self.radius, self.shifts = np.empty((2, 0)), np.empty(0), np.zeros(n)
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
         self.rows: list[Rows] = []
-        for constraint in active:
+        for constraint in task.active:
             ceiling = constraint.ceiling(grid, path, bounds)
             if about is None:
                 found = constraint.rows(grid, path, bounds)
@@ -306,11 +310,14 @@ class Problem:
                 self.lost = np.maximum(self.lost, half_turn > self.radius)
         self.at_points = self._at_points()
         self.packed = self._pack()
+        if bounds is not None:
+            # Slopes along all rows are those of the first pass; here they would only take memory.
+            self.rows = [x.last for x in self.rows]
 
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
+        packed, first = self.space.rows(len(self.grid), 2 * count), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -318,7 +325,7 @@ class Problem:
         return packed
 
     def solve(self, task: _Task) -> FloatArray:
-        """Find the largest x at every grid point [m²/s²], (n + 1,).
+        """Find the largest x at every grid point [m²/s²], (n + 1,); before another problem is made.
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
@@ -446,7 +453,8 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     for _ in range(MOST_TRIES):
         skew = np.where(steady, 0.0, bracket.slope)
         bounds = _bounds(grid, path, task, bracket, skew)
-        problem = Problem(grid, path, task.active, bounds)
+        problem = None  # The arrays of the last one are freed before this one has its own.
+        problem = Problem(grid, path, task, bounds)
         lost = problem.lost
         if lost.max() > most:
             # Retry without skew where skew is the cause, or where finer grids did not help.
@@ -478,6 +486,11 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     return bracket.found, np.maximum(lost, most)
 
 
+def _is_fixed(x: Constraint) -> TypeGuard[ToolSpeed | CentripetalAcceleration]:
+    """Whether a constraint is a ceiling that depends on the place only; subclasses may not be."""
+    return type(x) in (ToolSpeed, CentripetalAcceleration)
+
+
 @dataclass(frozen=True, slots=True)
 class _PlainLimits:
     """Limits for which one compiled call makes the plan: of joints, and fixed ceilings.
@@ -500,7 +513,7 @@ class _PlainLimits:
         # Subclasses may keep other limits.
         accelerations = [x for x in task.active if type(x) is JointAcceleration]
         velocities = [x for x in task.active if type(x) is JointVelocity]
-        fixed = [x for x in task.active if isinstance(x, ToolSpeed | CentripetalAcceleration)]
+        fixed = [x for x in task.active if _is_fixed(x)]
         known = len(fixed) + len(velocities[:1]) + 1
         if not accelerations or known < len(task.active) or len(task.standing):
             return None
@@ -535,6 +548,7 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
+            task.space.rows(len(grid), 2 * path.dof),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
@@ -653,11 +667,12 @@ def _coarse(grid: Grid) -> tuple[Grid, IntArray]:
 def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
     """Run the first pass on a coarser grid."""
     path = JointDerivatives.on(coarse)
-    plain = Problem(coarse, path, task.active)
+    plain = Problem(coarse, path, task)
     x = plain.solve(task)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
-        plain = Problem(coarse, path, task.active, about=about)
+        del plain  # Its arrays are freed before the next one has its own.
+        plain = Problem(coarse, path, task, about=about)
         x = plain.solve(task)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break

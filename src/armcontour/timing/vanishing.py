@@ -20,6 +20,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, quintic
+from armcontour.timing._vanishing import standing_breaks
 
 # dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
 VANISHED = 1e-9
@@ -35,13 +36,7 @@ Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, 
 
 def standing(joint_path: JointPath) -> FloatArray:
     """Breaks at which dq_ds of all joints vanishes [m], (k,): joints rest there at any ds."""
-    terms = _terms(joint_path.coefficients)
-    small = VANISHED * np.linalg.norm(terms, axis=2).sum(axis=1)
-    start = np.linalg.norm(terms[:, 0], axis=1) <= small
-    end = np.linalg.norm(terms.sum(axis=1), axis=1) <= small
-    found = np.append(start, end[-1])
-    found[1:-1] &= end[:-1]
-    return np.asarray(joint_path.breaks[found])
+    return joint_path.breaks[standing_breaks(joint_path.coefficients, VANISHED)]
 
 
 def reparametrize(joint_path: JointPath) -> JointPath:
@@ -54,11 +49,13 @@ def reparametrize(joint_path: JointPath) -> JointPath:
     Raises:
         InvalidInput: No joint moves along the whole path.
     """
+    if joint_path.tool_path is not None:
+        return joint_path
     terms = _terms(joint_path.coefficients)
     size = np.linalg.norm(terms, axis=2)
     # The first term alone outweighs all others unless dq_ds comes near zero.
     suspect = np.flatnonzero(size[:, 0] <= size[:, 1:].sum(axis=1))
-    if joint_path.tool_path is not None or not len(suspect):
+    if not len(suspect):
         return joint_path
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")

@@ -24,6 +24,8 @@ MOST_STARTS = 48
 MOST_SOLUTIONS = 8
 # Two solutions count as one if they differ by less than this outside the null space [rad].
 SAME_SOLUTION = 0.05
+# Different solutions are mostly told apart at this number of knots.
+FEW_KNOTS = 16
 # Redundant solutions are ranked by their cost after this many iterations of smoothing, on at most
 # this number of knots.
 ROUGH_ROUNDS = 3
@@ -106,6 +108,7 @@ def find_solutions(
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, start)
     found: list[Solution] = []
+    different = _Different(arm, knot_poses, task)
     for i, q in enumerate(followed):
         if redundant and found and i >= MOST_SMOOTHED:
             break
@@ -116,7 +119,7 @@ def find_solutions(
         in_range = _turn_into_range(arm, q, start)
         if isinstance(in_range, _Failure):
             failures.append(dataclasses.replace(in_range, reached=int(at[in_range.reached])))
-        elif not any(_is_same(arm, knot_poses, task, x.q, in_range) for x in found):
+        elif different.add(in_range):
             found.append(Solution(q=in_range, cost=cost))
     if not found:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
@@ -177,21 +180,60 @@ def _rank(
     ranked.sort(key=lambda x: x[0])
     first: list[FloatArray] = []
     again: list[FloatArray] = []
+    different = _Different(arm, poses, task)
     for _, q in ranked:
-        known = any(_is_same(arm, poses[: len(q)], task, x, q) for x in first)
-        (again if known else first).append(q)
+        (first if different.add(q) else again).append(q)
     return first + again
 
 
-def _is_same(arm: SerialArm, poses: FloatArray, task: int, a: FloatArray, b: FloatArray) -> bool:
-    """Whether two solutions are equal but for null-space motion."""
-    difference = b - a
-    if task == arm.dof:
-        return bool(np.abs(difference).max() < SAME_SOLUTION)
-    difference = np.pi - np.mod(np.pi - difference, 2 * np.pi)
-    w = null_space(arm, poses, task, a)
-    rest = difference - np.einsum("nik,nij,nj->nk", w, w, difference)
-    return bool(np.abs(rest).max() < SAME_SOLUTION * max(1.0, float(np.abs(difference).max())))
+class _Different:
+    """Solutions that all differ by more than null-space motion.
+
+    Args:
+        arm: The arm.
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension.
+    """
+
+    def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
+        self.arm, self.poses, self.task = arm, poses, task
+        self._known: list[FloatArray] = []
+        # Null spaces along the known solutions, computed where a difference is looked at closely.
+        self._spaces: dict[int, FloatArray] = {}
+        self._few = np.unique(np.linspace(0, len(poses) - 1, FEW_KNOTS).astype(np.intp))
+
+    def add(self, q: FloatArray) -> bool:
+        """Add joint positions, (n, dof), unless they are those of a known solution."""
+        if any(self._is_known(k, q) for k in range(len(self._known))):
+            return False
+        self._known.append(q)
+        return True
+
+    def _is_known(self, k: int, q: FloatArray) -> bool:
+        """Whether joint positions are those of a known solution but for null-space motion."""
+        known, few = self._known[k], self._few
+        if self.task == self.arm.dof:
+            return bool(np.abs(q - known).max() < SAME_SOLUTION)
+        # At any knot no more may be left than from a difference of half a turn.
+        w = null_space(self.arm, self.poses[few], self.task, known[few])
+        if _outside(w, q[few] - known[few])[0] >= SAME_SOLUTION * np.pi:
+            return False
+        if k not in self._spaces:
+            self._spaces[k] = null_space(self.arm, self.poses, self.task, known)
+        rest, size = _outside(self._spaces[k], q - known)
+        return rest < SAME_SOLUTION * max(1.0, size)
+
+
+def _outside(w: FloatArray, difference: FloatArray) -> tuple[float, float]:
+    """The largest part outside null spaces of differences of joint positions, and their largest.
+
+    Args:
+        w: Bases of the null spaces, (n, free, dof).
+        difference: The differences, up to whole turns [rad], (n, dof).
+    """
+    near = np.pi - np.mod(np.pi - difference, 2 * np.pi)
+    rest = near - np.einsum("nik,nij,nj->nk", w, w, near)
+    return float(np.abs(rest).max()), float(np.abs(near).max())
 
 
 def _subdivide(path: Path, knots: Knots) -> tuple[Knots, IntArray]:

@@ -6,22 +6,24 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.tracing.closed_form import ClosedForm
-from armcontour.tracing.configurations import find_solutions
-from armcontour.tracing.knots import first_knots
+from armcontour.tracing.configurations import CHORD_TURN, find_solutions
+from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import task_dimension
+from armcontour.tracing.poses import row_of_poses, task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
 from armcontour.tracing.refinement import refine
 
 # With redundant degrees of freedom the first knots lie closer together by this factor, as the
 # null-space motion is interpolated between them.
 FINER = 3
+# Distance between the places of a sketch, over the length of all the arm's links.
+SKETCHED = 0.01
 
 
 def trace(
@@ -110,6 +112,49 @@ def trace_all(
         )
     near = None if start is None else _check_start(arm, start)
     return _trace_serial(path, arm, near, tolerance, most)
+
+
+def sketch_all(
+    path: Path, arm: SerialArm, *, limits: Limits | None = None
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Joint positions at a few places of a long path, in all configurations that get along there.
+
+    Args:
+        path: Tool path.
+        arm: The arm, which moves in space.
+        limits: As in `trace`.
+
+    Returns:
+        Arc lengths of the places from 0 to the path's end [m], (n,), and joint positions there
+        [rad], (n, dof) each, the shortest joint path first.
+
+    Raises:
+        Unreachable: No configuration gets along these places.
+        InvalidInput: The path does not fit the arm.
+    """
+    if limits is not None:
+        arm = arm.with_limits(limits)
+    task = task_dimension(path, arm)
+    knots = first_knots(path)
+    chain = np.concatenate([arm.chain.positions, arm.arrays[4][None, :, 3]])
+    few = knots.part(_few_places(path, knots, SKETCHED * np.linalg.norm(chain, axis=1).sum()))
+    found = find_solutions(path, arm, few, task, None)
+    return np.append(few.s0, path.length), [x.q for x in found]
+
+
+def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
+    """Indices of knots that lie about `step` apart [m], or `CHORD_TURN` of the tool; with the last.
+
+    Args:
+        path: The path.
+        knots: The knots.
+        step: Distance along the path [m].
+    """
+    turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
+    done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
+    fresh = np.diff(np.floor(done), prepend=-1.0) > 0
+    fresh[-1] = True
+    return np.flatnonzero(fresh)
 
 
 def _trace_planar(

@@ -14,8 +14,6 @@ The margin follows from bounds of x and u on the interval.
 
 from __future__ import annotations
 
-import sys
-import threading
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -49,39 +47,14 @@ class JointDerivatives:
     def on(cls, grid: Grid) -> JointDerivatives:
         """Compute the derivatives of the grid's joint path."""
         path: JointPath = grid.joint_path
-        shape = (len(grid), path.dof)
-        block = _memory.take(6 * shape[0] * shape[1])
-        arrays = block[: 6 * shape[0] * shape[1]].reshape(6, *shape)
+        arrays = np.empty((6, len(grid), path.dof))
         parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
         derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
         return cls(*parts)
 
 
-class _Memory(threading.local):
-    """The memory block of the last plan, per thread, which the next plan uses again.
-
-    At 5000 points a fresh block from the system costs as much time as all the arithmetic.
-    """
-
-    block: FloatArray | None = None
-
-    def take(self, size: int) -> FloatArray:
-        """A block of at least `size` numbers that no other object refers to."""
-        block = self.block
-        if block is not None and block.size >= size and sys.getrefcount(block) == UNUSED:
-            return block
-        block = np.empty(size)
-        self.block = block if size <= MOST_KEPT else None
-        return block
-
-
-_memory = _Memory()
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
-# A block of more numbers than this (16 MB) is not kept.
-MOST_KEPT = 2_000_000
-# References to an unused block during the check: the attribute, the local name, the argument.
-UNUSED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +105,12 @@ class Rows:
     low: FloatArray
     high: FloatArray
     margin: FloatArray
+
+    @property
+    def last(self) -> Rows:
+        """The rows of the last interval, which hold no array of all intervals."""
+        a, b, low, high = (x[:, -1:].copy() for x in (self.a, self.b, self.low, self.high))
+        return Rows(a, b, low, high, self.margin[-1:].copy())
 
     def compact(self) -> Rows:
         """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""

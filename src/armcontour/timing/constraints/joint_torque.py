@@ -84,7 +84,7 @@ class JointTorque(Constraint):
         self.viscous = np.array(dynamics.chain.viscous)
         self.coulomb = np.array(dynamics.chain.coulomb)
         self.curved = bool(self.viscous.any())
-        self._terms = Sampled(dynamics.path_terms)
+        self._terms = Sampled(dynamics.path_terms, sparing=True)
         self._last: _OnGrid | None = None
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:

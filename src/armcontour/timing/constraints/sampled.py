@@ -30,10 +30,11 @@ class Sampled:
 
     Args:
         function: Called with joint positions and their first and second derivatives over s.
+        sparing: Whether values in the middles, which only the rises need, are not kept.
     """
 
-    def __init__(self, function: OfPath) -> None:
-        self._function = function
+    def __init__(self, function: OfPath, *, sparing: bool = False) -> None:
+        self._function, self._sparing = function, sparing
         self._grid: Grid | None = None
         self._found: dict[str, Values] = {}
 
@@ -67,9 +68,8 @@ class Sampled:
         return self._function(*grid.joint_path.motion(grid.piece, middle))
 
     def _rises(self, grid: Grid) -> Values:
-        return tuple(
-            rise(grid, x, y) for x, y in zip(self.at_ends(grid), self.in_middles(grid), strict=True)
-        )
+        middles = self._in_middles(grid) if self._sparing else self.in_middles(grid)
+        return tuple(rise(grid, x, y) for x, y in zip(self.at_ends(grid), middles, strict=True))
 
 
 def rise(grid: Grid, ends: FloatArray, middle: FloatArray) -> FloatArray:

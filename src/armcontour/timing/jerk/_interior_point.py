@@ -85,7 +85,7 @@ class _Duals(NamedTuple):
     positive: FloatArray
 
 
-@compiled()
+@compiled(inner=True)
 def _duals(p: Section) -> _Duals:
     n = len(p.cell)
     return _Duals(
@@ -100,26 +100,26 @@ def _duals(p: Section) -> _Duals:
 # Rows are read number by number: a view of each row would cost more than what is computed with it.
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
     """The value of the only row of cell i."""
     return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _of(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
     """The value of row r of part c, which lies in cell i."""
     return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _axis(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
     """The value of axis k of the vector r of part c, which lies in cell i."""
     x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
     """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
     i = p.cell[c]
@@ -134,7 +134,7 @@ def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
         found[k, 3] = -half * p.raised[c, k, 2]
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
     """The radius of a round row, and its slope, (value, x, y, z)."""
     k, radius = p.round_of[r], p.radius[c, r]
@@ -144,7 +144,7 @@ def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
     return radius * value - p.margin[c, r], radius * x, radius * y, radius * z
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
     """The square of the length of a vector of a round row."""
     total = 0.0
@@ -153,7 +153,7 @@ def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
     return total
 
 
-@compiled()
+@compiled(inner=True)
 def _slacks(p: Section, d: FloatArray, free: int, found: _Duals) -> None:
     """Write how far d is from every bound; an end that is not free has none."""
     n = len(p.width)
@@ -208,7 +208,7 @@ def least_slack(p: Section, d: FloatArray) -> float:
     return least
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
     """Add second derivatives and right sides of cell i to the diagonals."""
     bands[0, i] += h[0]
@@ -222,7 +222,7 @@ def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
     right[i + 2] += g[2]
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _more(
     h: tuple[float, float, float, float, float, float],
     g: tuple[float, float, float],
@@ -243,7 +243,7 @@ def _more(
     return squares, (g[0] + push * x, g[1] + push * y, g[2] + push * z)
 
 
-@compiled()
+@compiled(inner=True)
 def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
     """Duration [s]; adds its second derivatives and subtracts its gradient."""
     n = len(p.width)
@@ -279,7 +279,7 @@ def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArr
     return total
 
 
-@compiled()
+@compiled(inner=True)
 def _add_bounds(
     p: Section,
     d: FloatArray,
@@ -340,7 +340,7 @@ def _add_bounds(
             right[i] += mu / slack.positive[i]
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _round_slope(p: Section, c: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
     """The slope of `bound - |vector|² / bound`, (x, y, z)."""
     bound, x, y, z = _radius(p, c, r, tangents)
@@ -354,7 +354,7 @@ def _round_slope(p: Section, c: int, r: int, d: FloatArray, tangents: FloatArray
     return x, y, z
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
     """The longest steps of slacks and multipliers so far, with those of one more row."""
     one, other = reach
@@ -365,7 +365,7 @@ def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) ->
     return one, other
 
 
-@compiled()
+@compiled(inner=True)
 def _changes(
     p: Section,
     d: FloatArray,
@@ -421,7 +421,7 @@ def _changes(
     return reach
 
 
-@compiled()
+@compiled(inner=True)
 def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     """Whether d keeps a share of its old slack on every curved and round row."""
     share = 1.0 - NEAREST
@@ -443,7 +443,7 @@ def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     return True
 
 
-@compiled()
+@compiled(inner=True)
 def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
     """Solve a symmetric system of five diagonals in place, by LDLᵀ with a scaled diagonal."""
     n = len(right)
@@ -482,7 +482,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
         right[i] *= scale[i]
 
 
-@compiled()
+@compiled(inner=True)
 def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
     """Take the ends out of Newton's system, but for a free one."""
     last = len(right) - 1
@@ -492,13 +492,13 @@ def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
         bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
 
 
-@compiled()
+@compiled(inner=True)
 def _move(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
     for i in range(len(d)):
         trial[i] = d[i] + share * step[i]
 
 
-@compiled()
+@compiled(inner=True)
 def _count(p: Section, dual: _Duals) -> float:
     """Number of bounds."""
     found = dual.curved.size + dual.round.size
@@ -508,7 +508,7 @@ def _count(p: Section, dual: _Duals) -> float:
     return float(found + len(p.width))
 
 
-@compiled()
+@compiled(inner=True)
 def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
     """Multipliers on the central path of mu."""
     for c in range(p.low.shape[0]):
@@ -525,7 +525,7 @@ def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
             dual.positive[i] = mu / slack.positive[i]
 
 
-@compiled()
+@compiled(inner=True)
 def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
     """Add a share of the changes to multipliers."""
     flat, more = dual.reshape(-1), change.reshape(-1)

@@ -46,7 +46,9 @@ def solve_program(
     first, ends, values, bound = _pack(rows, bounds)
     count = len(bound)
     c, w = cost.ravel(), weight.ravel()
-    largest = np.abs(c).max()
+    largest = 0.0
+    for a in range(n * k):
+        largest = max(largest, abs(c[a]))
     x = np.zeros(n * k)
     slack = np.maximum(bound, FIRST_SLACK)
     # The multipliers start in proportion to the cost.
@@ -99,7 +101,7 @@ def solve_program(
     return x.reshape(n, k), -MOST_ITERATIONS
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
@@ -133,7 +135,7 @@ def _pack(
     return first[:count], ends[: count + 1], values[: ends[count]], bound[:count]
 
 
-@compiled(fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def _times(first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int) -> float:
     """Value of row r."""
     value = 0.0
@@ -143,7 +145,7 @@ def _times(first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r
     return value
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _fill(
     first: IntArray,
     ends: IntArray,
@@ -156,7 +158,8 @@ def _fill(
     """Write the lower bands of the normal matrix; entry (a, b) stands at column `last + b - a`."""
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
-    matrix[:, last] = weight
+    for a in range(len(weight)):
+        matrix[a, last] = weight[a]
     for r in range(len(slack)):
         ratio = dual[r] / slack[r]
         begin, length = ends[r], ends[r + 1] - ends[r]
@@ -167,7 +170,7 @@ def _fill(
                 row[last - a + b] += scaled * values[begin + b]
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _factor(matrix: FloatArray) -> bool:
     """Replace a banded matrix by its Cholesky factor, with the inverse of its diagonal.
 
@@ -193,7 +196,7 @@ def _factor(matrix: FloatArray) -> bool:
     return True
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _solve(matrix: FloatArray, x: FloatArray) -> None:
     """Replace the right side by the solution, given the factor."""
     last = matrix.shape[1] - 1
@@ -209,7 +212,7 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
             x[b] -= matrix[a, last + b - a] * x[a]
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _longest(slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray) -> float:
     """The longest step, up to 1, that keeps slacks and multipliers positive."""
     way = 1.0

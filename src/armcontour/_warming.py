@@ -1,0 +1,274 @@
+"""Compiling ahead: all compiled functions, or those of a usual run, in several processes.
+
+`_kernels.txt` lists what each function is called with, one call a line, and which runs call it so.
+Functions that others call come first: those load them, where they would compile them again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path as FilePath
+from threading import Condition
+from typing import Any, Literal, TypeAlias
+
+from armcontour import _signatures
+from armcontour._kernels import KERNELS, compiled
+from armcontour._processes import share_work
+from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
+from armcontour.errors import ArmContourError
+
+# Runs on plane arms, runs on arms in space, both, and everything.
+Which: TypeAlias = Literal["plane", "space", "usual", "all"]
+# Names of a module and a function.
+Key: TypeAlias = tuple[str, str]
+LIST = FilePath(__file__).with_name("_kernels.txt")
+# Memory of a process that compiles [bytes].
+EACH = 0.4e9
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled function, and what it is called with.
+
+    Args:
+        module: Name of its module.
+        name: Name of the function.
+        arguments: Types of arguments, one text for each kind of call.
+    """
+
+    module: str
+    name: str
+    arguments: tuple[str, ...]
+
+    @property
+    def key(self) -> Key:
+        """Names of the module and of the function."""
+        return self.module, self.name
+
+    @property
+    def dispatcher(self) -> Any:
+        """The function itself; None if there is no such function any more."""
+        with suppress(ImportError):
+            import_module(self.module)
+        return KERNELS.get(self.key)
+
+    def __str__(self) -> str:
+        """The name without that of the package."""
+        return f"{self.module.partition('.')[2]}.{self.name}"
+
+
+@dataclass(frozen=True)
+class Warmed:
+    """What `warm` did.
+
+    Args:
+        functions: Number of functions that are compiled now.
+        compiled: How many of them were not before.
+        folder: Where they are kept.
+    """
+
+    functions: int
+    compiled: int
+    folder: FilePath
+
+
+def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
+    """Compile functions that are not compiled yet, in as many processes as the machine bears.
+
+    Args:
+        which: Which functions.
+        progress: Called with the function that was compiled last, and the share that is done.
+
+    Raises:
+        ExecutionError: A process ended before its work did.
+    """
+    listed = read_list(which)
+    stamp = _Stamp(which, listed)
+    compiled = 0
+    if not stamp.holds():
+        compiled = _compile(listed, progress)
+        stamp.set()
+    return Warmed(len(listed), compiled, stamp.folder)
+
+
+def warm_for_run(dimension: int, progress: Progress) -> None:
+    """Compile what a usual run needs, if it is not compiled yet; what fails, the run compiles.
+
+    Args:
+        dimension: Dimension of the arm's work space.
+        progress: Called as by `warm`.
+    """
+    which: Which = "plane" if dimension == 2 else "space"
+    with suppress(ArmContourError, RuntimeError, OSError):
+        warm(which, progress)
+
+
+def read_list(which: Which) -> list[Kernel]:
+    """The functions that a kind of run needs, in the order of the list."""
+    found: dict[Key, list[str]] = {}
+    for line in LIST.read_text(encoding="utf-8").splitlines():
+        runs, call = line.split(" ", 1)
+        if which == "all" or which in runs.split(",") or (which == "usual" and runs != "-"):
+            function, _, arguments = call.partition("(")
+            module, _, name = function.rpartition(".")
+            found.setdefault((module, name), []).append(arguments.removesuffix(")"))
+    return [Kernel(module, name, tuple(x)) for (module, name), x in found.items()]
+
+
+def _compile(kernels: Sequence[Kernel], progress: Progress | None) -> int:
+    """Compile functions in several processes; returns how many were not compiled before."""
+    processes = _processes()
+    tell = under(progress, COMPILING, f"{len(kernels)} functions in {processes} processes")
+    tell_compiling(f"{len(kernels)} functions")
+    tell(Step((), 0.0))
+    order = _Order(kernels, tell)
+    share_work(compile_kernel, order, processes=processes)
+    return order.compiled
+
+
+def compile_kernel(kernel: Kernel) -> int:
+    """Compile a function, or load it where it is compiled; returns how often it was compiled."""
+    from numba.core.errors import NumbaError
+
+    dispatcher = kernel.dispatcher
+    for text in kernel.arguments:
+        # A list that is not up to date: the function is compiled where it is called.
+        with suppress(NumbaError):
+            dispatcher.compile(_signatures.from_text(text))
+    return sum(dispatcher.stats.cache_misses.values())
+
+
+class _Order:
+    """Which function comes next: one whose callees are done, and that most others wait for.
+
+    Args:
+        kernels: The functions.
+        tell: Called after each function.
+    """
+
+    def __init__(self, kernels: Sequence[Kernel], tell: Progress) -> None:
+        self._tell, self._news = tell, Condition()
+        self.compiled = 0
+        self._left = {x.key: x for x in kernels if x.dispatcher is not None}
+        needs = {key: _callees(key) - {key} for key in self._left}
+        self._needs = {key: x & self._left.keys() for key, x in needs.items()}
+        # The length of its code stands for the time to compile a function, and that of all
+        # functions that call it for what waits.
+        self._size = {x: len(KERNELS[x].py_func.__code__.co_code) for x in self._left}
+        self._rank = dict(self._size)
+        for caller, callees in self._needs.items():
+            for x in callees:
+                self._rank[x] += self._size[caller]
+        self._whole, self._done = sum(self._size.values()), 0
+        self._away = set[Key]()
+
+    def take(self) -> Kernel | None:
+        """The next function, as soon as there is one; None at the end."""
+        with self._news:
+            while self._left:
+                undone = self._left.keys() | self._away
+                ready = [x for x in self._left if not self._needs[x] & undone]
+                if ready:
+                    key = max(ready, key=self._rank.__getitem__)
+                    self._away.add(key)
+                    return self._left.pop(key)
+                self._news.wait()
+        return None
+
+    def finish(self, item: Kernel, result: int) -> None:
+        """Count a function that is done, and how often it was compiled."""
+        with self._news:
+            self._away.discard(item.key)
+            self._done += self._size[item.key]
+            self.compiled += result > 0
+            share = self._done / self._whole
+            self._news.notify_all()
+        self._tell(Step((str(item),), share))
+
+    def give_up(self) -> None:
+        """Have no functions any more."""
+        with self._news:
+            self._left.clear()
+            self._news.notify_all()
+
+
+class _Stamp:
+    """A file beside the compiled functions that says of which state they are.
+
+    Args:
+        which: Which functions.
+        kernels: These functions.
+    """
+
+    def __init__(self, which: Which, kernels: Sequence[Kernel]) -> None:
+        self.folder = FilePath(_kept.stats.cache_path)
+        self._file = self.folder / f"compiled-{which}.json"
+        self._kernels = kernels
+
+    def holds(self) -> bool:
+        """Whether all has been compiled in this state, and is still there."""
+        try:
+            state, folders = json.loads(self._file.read_text(encoding="utf-8"))
+            return state == self._state() and all(_count(x) >= n for x, n in folders.items())
+        except (OSError, ValueError):
+            return False
+
+    def set(self) -> None:
+        """Say that all has been compiled in this state."""
+        there = [x.dispatcher for x in self._kernels]
+        folders = {x.stats.cache_path for x in there if x is not None}
+        state = [self._state(), {x: _count(x) for x in sorted(folders)}]
+        with suppress(OSError):
+            self._file.write_text(json.dumps(state), encoding="utf-8")
+
+    def _state(self) -> list[str]:
+        """What compiled functions depend on."""
+        import numba
+        from llvmlite.binding import get_host_cpu_name
+
+        sources = hashlib.sha256(LIST.read_bytes())
+        root = FilePath(__file__).parents[1]
+        for module in sorted({x.module for x in self._kernels}):
+            sources.update(root.joinpath(*module.split(".")).with_suffix(".py").read_bytes())
+        return [numba.__version__, sys.version, get_host_cpu_name(), sources.hexdigest()]
+
+
+@compiled()
+def _kept(x: float) -> float:
+    """Nothing: numba knows where it keeps this function, and so where it keeps others."""
+    return x
+
+
+def _count(folder: str) -> int:
+    """Number of compiled functions in a folder."""
+    return len(list(FilePath(folder).glob("*.nbi")))
+
+
+def _callees(key: Key) -> set[Key]:
+    """Compiled functions that a compiled function calls, and those that they call."""
+    found: set[Key] = set()
+    new = [key]
+    while new:
+        function = KERNELS[new.pop()].py_func
+        for name in function.__code__.co_names:
+            made = getattr(function.__globals__.get(name), "py_func", None)
+            x = (getattr(made, "__module__", ""), getattr(made, "__name__", ""))
+            if x in KERNELS and x not in found:
+                found.add(x)
+                new.append(x)
+    return found
+
+
+def _processes() -> int:
+    """Number of processes: one a processor, as far as the memory goes."""
+    if sys.platform != "linux":
+        return os.cpu_count() or 1
+    free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return max(1, min(len(os.sched_getaffinity(0)), int(free / EACH)))

@@ -1,0 +1,74 @@
+"""The largest shares of limits in a planned motion, against places that are denser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+
+ARM = ac.load_arm("pmk3s")
+LIMITS = ac.Limits(
+    joint_acceleration=[0.7, 0.9],
+    joint_deceleration=0.6,
+    joint_velocity=0.8,
+    joint_jerk=1e3,
+    joint_lower=-3.0,
+    joint_upper=[2.0, np.inf],
+    speed=0.15,
+    tool_acceleration=0.4,
+    centripetal_acceleration=0.09,
+    path_jerk=1e3,
+)
+PATH = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
+
+
+def dense(plan: ac.Trajectory, places: int) -> dict[str, float]:
+    """The same shares at so many places of every smooth part, by formulas of their own."""
+    joints = plan.laws[0].joint_path.breaks
+    breaks = np.unique(np.append(plan.breaks, plan.time_at(joints)))
+    share = np.linspace(1e-9, 1 - 1e-9, places)
+    t = (breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel()
+    q, dq, ddq, dddq = (plan(t, order) for order in range(4))
+    v = np.einsum("nij,nj->ni", ARM.jacobian(q), dq)
+    a = np.einsum("nij,nj->ni", ARM.jacobian(q), ddq)
+    a += np.einsum("nij,nj->ni", ARM.jacobian_rate(q, dq), dq)
+    speed = np.hypot(*v.T)
+    moving = speed > 1e-6
+    across = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0])[moving] / speed[moving]
+    return {
+        "joint_acceleration": (ddq / [0.7, 0.9]).max(),
+        "joint_deceleration": (-ddq / 0.6).max(),
+        "joint_velocity": np.abs(dq).max() / 0.8,
+        "joint_jerk": np.abs(dddq).max() / 1e3,
+        "joint_lower": max((-q[:, 0] - 0.5).max() / 2.5, (np.pi - 3 - q[:, 1]).max() / np.pi),
+        "joint_upper": (q[:, 0] + 0.5).max() / 2.5,
+        "speed": speed.max() / 0.15,
+        "tool_acceleration": np.hypot(*a.T).max() / 0.4,
+        "centripetal_acceleration": across.max() / 0.09,
+        "path_jerk": np.abs(plan.s(t, 3)).max() / 1e3,
+    }
+
+
+def measured(plan: ac.Trajectory, path: ac.Path, limits: ac.Limits = LIMITS) -> dict[str, float]:
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(plan, servo, method="inverse", period=4e-3)
+    executed = ac.execute(taught, ac.ServoPlant(ARM, servo))
+    found = ac.evaluate(executed, path, limits=limits, limit_use=True).limit_ratios
+    assert found is not None
+    return dict(found)
+
+
+@pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
+def test_they_are_those_of_denser_places(method, places):
+    # Limits of jerk are not planned for, but counted.
+    task = LIMITS.replace(joint_jerk=None, path_jerk=None)
+    path = ac.round_corners(PATH, tolerance=5e-3)
+    if method == "conventional":
+        task, path = ac.Limits(speed=0.04), PATH
+    plan = ac.plan(path, ARM, task, method=method)
+    found = measured(plan, path)
+    for name, ratio in dense(plan, places).items():
+        assert found[name] == pytest.approx(ratio, rel=1e-6, abs=1e-9), name
+        # Peaks are higher than all places around them, however dense.
+        assert found[name] >= ratio - 1e-9, name

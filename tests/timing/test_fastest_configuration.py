@@ -1,0 +1,114 @@
+"""The fastest configuration, and the lower bound that leaves plans out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import JointPath
+from armcontour.timing import trace_fastest
+from armcontour.timing.fastest_configuration import ROUGHLY, bound_duration
+from armcontour.timing.optimal import plan_optimal
+from armcontour.tracing import trace_all
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+CORNERS = [(0.45, 0.08, 0.2), (0.55, 0.08, 0.2), (0.55, 0.18, 0.25), (0.45, 0.2, 0.3)]
+
+
+def seams():
+    base = ac.Path.polyline(CORNERS)
+    return {
+        "rounded": ac.round_corners(base.oriented(DOWN), tolerance=1e-3),
+        "axis": ac.round_corners(base.pointing([0.1, 0.2, -1]), tolerance=1e-2),
+    }
+
+
+@pytest.fixture(scope="module", params=seams())
+def traced(request):
+    """A path, its joint paths on a UR5e, and the limits."""
+    arm, path = ac.load_arm("ur5e"), seams()[request.param]
+    limits = arm.limits.replace(speed=0.5, centripetal_acceleration=2.0)
+    return arm, path, limits, trace_all(path, arm, limits=limits)
+
+
+def test_no_plan_is_shorter_than_its_bound_nor_much_longer(traced):
+    arm, _, limits, found = traced
+    for joint_path in found:
+        planned = plan_optimal(joint_path, arm, limits, intervals=ROUGHLY).duration
+        assert 0.95 * planned < bound_duration(joint_path, limits) <= planned
+
+
+def test_chooses_as_if_it_had_planned_them_all(traced):
+    arm, path, limits, found = traced
+    durations = [plan_optimal(x, arm, limits, intervals=ROUGHLY).duration for x in found]
+    chosen = trace_fastest(path, arm, limits)
+    assert np.array_equal(chosen.coefficients, found[int(np.argmin(durations))].coefficients)
+
+
+def test_of_equal_configurations_the_first_counts(monkeypatch):
+    arm, path = ac.load_arm("ur5e"), seams()["rounded"]
+    found = trace_all(path, arm)[:1] * 3
+    twins = [ac.JointPath(**{x: getattr(y, x) for x in y.__slots__}) for y in found]
+    monkeypatch.setattr("armcontour.timing.fastest_configuration.trace_all", lambda *_, **__: twins)
+    assert trace_fastest(path, arm) is twins[0]
+
+
+def test_bound_of_a_straight_line_is_its_duration():
+    # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
+    line = JointPath.spline([[0.0], [2.0]])
+    limits = ac.Limits(joint_velocity=[2.0], joint_acceleration=[4.0])
+    assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
+    slower = limits.replace(joint_deceleration=[2.0])
+    assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
+
+
+def test_bound_knows_the_speed_of_the_tool(traced):
+    _, path, limits, found = traced
+    slow = limits.replace(speed=0.01)
+    assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
+
+
+def test_bound_is_zero_where_nothing_is_limited():
+    line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
+    assert bound_duration(line, ac.Limits()) == 0.0
+    # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
+    fast = bound_duration(line, ac.Limits(joint_velocity=[10.0, 2.0]))
+    assert 0.98 * 2.0 < fast <= 2.0
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["held", "axis"])
+def test_long_paths_are_compared_on_parts(monkeypatch, free):
+    # A wave of 200 segments with noise, long enough for the accelerations of the joints to count.
+    x = np.linspace(0.0, 0.2, 101)
+    points = np.column_stack([0.35 + x, 0.05 * np.sin(40 * x), 0.2 + 0.0 * x])
+    points[:, 1] += np.random.default_rng(0).normal(0, 2e-5, len(x))
+    base = ac.Path.polyline(points)
+    path = base.pointing([0, 0, -1]) if free else base.oriented(DOWN)
+    path = ac.round_corners(path, tolerance=2e-4)
+    arm = ac.load_arm("ur5e")
+    limits = arm.limits.replace(speed=0.5)
+    durations = [
+        plan_optimal(x, arm, limits, intervals=ROUGHLY).duration
+        for x in trace_all(path, arm, limits=limits)
+    ]
+    assert max(durations) > 1.01 * min(durations)
+    here = "armcontour.timing.fastest_configuration"
+    for name, value in {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25}.items():
+        monkeypatch.setattr(f"{here}.{name}", value)
+    monkeypatch.setattr(f"{here}.trace_all", None)
+    chosen = trace_fastest(path, arm, limits)
+    assert plan_optimal(chosen, arm, limits, intervals=ROUGHLY).duration < 1.001 * min(durations)
+    at = np.linspace(0, path.length, 997)
+    assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
+
+
+def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable) as short:
+        trace_fastest(path, arm)
+    monkeypatch.setattr("armcontour.timing.fastest_configuration.LONG", 1)
+    with pytest.raises(ac.Unreachable) as long:
+        trace_fastest(path, arm)
+    assert str(long.value) == str(short.value)
