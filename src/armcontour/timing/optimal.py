@@ -60,7 +60,6 @@ from armcontour.timing.grid import (
 )
 from armcontour.timing.jerk import MOST_ITERATIONS, JerkLimits, Task, limit_jerk
 from armcontour.timing.vanishing import reparametrize, standing
-from armcontour.timing.workspace import Workspace
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
 # at most MOST_REFINEMENTS times; the allowed share grows each time, up to LARGEST_MARGIN_EVER.
@@ -96,6 +95,9 @@ WIDER = 1.5
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
+# glibc gives freed blocks back to the system if they are larger than all that were freed before, up
+# to 32 MB. New pages cost as much time as the arithmetic on them, and a plan takes many.
+np.empty(2**22 - 2**12)
 
 
 def plan_optimal(
@@ -149,8 +151,7 @@ def plan_optimal(
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
-        with Workspace() as space:
-            law = _solve(placed, _Task(tuple(active), start, end, arm, rests, space), most)
+        law = _solve(placed, _Task(tuple(active), start, end, arm, rests), most)
         if jerk is None:
             return law
         return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
@@ -226,7 +227,6 @@ class _Task:
         end_speed: ds at the end [m/s].
         arm: The arm, for messages.
         standing: Arc lengths at which dq_ds of all joints vanishes [m].
-        space: Memory for the rows of all passes.
     """
 
     active: tuple[Constraint, ...]
@@ -234,7 +234,6 @@ class _Task:
     end_speed: float
     arm: Arm
     standing: FloatArray
-    space: Workspace
 
     @property
     def curved(self) -> bool:
@@ -259,7 +258,7 @@ class Problem:
     Args:
         grid: The grid.
         path: Derivatives of the joint path on the grid.
-        task: The constraints, and memory for their rows, which the next problem uses again.
+        task: The constraints.
         bounds: Bounds of x and u, from which margins between the points follow; None for no
             margins.
         about: Without bounds: x on each interval [m²/s²] near which rows that stand for a curve
@@ -275,7 +274,7 @@ class Problem:
         about: FloatArray | None = None,
     ) -> None:
         n = len(grid)
-        self.grid, self.space = grid, task.space
+        self.grid = grid
         self.c, self.radius, self.shifts = np.empty((2, 0)), np.empty(0), np.zeros(n)
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
@@ -317,7 +316,7 @@ class Problem:
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = self.space.rows(len(self.grid), 2 * count), 0
+        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -325,7 +324,7 @@ class Problem:
         return packed
 
     def solve(self, task: _Task) -> FloatArray:
-        """Find the largest x at every grid point [m²/s²], (n + 1,); before another problem is made.
+        """Find the largest x at every grid point [m²/s²], (n + 1,).
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
@@ -548,7 +547,7 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
-            task.space.rows(len(grid), 2 * path.dof),
+            np.empty((len(grid), 4, 2 * path.dof)),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:

@@ -113,12 +113,17 @@ class Rows:
         return Rows(a, b, low, high, self.margin[-1:].copy())
 
     def compact(self) -> Rows:
-        """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
+        """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
+
+        Lower and upper bounds have the same shape: along axes on which both were broadcast, 1.
+        """
+        ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
+        shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
         return Rows(
             _contiguous(self.a),
             _contiguous(self.b),
-            _compact(self.low),
-            _compact(self.high),
+            _contiguous(self.low[shared]),
+            _contiguous(self.high[shared]),
             _contiguous(self.margin),
         )
 
@@ -126,12 +131,6 @@ class Rows:
 def _contiguous(values: FloatArray) -> FloatArray:
     """The array, or a contiguous copy that may be written: kernels are compiled for these."""
     return values if values.flags.c_contiguous and values.flags.writeable else values.copy("C")
-
-
-def _compact(bound: FloatArray) -> FloatArray:
-    """A bound, (2, n, rows), with one entry along axes on which it was broadcast."""
-    ends, places, _ = bound.strides
-    return _contiguous(bound[: 1 if ends == 0 else None, : 1 if places == 0 else None])
 
 
 @dataclass(frozen=True, slots=True)
