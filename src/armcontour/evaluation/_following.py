@@ -256,7 +256,9 @@ def _step_size(points: FloatArray, i: int) -> float:
 
 
 @compiled(inner=True)
-def _tool_distance(p: FloatArray, x: float, points: FloatArray, later: FloatArray, i: int) -> float:
+def _tool_distance(
+    p: FloatArray, x: float, points: FloatArray, sizes: FloatArray, later: FloatArray, i: int
+) -> float:
     """Distance from a place of the path to the tool's way around its chord i.
 
     Looked at is twice as much of the way as the chord is far from the place, to both sides, and all
@@ -266,21 +268,28 @@ def _tool_distance(p: FloatArray, x: float, points: FloatArray, later: FloatArra
         p: The place as a point [m], (3,).
         x: The place as an arc length [m].
         points: Tool points, (n, 3).
+        sizes: Lengths of the tool's chords [m], (n - 1,).
         later: Lowest place of the tool from each point on [m], (n,).
         i: The chord at which the tool passes the place first.
     """
     first2 = _chord_distance2(p, points[i], points[i + 1])
-    best2 = first2
+    first = best = math.sqrt(first2)
     for step in (1, -1):
         j, way = i + step, 0.0
+        # A chord is nearer than an earlier one by no more than the way from there to its end.
+        spare = first - best
         while 0 <= j <= len(points) - 2:
             returns = step > 0 and later[j] < x
             if not returns and way * way > 4 * first2:
                 break
-            best2 = min(best2, _chord_distance2(p, points[j], points[j + 1]))
-            way = 0.0 if returns else way + _step_size(points, j)
+            spare -= sizes[j]
+            if spare <= EQUAL:
+                distance = math.sqrt(_chord_distance2(p, points[j], points[j + 1]))
+                best = min(best, distance)
+                spare = distance - best
+            way = 0.0 if returns else way + sizes[j]
             j += step
-    return math.sqrt(best2)
+    return best
 
 
 @compiled()
@@ -311,7 +320,9 @@ def measure_missed(
         place, too, the last row what is after the last place. -1 where no place was looked at.
     """
     n = len(points)
-    far, where = np.full(n, -1.0), np.zeros(n)
+    far, where, sizes = np.full(n, -1.0), np.zeros(n), np.empty(n - 1)
+    for i in range(n - 1):
+        sizes[i] = _step_size(points, i)
     later = s.copy()
     for i in range(n - 2, -1, -1):
         later[i] = min(later[i], later[i + 1])
@@ -329,7 +340,7 @@ def measure_missed(
             while j < len(geometry) - 1 and geometry[j, 11] + geometry[j, 10] < low:
                 j += 1
             chord = min(i, n - 2)
-            long = LONG * _step_size(points, chord) + EQUAL
+            long = LONG * sizes[chord] + EQUAL
             regular = 0 < i < n - 1 and high - low <= long
             regular = regular and (high == low or high < geometry[j, 11] + geometry[j, 10])
             if regular != now_regular or (regular and distance[i] <= worst):
@@ -345,7 +356,7 @@ def measure_missed(
                         break
                     here = at + (until - at) * part / parts
                     _place(g, here - g[11], p)
-                    d = _tool_distance(p, here, points, later, chord)
+                    d = _tool_distance(p, here, points, sizes, later, chord)
                     if d > far[i]:
                         far[i], where[i] = d, here
                 if until >= high or k == len(geometry) - 1:
