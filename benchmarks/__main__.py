@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     begin, sessions = time.perf_counter(), baseline.read(given.baseline)
     known = {} if given.update else baseline.known(sessions)
-    found, trouble = _measure_all(lines, known, TIMES if given.update else 1)
+    found, trouble = _measure_all(lines, known, given.times if given.update else 1)
     best = [_judged(x) for x in found.values()]
     _print_table(best, baseline.known(sessions))
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
@@ -91,6 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--full", action="store_true", help="the longest lines, too")
     parser.add_argument("--list", action="store_true", help="print the names of the lines")
     parser.add_argument("--update", action="store_true", help="write what is found as the baseline")
+    parser.add_argument("--times", type=int, default=TIMES, help="so often for it, by default 3")
     parser.add_argument("--baseline", type=Path, default=baseline.FILE, help="its file")
     return parser
 
