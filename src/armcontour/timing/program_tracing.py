@@ -211,8 +211,11 @@ class _Tracer:
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
-    first, last = joint_path.breaks[[0, -1]]
-    return joint_path(first), joint_path(last, side="left")
+    start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
+    # The polynomial of the last interval at its end, as Horner's rule has it.
+    for k in range(4, -1, -1):
+        end = end + joint_path.coefficients[-1, k]
+    return start + 0.0, end
 
 
 def _turn_tool(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
