@@ -41,8 +41,8 @@ def test_every_call_of_the_list_fits_its_function(kernels):
 
 def test_every_function_that_python_calls_is_listed(kernels):
     listed = {x.key for x in read_list("all")}
-    inlined = {key for key, x in kernels.items() if x.targetoptions.get("inline") == "always"}
-    assert set(kernels) - inlined - {("armcontour._warming", "_kept")} == listed
+    called = {key for key, x in kernels.items() if not x.targetoptions["no_cpython_wrapper"]}
+    assert called - listed == {("armcontour._warming", "_kept")}
 
 
 def test_usual_runs_leave_out_what_they_do_not_need():
@@ -122,7 +122,8 @@ def test_what_is_compiled_is_not_compiled_again(tmp_path):
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, first run only: 2 functions in ")
     assert steps[-1].endswith(": program._inside.winding")
-    assert warm()[:2] == ["2", "0"] and len(warm()) == 3
+    # The second time it says nothing of its steps.
+    assert warm() == ["2", "0", folder]
     for file in tmp_path.rglob("*.nbi"):
         file.unlink()
     assert warm()[1] == "1"
