@@ -31,6 +31,8 @@ PACKAGES = (
 )
 # One thread in us and in the peers, as the time of the processor counts each.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# A load of each core by others from which the machine is called busy.
+BUSY = 0.5
 # How often a line is measured that seems slower than the baseline, and one for the baseline.
 AGAIN, TIMES = 2, 3
 
@@ -41,27 +43,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # It is read when numpy is imported, by the modules.
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    lines = chosen(all_lines(), given.only, given.full)
+    lines, busy = chosen(all_lines(), given.only, given.full), _busy()
     if given.list:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
     begin, sessions = time.perf_counter(), baseline.read(given.baseline)
     known = {} if given.update else baseline.known(sessions)
-    found, trouble = _measure_all(lines, known, TIMES if given.update else 1)
+    found, trouble = _measure_all(lines, known, given.times if given.update else 1)
     best = [_judged(x) for x in found.values()]
     _print_table(best, baseline.known(sessions))
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
-    print(
-        f"\n{len(best)} lines in {(time.perf_counter() - begin) / 60:.1f} min.", *trouble, sep="\n"
-    )
+    minutes = (time.perf_counter() - begin) / 60
+    print(f"\n{len(best)} lines in {minutes:.1f} min.", *busy, *trouble, sep="\n")
     failed = any(x.startswith("Failed") for x in trouble)
     if given.update:
-        new = Session(
-            date.today().isoformat(),
-            _commit(),
-            _machine(),
-            {name: Known.of(x) for name, x in found.items()},
-        )
+        ratios = {name: Known.of(x) for name, x in found.items()}
+        new = Session(date.today().isoformat(), _commit(), _machine(), ratios)
         baseline.write(given.baseline, baseline.updated(sessions, new))
         print(f"Written: {given.baseline}")
         return int(failed)
@@ -94,6 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--full", action="store_true", help="the longest lines, too")
     parser.add_argument("--list", action="store_true", help="print the names of the lines")
     parser.add_argument("--update", action="store_true", help="write what is found as the baseline")
+    parser.add_argument("--times", type=int, default=TIMES, help="so often for it, by default 3")
     parser.add_argument("--baseline", type=Path, default=baseline.FILE, help="its file")
     return parser
 
@@ -156,6 +154,17 @@ def _print_table(found: Iterable[Measured], known: Mapping[str, Known]) -> None:
             "-" if x.of_bar == "-" else f"{x.of_bar} of {x.line.bar}",
         )
     Console(width=200).print(table)
+
+
+def _busy() -> list[str]:
+    """A sentence, if other programs kept the machine busy in the last minute."""
+    cores, load = os.cpu_count() or 1, os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    if load < BUSY * cores:
+        return []
+    return [
+        f"The machine was busy with other work, a load of {load:.1f} on {cores} cores: times by "
+        "the clock are too long, and ratios are less sure."
+    ]
 
 
 def _commit() -> str:

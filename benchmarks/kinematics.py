@@ -3,13 +3,12 @@
 The UR5e follows the rounded square, once with its tool held in one way and once with a way of its
 own at every corner. Ours is what tracing does at its knots: the path's poses and rates, Newton's
 method to the joint positions, dq_ds and d2q_ds2. The peer calls `pin.framesForwardKinematics` once
-a place from a Python loop, on a model with 18 frames,
-fewer than that of a description with meshes.
+a place from a Python loop, on a model with 18 frames, fewer than that of a description with meshes.
 
 Newton's method starts from a guess. Tracing guesses knots from quintics through the knots beside
 them; here all places are guessed from quintics through the first knots, the farthest apart that
-tracing has. Two more lines have worse guesses: the joint positions of the place before, off by more
-than any of tracing, and those of the first knot before, which tracing never has and have no bar.
+tracing has. Two more lines have worse guesses than tracing has: the joint positions of the place
+before.
 """
 
 from __future__ import annotations
@@ -30,10 +29,9 @@ from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
 PLACES = 2000
-FAR = "knot"
 # Paths and guesses, by the parts of the lines' names.
 PATHS = {"held": "one orientation", "turning": "turning"}
-GUESSES = {"quintics": "quintics", "place": "the place before", FAR: "the knot before"}
+GUESSES = {"quintics": "quintics", "place": "the place before"}
 TURN = 0.3  # rad, between corners of the second path
 ANGULAR_TOLERANCE = 0.02  # rad
 # What is returned is right within these.
@@ -57,8 +55,9 @@ def lines() -> list[Line]:
     for key, name in PATHS.items():
         for start, guessed in GUESSES.items():
             what = f"IK and derivatives, {name}, from {guessed}"
-            bar = Bar() if start == FAR else Bar(ratio=10)
-            found.append(Line(f"ik/{key}/{start}", what, peer, partial(_pair, key, start), bar))
+            found.append(
+                Line(f"ik/{key}/{start}", what, peer, partial(_pair, key, start), Bar(ratio=10))
+            )
         what = f"of it, poses and rates of the path, {name}"
         found.append(Line(f"ik/{key}/path", what, peer, partial(_pair, key, None)))
     return found
@@ -119,7 +118,6 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     guesses = {
         "quintics": quintics,
         "place": traced(np.append(0.0, s[:-1])),
-        FAR: q[i],
     }
     return Task(solver, knots, guesses, path)
 

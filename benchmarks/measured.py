@@ -20,7 +20,7 @@ from statistics import median
 # A side of a round takes about this long [s], if it is one of many short calls.
 SLICE, MOST_CALLS = 0.03, 60
 # A line takes about this long [s], in so many rounds; long work is measured once.
-BUDGET, MOST_ROUNDS = 2.0, 20
+BUDGET, MOST_ROUNDS = 1.5, 20
 
 # Runs a process and prints what it took. A small process does so, as one begins with the peak
 # memory of that which started it.

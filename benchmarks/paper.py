@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
 from functools import partial
 
@@ -88,7 +87,4 @@ def _executed(arm: ac.Arm, limits: ac.Limits, plan: ac.Trajectory) -> ac.Executi
 def _judge(
     executed: ac.Execution, path: ac.Path, objective: ac.Path, limits: ac.Limits, limit_use: bool
 ) -> ac.Evaluation:
-    options = {"limit_use": limit_use}
-    if "limit_use" not in inspect.signature(ac.evaluate).parameters:
-        options = {}
-    return ac.evaluate(executed, path, objective=objective, limits=limits, **options)
+    return ac.evaluate(executed, path, objective=objective, limits=limits, limit_use=limit_use)

@@ -12,32 +12,31 @@ from benchmarks.measured import Bar, Line, Pair, timed
 SAMPLES = 4000
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 PERIOD = 4e-3
-# Executions a second on two cores, and so many cores.
-RATE, CORES = 4000, (1, 2)
+# Executions a second, and on how many cores.
+RATE, CORES = 4000, 2
 
 
 def lines() -> list[Line]:
     """The paper's job, 5.33 s of two joints, unsaturated mostly and saturated mostly."""
     return [
         Line(
-            f"spread/{method}/{cores}",
-            f"one of {SAMPLES} executions, {method}, {cores} core{'s'[: cores - 1]}",
+            f"spread/{method}",
+            f"one of {SAMPLES} executions, {method}, {CORES} cores",
             reference.NAME,
-            partial(_pair, method, cores),
-            Bar(seconds=1 / RATE, clock=True) if cores == 2 else Bar(),
+            partial(_pair, method),
+            Bar(seconds=1 / RATE, clock=True),
         )
         for method in ("none", "inverse")
-        for cores in CORES
     ]
 
 
-def _pair(method: str, cores: int) -> Pair:
+def _pair(method: str) -> Pair:
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
     plan = ac.plan(path, arm, limits, method="mac", knots=600)
     taught = ac.compensate(plan, servo, method=method, period=PERIOD)
-    options = {"samples": SAMPLES, "threads": cores}
+    options = {"samples": SAMPLES, "threads": CORES}
 
     def ours() -> object:
         return spread(taught, path, arm, servo, limits, Box(gains=0.1), **options)

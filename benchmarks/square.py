@@ -45,8 +45,6 @@ PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
 VELOCITY, ACCELERATION, SPEED = 3.14, 8.0, 0.25  # rad/s, rad/s², m/s
 JOINTS = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
-# Intervals of a coarser grid than the default's, about as many as roboplan's.
-COARSE = 400
 # Places per interval at which a plan is judged.
 PLACES = 20
 # Tightened so that its tool stays within the corner error: half of the first is what its joint path
@@ -72,7 +70,6 @@ Ask = Callable[..., Any]
 
 OURS = {
     "start": "start given",
-    "coarse": f"start given, intervals={COARSE}",
     "configurations": "all configurations",
     "joints": "joint limits only, start given",
 }
@@ -86,11 +83,9 @@ def lines() -> list[Line]:
     pairs = [
         ("start", "roboplan, TimeOptimal", Bar(ratio=0.5)),
         ("start", "roboplan, Bounded", Bar(ratio=1)),
-        ("coarse", "roboplan, TimeOptimal", Bar()),
         ("start", "roboplan, its own tolerance", Bar()),
         ("configurations", "roboplan, TimeOptimal", Bar()),
         ("joints", "roboplan, joint limits only", Bar()),
-        ("start", "roboplan, default", Bar()),
         ("start", "roboplan, default TimeOptimal", Bar()),
     ]
     found = [
@@ -122,7 +117,7 @@ def _pair(ours: str, peer: str) -> Pair:
     limits = JOINTS if ours == "joints" else JOINTS.replace(speed=SPEED)
     start = plan(arm, path, JOINTS.replace(speed=SPEED))(0.0)
     given = None if ours == "configurations" else start
-    call = partial(plan, arm, path, limits, given, COARSE if ours == "coarse" else None)
+    call = partial(plan, arm, path, limits, given)
     ask = _roboplan()
     mode, options = _settings()[peer]
     _prepare(ask, peer, mode, options)
@@ -168,12 +163,10 @@ def plan(
     path: ac.Path,
     limits: ac.Limits,
     start: FloatArray | None = None,
-    intervals: int | None = None,
 ) -> ac.Trajectory:
     """Our plan, rounding included."""
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    options = {} if intervals is None else {"intervals": intervals}
-    return ac.plan(rounded, arm, limits, start=start, **options)
+    return ac.plan(rounded, arm, limits, start=start)
 
 
 @cache
@@ -195,7 +188,6 @@ def _settings() -> dict[str, tuple[str, dict[str, float]]]:
             {**TIGHT, "max_position_error": ur5e.CORNER_ERROR, "velocity_scale": low},
         ),
         "roboplan, joint limits only": ("TimeOptimal", TIGHT),
-        "roboplan, default": ("Bounded", {}),
         "roboplan, default TimeOptimal": ("TimeOptimal", {}),
     }
 

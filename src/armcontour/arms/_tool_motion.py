@@ -21,7 +21,7 @@ ROWS = 36
 JOINT_ROWS = 5
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def go_on(link: FloatArray, joint: FloatArray, state: FloatArray) -> None:
     """Take pose, vector and axis of a block from one joint to the next.
 

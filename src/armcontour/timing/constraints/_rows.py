@@ -145,7 +145,7 @@ def acceleration_bulge(
         write_bulge(width[i], x[i], u[i], skew[i], i, first, second, third, fourth, bulge)
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def largest_u(
     x: float, row: int, first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
 ) -> float:

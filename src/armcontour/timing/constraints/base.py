@@ -113,16 +113,17 @@ class Rows:
         return Rows(a, b, low, high, self.margin[-1:].copy())
 
     def compact(self) -> Rows:
-        """The same rows in contiguous arrays; bounds that do not differ have one entry for all."""
-        low, high = self.low, self.high
-        # Both bounds have the same shape afterwards.
-        ends = slice(1) if low.strides[0] == high.strides[0] == 0 else slice(None)
-        places = slice(1) if low.strides[1] == high.strides[1] == 0 else slice(None)
+        """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
+
+        Lower and upper bounds have the same shape: along axes on which both were broadcast, 1.
+        """
+        ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
+        shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
         return Rows(
             _contiguous(self.a),
             _contiguous(self.b),
-            _contiguous(low[ends, places]),
-            _contiguous(high[ends, places]),
+            _contiguous(self.low[shared]),
+            _contiguous(self.high[shared]),
             _contiguous(self.margin),
         )
 
