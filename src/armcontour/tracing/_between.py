@@ -12,7 +12,7 @@ from armcontour._quintics import ROUNDING
 from armcontour.arms._chain import write_kinematics
 
 
-@compiled()
+@compiled(inner=True)
 def write_quintic(
     h: float,
     q0: float,
