@@ -15,7 +15,7 @@ import pytest
 import armcontour
 from armcontour._kernels import KERNELS
 from armcontour._signatures import from_text, to_text
-from armcontour._warming import LIST, Kernel, _Order, read_list
+from armcontour._warming import LIST, Kernel, Order, read_list
 
 PACKAGE = Path(armcontour.__file__).parent
 
@@ -51,13 +51,13 @@ def test_usual_runs_leave_out_what_they_do_not_need():
     names = {x.module for x in usual}
     assert "armcontour.servo._simulation" in names
     assert not any(".jerk." in x or ".robustness." in x for x in names)
-    assert all(".arms." not in x.module for x in read_list("plane"))
-    assert any(".arms." in x.module for x in read_list("space"))
+    assert all("_newton" not in x.module for x in read_list("plane"))
+    assert any("_newton" in x.module for x in read_list("space"))
 
 
 def test_a_function_comes_after_those_that_it_calls(kernels):
     listed = read_list("usual")
-    order = _Order(listed, lambda step: None)
+    order = Order(listed, lambda step: None)
     first = order.take()
     assert first is not None
     taken = []
@@ -89,7 +89,7 @@ def test_a_function_comes_after_those_that_it_calls(kernels):
 
 
 def test_a_process_that_ends_ends_the_work():
-    order = _Order([Kernel("armcontour.program._inside", "winding", ("float64",))], lambda x: None)
+    order = Order([Kernel("armcontour.program._inside", "winding", ("float64",))], lambda x: None)
     assert order.take() is not None
     order.give_up()
     assert order.take() is None

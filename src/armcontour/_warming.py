@@ -140,7 +140,7 @@ def _compile(kernels: Sequence[Kernel], progress: Progress | None) -> int:
     processes = _processes()
     tell = under(progress, COMPILING, f"{len(kernels)} functions in {processes} processes")
     tell(Step((), 0.0))
-    order = _Order(kernels, tell)
+    order = Order(kernels, tell)
     share_work(compile_kernel, order, processes=processes)
     return order.compiled
 
@@ -157,7 +157,7 @@ def compile_kernel(kernel: Kernel) -> int:
     return sum(dispatcher.stats.cache_misses.values())
 
 
-class _Order:
+class Order:
     """Which function comes next: one whose callees are done, and that most others wait for.
 
     Args:
