@@ -53,7 +53,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
     _warming.LIST = Path(os.devnull)
     found: dict[str, None] = {}
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         """Notes functions of the package."""
 
         def on_start(self, event: Any) -> None:
@@ -66,7 +66,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
                 text = to_text(event.data["args"])
                 found[f"{function.__module__}.{function.__name__}({text})"] = None
 
-    event.register("numba:compile", Listener())
+    event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
     if run == TESTS:
         import pytest
 

@@ -219,7 +219,8 @@ class _Stamp:
     """
 
     def __init__(self, which: Which) -> None:
-        self.folder = FilePath(_kept.stats.cache_path)
+        kept: Any = _kept
+        self.folder = FilePath(kept.stats.cache_path)
         self._file = self.folder / f"compiled-{which}.json"
         self._kernels = read_list(which)
 
