@@ -39,7 +39,7 @@ def write_quintic(
         out[5, j] = 6 * value - 3 * slope + bend / 2
 
 
-@compiled()
+@compiled(inner=True)
 def tool_error(
     pose: FloatArray, target: FloatArray, task: int, tolerance: float, angular: float
 ) -> float:
