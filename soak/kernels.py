@@ -53,7 +53,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
     _warming.LIST = Path(os.devnull)
     found: dict[str, None] = {}
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         """Notes functions of the package."""
 
         def on_start(self, event: Any) -> None:
@@ -66,7 +66,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
                 text = to_text(event.data["args"])
                 found[f"{function.__module__}.{function.__name__}({text})"] = None
 
-    event.register("numba:compile", Listener())
+    event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
     if run == TESTS:
         import pytest
 
@@ -81,19 +81,23 @@ def record(run: str, arguments: list[str], out: Path) -> None:
 def main() -> int:
     """Write the list."""
     parser = argparse.ArgumentParser(prog="python -m soak.kernels", description=__doc__)
-    parser.add_argument("--tests", nargs="*", default=["tests"], help="none: calls of tests stay")
-    parser.add_argument("--record", nargs=2, metavar=("RUN", "OUT"), help=argparse.SUPPRESS)
-    given, rest = parser.parse_known_args()
-    if given.record:
-        record(given.record[0], rest, Path(given.record[1]))
+    parser.add_argument(
+        "what", nargs="*", help="plane, space, or files of tests, whose calls are added; or all"
+    )
+    if sys.argv[1:2] == ["--record"]:
+        run, out, *arguments = sys.argv[2:]
+        record(run, arguments, Path(out))
         return 0
+    given = parser.parse_args()
+    wanted = {x: RUNS[x] for x in given.what or RUNS if x in RUNS}
+    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests"]
+    if tests:
+        wanted[TESTS] = tests
     tags: dict[str, set[str]] = {}
-    if not given.tests and LIST.exists():
-        for line in LIST.read_text(encoding="utf-8").splitlines():
-            runs, _, call = line.partition(" ")
-            if TESTS in runs.split(","):
-                tags[call] = {TESTS}
-    wanted = RUNS | ({TESTS: given.tests} if given.tests else {})
+    for line in LIST.read_text(encoding="utf-8").splitlines() if given.what else []:
+        runs, _, call = line.partition(" ")
+        if kept := set(runs.split(",")) - set(wanted) | ({TESTS} & set(runs.split(","))):
+            tags[call] = kept
     for run, arguments in wanted.items():
         for call in _record_apart(run, arguments):
             tags.setdefault(call, set()).add(run)

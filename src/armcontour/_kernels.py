@@ -31,15 +31,9 @@ def compiled(*, inner: bool = False, **options: Any) -> Callable[[Function], Fun
             small function goes into what Python needs to call it.
         options: More options of `numba.njit`, such as `inline="always"`.
     """
-    decorate = njit(
-        cache=True,
-        error_model="numpy",
-        nogil=True,
-        # Nothing calls compiled functions by C pointers.
-        no_cfunc_wrapper=True,
-        no_cpython_wrapper=inner,
-        **options,
-    )
+    # Nothing calls compiled functions by C pointers.
+    options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
+    decorate = njit(cache=True, error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:
         kernel: Function = decorate(function)
@@ -62,7 +56,7 @@ def _refuse_calls(kernel: Any, name: str) -> None:
     kernel._insert = lambda *args: None
 
 
-class _Listener(event.Listener):  # type: ignore[misc]
+class _Listener(event.Listener):
     """Tells who wants to know it that a function is being compiled."""
 
     def on_start(self, event: Any) -> None:
@@ -75,4 +69,4 @@ class _Listener(event.Listener):  # type: ignore[misc]
         """Nothing."""
 
 
-event.register("numba:compile", _Listener())
+event.register("numba:compile", _Listener())  # type: ignore[no-untyped-call]

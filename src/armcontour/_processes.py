@@ -22,6 +22,7 @@ from armcontour.errors import ExecutionError
 
 T = TypeVar("T")
 R = TypeVar("R")
+Done = TypeVar("Done", contravariant=True)
 Packed: TypeAlias = tuple[bytes, list[bytes]]
 
 # Starting a process takes as long as some items, so that fewer of them are not given away.
@@ -81,13 +82,13 @@ def map_in_processes(
     return found
 
 
-class Order(Protocol[T, R]):
+class Order(Protocol[T, Done]):
     """Items in an order that depends on what is done already; several threads use it."""
 
     def take(self) -> T | None:
         """The next item, maybe after a while; None if none is left."""
 
-    def finish(self, item: T, result: R) -> None:
+    def finish(self, item: T, result: Done) -> None:
         """Take an item that is done, and its result."""
 
     def give_up(self) -> None:

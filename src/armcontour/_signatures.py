@@ -30,9 +30,16 @@ def from_text(text: str) -> tuple[Any, ...]:
     return found
 
 
+def _types() -> Any:
+    """The types of numba, of which only some have annotations."""
+    from numba import types
+
+    return types
+
+
 def _text(kind: Any) -> str:
     """One type as text."""
-    from numba import types
+    types = _types()
 
     if isinstance(kind, types.Array):
         axes = {
@@ -67,7 +74,7 @@ def _const(array: Any) -> Any:
 
 def _named(module: str, name: str, *parts: Any) -> Any:
     """The type of a named tuple."""
-    from numba import types
+    types = _types()
 
     kind = getattr(import_module(module), name)
     if len(set(parts)) == 1:

@@ -112,9 +112,15 @@ def warm_for_run(dimension: int, progress: Progress) -> None:
         dimension: Dimension of the arm's work space.
         progress: Called as by `warm`.
     """
+
+    def tell(step: Step) -> None:
+        if step.done == 0.0:
+            tell_compiling(step.names[-1])
+        progress(step)
+
     which: Which = "plane" if dimension == 2 else "space"
     with suppress(ArmContourError, RuntimeError, OSError):
-        warm(which, progress)
+        warm(which, tell)
 
 
 def read_list(which: Which) -> list[Kernel]:
@@ -133,9 +139,8 @@ def _compile(kernels: Sequence[Kernel], progress: Progress | None) -> int:
     """Compile functions in several processes; returns how many were not compiled before."""
     processes = _processes()
     tell = under(progress, COMPILING, f"{len(kernels)} functions in {processes} processes")
-    tell_compiling(f"{len(kernels)} functions")
     tell(Step((), 0.0))
-    order = _Order(kernels, tell)
+    order = Order(kernels, tell)
     share_work(compile_kernel, order, processes=processes)
     return order.compiled
 
@@ -152,7 +157,7 @@ def compile_kernel(kernel: Kernel) -> int:
     return sum(dispatcher.stats.cache_misses.values())
 
 
-class _Order:
+class Order:
     """Which function comes next: one whose callees are done, and that most others wait for.
 
     Args:
@@ -214,7 +219,8 @@ class _Stamp:
     """
 
     def __init__(self, which: Which) -> None:
-        self.folder = FilePath(_kept.stats.cache_path)
+        kept: Any = _kept
+        self.folder = FilePath(kept.stats.cache_path)
         self._file = self.folder / f"compiled-{which}.json"
         self._kernels = read_list(which)
 

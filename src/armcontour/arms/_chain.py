@@ -114,7 +114,7 @@ def write_jacobian(
         out[3, k], out[4, k], out[5, k] = a[0], a[1], a[2]
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def _link(origins: FloatArray, pose: FloatArray, k: int) -> Any:
     """The vector from the origin of joint k to that of the next one, or to the tool point [m]."""
     x, y, z = origins[k, 0], origins[k, 1], origins[k, 2]

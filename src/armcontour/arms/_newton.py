@@ -72,6 +72,13 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 
 @compiled(inner=True)
+def write_row(row: FloatArray, out: FloatArray) -> None:
+    """Write numbers into another array; assignments of whole arrays take long to compile."""
+    for k in range(len(row)):
+        out[k] = row[k]
+
+
+@compiled(inner=True)
 def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
     """Write the position and orientation error from a pose to its target into `out`, (task,).
 
@@ -182,7 +189,7 @@ def newton(
     a, b, start = np.empty((dof, dof)), np.empty(dof), np.empty(dof)
     e = np.empty(6)
     for i in range(n):
-        start[:] = q[i]
+        write_row(q[i], start)
         for _ in range(MOST_STEPS):
             write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
             write_jacobian(origins, directions, pose, full)
@@ -263,8 +270,9 @@ def path_derivatives(
         target, rate = targets[i], rates[i]
         write_task_rows(full, target, task, a)
         for r in range(dof - task):
-            a[task + r] = w[i, 0, r]
-        copy[:] = a
+            write_row(w[i, 0, r], a[task + r])
+        for k in range(dof):
+            write_row(a[k], copy[k])
         for k in range(3):
             b[k] = rate[0, k]
             if task == 6:
@@ -282,7 +290,7 @@ def path_derivatives(
                 value += w[i, 0, r, k] * g[i, 1, k] - w[i, 1, r, k] * (q[i, k] - g[i, 0, k])
             b[task + r] = value
         pivot_ratio[i] = solve(copy, b, dof)
-        first[i] = b
+        write_row(b, first[i])
         write_bias_acceleration(origins, directions, pose, first[i], bias)
         for k in range(3):
             b[k] = rate[1, k] - bias[k]
@@ -320,7 +328,7 @@ def path_derivatives(
                 )
             b[task + r] = value
         solve(a, b, dof)
-        second[i] = b
+        write_row(b, second[i])
     return first, second, pivot_ratio
 
 
@@ -384,7 +392,8 @@ def free_motions(
                 if size > 0.0:
                     for k in range(dof):
                         rows[r, k] /= math.sqrt(size)
-        found[i] = rows[task:]
+        for r in range(task, dof):
+            write_row(rows[r], found[i, r - task])
     return found
 
 
@@ -478,7 +487,7 @@ def approach(
     for i in range(n):
         damping = 0.05
         cost = math.inf
-        trial[:] = q[i]
+        write_row(q[i], trial)
         for _ in range(most):
             write_kinematics(
                 rotations, positions, axes, base, end, trial, origins, directions, pose
@@ -492,12 +501,14 @@ def approach(
             if value < cost:
                 gain = cost - value
                 cost = value
-                q[i] = trial
+                write_row(trial, q[i])
                 damping = max(damping * 0.3, 1e-9)
                 if cost < 1e-26 or gain < 1e-12 * cost:
                     break
                 write_jacobian(origins, directions, pose, full)
-                full[3:] *= weight
+                for r in range(3, 6):
+                    for k in range(dof):
+                        full[r, k] *= weight
             else:
                 damping *= 4.0
                 if damping > 1e3:
@@ -581,14 +592,15 @@ def follow(
     target = np.empty((3, 4))
     smallest = 0.5**MOST_HALVINGS
     for i in range(1, n):
-        here[:] = q[i - 1]
+        write_row(q[i - 1], here)
         done, share = 0.0, 1.0
         while done < 1.0:
             ahead = min(done + share, 1.0)
             write_pose_between(targets[i - 1], targets[i], ahead, target)
             if ahead == 1.0:
-                target[:] = targets[i]
-            trial[:] = here
+                for r in range(3):
+                    write_row(targets[i, r], target[r])
+            write_row(here, trial)
             arrived = False
             before = math.inf
             for _ in range(FOLLOW_CORRECTIONS):
@@ -603,20 +615,21 @@ def follow(
                 if not size < 0.5 * before or size > FOLLOW_STEP:
                     arrived = size < 1e-9
                     break
-                trial += step
+                for k in range(dof):
+                    trial[k] += step[k]
                 before = size
                 if size < 1e-9:
                     arrived = True
                     break
             if arrived:
-                here[:] = trial
+                write_row(trial, here)
                 done = ahead
                 share = min(2.0 * share, 1.0)
             else:
                 share *= 0.5
                 if share < smallest:
                     return i
-        q[i] = here
+        write_row(here, q[i])
     return len(targets)
 
 

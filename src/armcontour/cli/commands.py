@@ -252,7 +252,7 @@ def warm(
     kind: Annotated[
         Kind,
         typer.Argument(
-            help="all; or what usual runs need: on arms in the plane, in space, or both (usual)."
+            help="What to compile: all, or what usual runs need, in plane, in space, or both."
         ),
     ] = Kind.all,
 ) -> None:
