@@ -105,7 +105,7 @@ def test_leaves_out_words_of_g_code_by_name(folder: FilePath, call: Call) -> Non
 
 
 def test_resumes_and_replaces_only_with_force(folder: FilePath, call: Call) -> None:
-    begin = ("run", "plain.csv", "--cell", "pmk3s", "--out", "out")
+    begin = ("run", "plain.csv", "--cell", "pmk3s", "--no-simulation", "--out", "out")
     assert call(*begin)[0] == 0
     whole = table(folder / "out" / "taught" / "planned.csv")
     code, said = call(*begin, "--from-s", "60 mm")
