@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 from collections.abc import Callable, Generator, Iterator
 from typing import Any
@@ -55,6 +56,17 @@ POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))  # m
 ASSIGNED_VELOCITY = 0.15  # m/s
 CORNER_ERROR = 5e-3  # m
 CENTRIPETAL_ACCELERATION = 0.09  # m/s²
+
+
+@pytest.fixture(scope="session", autouse=True)
+def calls_are_listed() -> Iterator[None]:
+    """An error at the end if `armcontour warm` would not compile all that the tests call."""
+    yield
+    if "ARMCONTOUR_RECORDING" not in os.environ:
+        from soak.kernels import unlisted
+
+        missing = "\n".join(sorted(unlisted()))
+        assert not missing, f"Run `make kernels`: the list of compiled functions lacks\n{missing}"
 
 
 @pytest.fixture

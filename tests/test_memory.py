@@ -15,6 +15,7 @@ from armcontour import _memory
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Experiment, run, teach
+from armcontour.jobs.memory import needed_bytes
 
 
 def job(**changes: object) -> ac.Job:
@@ -60,6 +61,21 @@ def test_a_bound_can_be_raised_and_lowered() -> None:
     assert job(memory="4 GB").memory == 4e9
     with pytest.raises(ac.InvalidInput, match="memory must be from 5e"):
         job(memory=1.0)
+
+
+def test_a_plan_takes_memory_before_its_set_points_do(tmp_path) -> None:
+    """Of both the larger counts; viscous friction under limits of torque makes plans larger."""
+    file = tmp_path / "part.ngc"
+    lines = "".join(f"G1 X{10 + k * 0.5} Y{10 + k % 2}\n" for k in range(1, 60))
+    file.write_text(f"G21 G90 G17 G64 P0.05\nG0 X10 Y10\nF6000\n{lines}M2\n")
+    smooth = read_cell("ur5e", file)
+    viscous = dataclasses.replace(smooth, arm=smooth.arm.with_dynamics(viscous=[1.0] * 6))
+
+    def needed(job: ac.Job, duration: float) -> float:
+        return needed_bytes(job, job.runs[0], duration, False)
+
+    assert needed(smooth, 0.01) == needed(smooth, 0.02) < 0.6 * needed(viscous, 0.01)
+    assert needed(smooth, 0.02) < needed(smooth, 100.0) == needed(viscous, 100.0)
 
 
 def test_compensation_and_execution_have_their_own_bounds() -> None:

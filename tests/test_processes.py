@@ -4,12 +4,13 @@ import os
 import sys
 from functools import partial
 from operator import truediv
+from threading import Condition
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour._processes import map_ahead, map_in_processes, pack, unpack
+from armcontour._processes import map_ahead, map_in_processes, pack, share_work, unpack
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -75,3 +76,48 @@ def test_packed_arrays_are_read_only():
     values = np.arange(3.0)
     found = unpack(pack({"values": values}))["values"]
     assert np.array_equal(found, values) and not found.flags.writeable
+
+
+class Halves:
+    """Numbers, of which each comes after its half."""
+
+    def __init__(self, numbers):
+        self.left, self.away, self.found = list(numbers), set(), {}
+        self.news = Condition()
+
+    def take(self):
+        with self.news:
+            while self.left:
+                undone = {*self.left, *self.away}
+                for x in self.left:
+                    if x / 2 not in undone:
+                        self.left.remove(x)
+                        self.away.add(x)
+                        return x
+                self.news.wait()
+
+    def finish(self, item, result):
+        with self.news:
+            self.away.remove(item)
+            self.found[item] = result
+            self.news.notify_all()
+
+    def give_up(self):
+        with self.news:
+            self.left.clear()
+            self.news.notify_all()
+
+
+def test_items_come_in_an_order_that_depends_on_what_is_done():
+    order = Halves([8, 4, 3, 2, 1])
+    share_work(halve, order, processes=2)
+    assert order.found == {x: 1 / x for x in (1, 2, 3, 4, 8)}
+    assert list(order.found).index(1) < list(order.found).index(2) < list(order.found).index(4)
+
+
+def test_nobody_waits_for_a_process_that_has_ended():
+    # The number 2 waits for 1, which ends its process.
+    order = Halves([2, 1])
+    with pytest.raises(ac.ExecutionError, match="has ended"):
+        share_work(sys.exit, order, processes=2)
+    assert order.found == {}

@@ -52,6 +52,9 @@ def _text(kind: Any) -> str:
         return f"literal({kind.literal_value!r})"
     if isinstance(kind, types.Omitted):
         return f"Omitted({kind.value!r})"
+    if kind == types.boolean:
+        # Its own name differs between versions of numba.
+        return "boolean"
     if getattr(types, str(kind), None) == kind:
         return str(kind)
     raise ValueError(f"The type {kind} of an argument has no text yet.")

@@ -20,12 +20,19 @@ from typing import Any, Literal, TypeAlias
 
 from armcontour import _signatures
 from armcontour._kernels import KERNELS, compiled
-from armcontour._processes import share_work
+from armcontour._processes import processors, share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
 
 # Runs on plane arms, runs on arms in space, both, and everything.
 Which: TypeAlias = Literal["plane", "space", "usual", "all"]
+# Which others hold all functions of some runs.
+HOLDERS: dict[Which, tuple[Which, ...]] = {
+    "plane": ("usual", "all"),
+    "space": ("usual", "all"),
+    "usual": ("all",),
+    "all": (),
+}
 # Names of a module and a function.
 Key: TypeAlias = tuple[str, str]
 LIST = FilePath(__file__).with_name("_kernels.txt")
@@ -90,9 +97,9 @@ def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
         ExecutionError: A process ended before its work did.
     """
     listed = read_list(which)
-    stamp = _Stamp(which, listed)
+    stamp = _Stamp(which)
     compiled = 0
-    if not stamp.holds():
+    if not any(_Stamp(x).holds() for x in (which, *HOLDERS[which])):
         compiled = _compile(listed, progress)
         stamp.set()
     return Warmed(len(listed), compiled, stamp.folder)
@@ -140,7 +147,7 @@ def compile_kernel(kernel: Kernel) -> int:
     dispatcher = kernel.dispatcher
     for text in kernel.arguments:
         # A list that is not up to date: the function is compiled where it is called.
-        with suppress(NumbaError):
+        with suppress(NumbaError, TypeError):
             dispatcher.compile(_signatures.from_text(text))
     return sum(dispatcher.stats.cache_misses.values())
 
@@ -204,13 +211,12 @@ class _Stamp:
 
     Args:
         which: Which functions.
-        kernels: These functions.
     """
 
-    def __init__(self, which: Which, kernels: Sequence[Kernel]) -> None:
+    def __init__(self, which: Which) -> None:
         self.folder = FilePath(_kept.stats.cache_path)
         self._file = self.folder / f"compiled-{which}.json"
-        self._kernels = kernels
+        self._kernels = read_list(which)
 
     def holds(self) -> bool:
         """Whether all has been compiled in this state, and is still there."""
@@ -269,6 +275,6 @@ def _callees(key: Key) -> set[Key]:
 def _processes() -> int:
     """Number of processes: one a processor, as far as the memory goes."""
     if sys.platform != "linux":
-        return os.cpu_count() or 1
+        return processors()
     free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return max(1, min(len(os.sched_getaffinity(0)), int(free / EACH)))
+    return max(1, min(processors(), int(free / EACH)))

@@ -7,8 +7,16 @@ import time
 
 import pytest
 
-from armcontour._progress import Step, under
-from armcontour.cli.progress import EVERY, JobProgress, Lines, job_progress, search_progress
+from armcontour._progress import Step, tell_compiling, under
+from armcontour.cli.progress import (
+    EVERY,
+    JobProgress,
+    Lines,
+    compiling_said,
+    job_progress,
+    search_progress,
+    share_progress,
+)
 
 STEPS = ("rounding", "timing", "evaluation")
 
@@ -111,3 +119,32 @@ def test_progress_in_a_pipe(
     first, second = capsys.readouterr().err.splitlines()
     assert re.fullmatch(r"one: shaping(, left 0:00:0\d)?", first)
     assert second == "sweeping: 2 mm: shaping, 50%"
+
+
+def test_compiling_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with compiling_said():
+        tell_compiling("armcontour.arms._newton.solve")
+        tell_compiling("armcontour.arms._newton.follow")
+    tell_compiling("armcontour.arms._newton.newton")
+    said = capsys.readouterr().err
+    assert said == (
+        "Compiling, first run only; `armcontour warm` compiles everything beforehand.\n"
+    )
+
+
+def test_a_bar_names_what_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(Lines, "tell", lambda self, words, more=None: told.append(words))
+    with search_progress("certifying"), job_progress():
+        tell_compiling("armcontour.arms._newton.solve")
+    tell_compiling("armcontour.arms._newton.follow")
+    named = "compiling, first run only: armcontour.arms._newton.solve"
+    assert told == [f"certifying: {named}", named]
+
+
+def test_a_share_is_shown_at_once_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    with share_progress() as progress:
+        progress(Step(("compiling, first run only", "3 functions in 2 processes"), 0.0))
+        progress(Step(("compiling, first run only", "3 functions in 2 processes", "one"), 0.5))
+    said = capsys.readouterr().err
+    assert said == "compiling, first run only: 3 functions in 2 processes\n"

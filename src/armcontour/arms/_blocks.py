@@ -23,7 +23,7 @@ SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def write_sines(own: FloatArray) -> None:
     """Write the cosines and sines of the joint positions [rad] in row 0 into rows 0 and 1."""
     largest = 0.0

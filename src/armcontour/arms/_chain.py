@@ -11,7 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 
 
-@compiled()
+@compiled(inner=True)
 def write_kinematics(
     rotations: FloatArray,
     positions: FloatArray,
@@ -93,7 +93,7 @@ def write_kinematics(
     pose[2, 3] += z
 
 
-@compiled()
+@compiled(inner=True)
 def write_jacobian(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, out: FloatArray
 ) -> None:
@@ -123,7 +123,7 @@ def _link(origins: FloatArray, pose: FloatArray, k: int) -> Any:
     return pose[0, 3] - x, pose[1, 3] - y, pose[2, 3] - z
 
 
-@compiled()
+@compiled(inner=True)
 def write_bias_acceleration(
     origins: FloatArray, directions: FloatArray, pose: FloatArray, dq: FloatArray, out: FloatArray
 ) -> None:

@@ -23,7 +23,7 @@ LINK_ROWS = 21
 MOTION_ROWS = 15
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def go_outward(link: FloatArray, motion: FloatArray, own: FloatArray) -> None:
     """Take the motion of a block from one link to the next, and write the wrenches of that link.
 
@@ -91,7 +91,7 @@ def go_outward(link: FloatArray, motion: FloatArray, own: FloatArray) -> None:
         own[15 * B + i] = xz * e0 + yz * e1 + zz * e2 + w0 * y - w1 * x + h0 * a1 - h1 * a0
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def go_inward(link: FloatArray, own: FloatArray, before: FloatArray) -> None:
     """Add the wrenches and the first moment of a link to those of the link before.
 

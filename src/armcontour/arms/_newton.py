@@ -71,7 +71,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     return least / most
 
 
-@compiled()
+@compiled(inner=True)
 def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
     """Write the position and orientation error from a pose to its target into `out`, (task,).
 
@@ -115,7 +115,7 @@ def write_pose_error(pose: FloatArray, target: FloatArray, task: int, out: Float
             out[3 + j] = scale * (v0 * target[0, j] + v1 * target[1, j] + v2 * target[2, j])
 
 
-@compiled()
+@compiled(inner=True)
 def write_task_rows(full: FloatArray, target: FloatArray, task: int, out: FloatArray) -> None:
     """Write those rows of the Jacobian that a task has equations for into `out`, (task, dof).
 
@@ -388,7 +388,7 @@ def free_motions(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def write_shortest_step(
     full: FloatArray,
     target: FloatArray,
@@ -525,7 +525,7 @@ def approach(
     return residual
 
 
-@compiled()
+@compiled(inner=True)
 def write_pose_between(
     first: FloatArray, second: FloatArray, share: float, out: FloatArray
 ) -> None:

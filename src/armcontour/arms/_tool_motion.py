@@ -21,7 +21,7 @@ ROWS = 36
 JOINT_ROWS = 5
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def go_on(link: FloatArray, joint: FloatArray, state: FloatArray) -> None:
     """Take pose, vector and axis of a block from one joint to the next.
 
@@ -48,7 +48,7 @@ def go_on(link: FloatArray, joint: FloatArray, state: FloatArray) -> None:
             state[(3 + k) * B + i] = c * second - s * first
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def add_velocity(joint: FloatArray, state: FloatArray) -> None:
     """Take velocity and angular velocity from one joint to the next."""
     for i in range(B):
@@ -63,7 +63,7 @@ def add_velocity(joint: FloatArray, state: FloatArray) -> None:
         state[23 * B + i] = w2 + rate * state[17 * B + i]
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def add_acceleration(joint: FloatArray, state: FloatArray) -> None:
     """Take the acceleration and the angular acceleration on; before `add_velocity`."""
     for i in range(B):
@@ -81,7 +81,7 @@ def add_acceleration(joint: FloatArray, state: FloatArray) -> None:
         state[29 * B + i] = e2 + second * d2 + rate * (w0 * d1 - w1 * d0)
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def add_jerk(joint: FloatArray, state: FloatArray) -> None:
     """Take the jerk and the second derivative of the angular velocity on; before the others.
 

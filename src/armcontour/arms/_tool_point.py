@@ -28,7 +28,7 @@ class Robot(NamedTuple):
     end: FloatArray
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def _sine_and_cosine(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
     """Sine and cosine of joint j's angle q, from the stored sine and cosine of an angle near q.
 
@@ -44,7 +44,7 @@ def _sine_and_cosine(q: float, anchors: FloatArray, j: int) -> tuple[float, floa
     return anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def tool_in_plane(
     planar: FloatArray, q: FloatArray, anchors: FloatArray
 ) -> tuple[float, float, float]:
@@ -54,7 +54,7 @@ def tool_in_plane(
     return planar[0] + planar[1] * s + planar[2] * s2, planar[1] * c + planar[2] * c2, 0.0
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def tool_in_space(
     rotations: FloatArray,
     positions: FloatArray,
@@ -91,7 +91,7 @@ def tool_in_space(
     )
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def tool_point(robot: Robot, q: FloatArray, anchors: FloatArray) -> tuple[float, float, float]:
     """Tool point [m] at one joint position.
 

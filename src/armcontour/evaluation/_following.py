@@ -33,7 +33,7 @@ class _Foot(NamedTuple):
     product: float
 
 
-@compiled()
+@compiled(inner=True)
 def _see(p: FloatArray, g: FloatArray) -> _Foot:
     """A point as a segment sees it."""
     along = 0.0
@@ -58,7 +58,7 @@ def _see(p: FloatArray, g: FloatArray) -> _Foot:
     return _Foot(off2 + radial * radial, math.atan2(k * along, 1 - k * across), radius * own)
 
 
-@compiled()
+@compiled(inner=True)
 def _distance2(foot: _Foot, g: FloatArray, u: float) -> float:
     """Squared distance to the place `u` along a segment [m²]."""
     if g[9] == 0.0:
@@ -66,7 +66,7 @@ def _distance2(foot: _Foot, g: FloatArray, u: float) -> float:
     return foot.off2 + 4 * foot.product * math.sin((g[9] * u - foot.at) / 2) ** 2
 
 
-@compiled()
+@compiled(inner=True)
 def _reach(foot: _Foot, g: FloatArray, leash2: float) -> tuple[float, float, float]:
     """Half the length around its foot in which a segment is within the leash, the foot, a turn.
 
@@ -84,7 +84,7 @@ def _reach(foot: _Foot, g: FloatArray, leash2: float) -> tuple[float, float, flo
     return half, foot.at / k, turn
 
 
-@compiled()
+@compiled(inner=True)
 def _prefer(s: float, other: float, before: float) -> bool:
     """Whether a place is followed rather than an equally near one: the next one ahead."""
     ahead, also = s >= before - EQUAL, other >= before - EQUAL
@@ -219,7 +219,7 @@ def find_places(
     return of, places
 
 
-@compiled()
+@compiled(inner=True)
 def _place(g: FloatArray, u: float, out: FloatArray) -> None:
     """The point at the distance u along a segment."""
     angle = g[9] * u
@@ -231,7 +231,7 @@ def _place(g: FloatArray, u: float, out: FloatArray) -> None:
         out[axis] = g[axis] + along * g[3 + axis] + across * g[6 + axis]
 
 
-@compiled()
+@compiled(inner=True)
 def _chord_distance2(p: FloatArray, a: FloatArray, b: FloatArray) -> float:
     """Squared distance from a point to the line between two others."""
     dot, size = 0.0, 0.0
@@ -245,7 +245,7 @@ def _chord_distance2(p: FloatArray, a: FloatArray, b: FloatArray) -> float:
     return total
 
 
-@compiled()
+@compiled(inner=True)
 def _step_size(points: FloatArray, i: int) -> float:
     """Length of the tool's chord i [m]."""
     return math.sqrt(
@@ -255,7 +255,7 @@ def _step_size(points: FloatArray, i: int) -> float:
     )
 
 
-@compiled()
+@compiled(inner=True)
 def _tool_distance(p: FloatArray, x: float, points: FloatArray, later: FloatArray, i: int) -> float:
     """Distance from a place of the path to the tool's way around its chord i.
 

@@ -9,6 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.geometry import Path
+from armcontour.geometry.biarcs import dot, length
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 
 
@@ -60,8 +61,8 @@ def corner_deviations(
     points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
     off = tool[near] - points[of]
     across = _across(objective, corners)
-    rounding = np.minimum.reduceat(np.linalg.norm(off, axis=1), starts)
-    overshoot = np.maximum.reduceat(np.sum(off * across[of], axis=1), starts)
+    rounding = np.minimum.reduceat(length(off), starts)
+    overshoot = np.maximum.reduceat(dot(off, across[of]), starts)
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
         for vertex, point, cr, co in zip(

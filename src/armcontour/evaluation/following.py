@@ -13,6 +13,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
+from armcontour.geometry.biarcs import length
 from armcontour.geometry.nearest import pack, pad
 
 # The leash is at least this many times the largest distance of some of the points from the path,
@@ -63,7 +64,7 @@ def follow_path(
     begin, end = (0.0, path.length) if work is None else work
     padded, geometry = pad(points), pack(path.segments)
     leash = _find_least_leash(path, points[:last])
-    farthest = path.length + float(np.linalg.norm(points - path.starts[0], axis=1).max())
+    farthest = path.length + float(length(points - path.starts[0]).max())
     while True:
         distance, s, reached, held = follow(padded, geometry, begin, leash, last)
         if leash > farthest or (reached >= last and not held):
@@ -84,5 +85,5 @@ def follow_path(
 def _find_least_leash(path: Path, points: FloatArray) -> float:
     """A leash [m] that is not needlessly long for any of the points."""
     some = path.project(points[:: max(1, len(points) // SOME)]).distance.max()
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    steps = length(np.diff(points, axis=0))
     return SLACK * max(float(some), float(steps.max(initial=0.0)), SHORTEST)

@@ -16,6 +16,7 @@ from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.following import Followed, follow_path
 from armcontour.evaluation.speed_shares import measure_shares
 from armcontour.geometry import Path
+from armcontour.geometry.biarcs import length
 from armcontour.motion import Execution, Span
 from armcontour.program import Program
 
@@ -74,7 +75,7 @@ class Piece:
     def speed(self) -> FloatArray:
         """Tool speed [m/s], (n,)."""
         velocity = self.executed.arm.tool_velocity(self.q, self.executed.dq[self.which])
-        return np.asarray(np.linalg.norm(velocity, axis=1))
+        return length(velocity)
 
     @cached_property
     def found(self) -> Followed:
@@ -111,7 +112,7 @@ class Piece:
         """Distance from the tool to its planned position at the same time [m]."""
         trajectory = self.executed.taught.trajectory
         planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
-        off = np.linalg.norm(self.tool - self.executed.arm.forward(planned), axis=1)
+        off = length(self.tool - self.executed.arm.forward(planned))
         return self._over_time(off, self.found.s)
 
     @property
@@ -224,7 +225,9 @@ def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
     """1 where the tool is to the left of the path, -1 to its right; None in space."""
     if path.dimension != 2:
         return None
+    tangent = path(s, 1)
     # At a corner, the sum of both tangents decides.
-    tangent = path(s, 1, side="left") + path(s, 1)
+    corner = np.isin(s, path.breaks)
+    tangent[corner] += path(s[corner], 1, side="left")
     offset = tool - path(s)
     return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)

@@ -14,8 +14,9 @@ from armcontour.jobs.job import Job, Run
 RESOLUTION = 1e-3
 # Memory of one set-point per joint, from its computation to the written files [bytes], measured.
 SET_POINT = 230.0
-# Memory of one planned path segment per joint [bytes], measured on a program of 150,000 lines.
-SEGMENT = 1650.0
+# Memory of one path segment per joint [bytes], measured on programs of 150,000 lines: while it is
+# planned, also under limits of torque with viscous friction, and afterwards.
+SEGMENT, SEGMENT_WITH_DRAG, SEGMENT_STAYS = 1500.0, 2600.0, 400.0
 # Share of a run's memory that its results keep after the run is done.
 STAYS = 0.5
 
@@ -57,18 +58,23 @@ def needed_bytes(job: Job, this: Run, duration: float, simulated: bool) -> float
         duration: Duration of the motion [s].
         simulated: Whether the execution is simulated.
     """
-    count = _count(job, this, duration)
+    count, dof = _count(job, this, duration), job.arm.dof
     segments = sum(len(x.path) for x in job.program.contours)
-    found = (count * SET_POINT + segments * SEGMENT) * job.arm.dof
+    chain = job.arm.chain
+    viscous = None if chain is None or this.limits.joint_torque is None else chain.viscous
+    drag = viscous is not None and bool(viscous.any())
+    planned = segments * (SEGMENT_WITH_DRAG if drag else SEGMENT) * dof
+    # Set-points come when the plan is made.
+    found = (count * SET_POINT + segments * SEGMENT_STAYS) * dof
     if not simulated:
-        return found
+        return max(planned, found)
     span = count * this.period
     plant = ServoPlant(job.arm, job.plant_servo, this.limits)
     found += plant.memory(span, this.period, RESOLUTION)
     if this.experiment is not None:
         step = this.experiment.step
         found += bytes_of(plant.servo, step, span, this.period, max(RESOLUTION, step))
-    return found
+    return max(planned, found)
 
 
 def _count(job: Job, this: Run, duration: float) -> float:

@@ -13,7 +13,7 @@ from armcontour._kernels import compiled
 SMALL = 1e-4
 
 
-@compiled()
+@compiled(inner=True)
 def interval_time(width: float, begin: float, end: float, slope: float) -> float:
     """Duration of one interval, see `interval_times`."""
     simple = 2 * width / (begin + end)

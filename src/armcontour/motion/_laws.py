@@ -23,7 +23,7 @@ class Motion(NamedTuple):
     dddq: FloatArray
 
 
-@compiled()
+@compiled(inner=True)
 def linear_motion(slope: float, t: float) -> tuple[float, float, float]:
     """cosh(k t), sinh(k t) / k and (cosh(k t) - 1) / k² with `k² = slope`, of either sign."""
     z = slope * t * t
@@ -80,7 +80,7 @@ def path_motions(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _find_before(values: FloatArray, x: float, low: int, high: int, side: int) -> int:
     """The last of some increasing values that is below x, or not above it; low if there is none.
 

@@ -32,7 +32,7 @@ from armcontour.timing.constraints._rows import (
 FOUND, LOST, LEFT = 0, 1, 2
 
 
-@compiled()
+@compiled(inner=True)
 def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     """Largest x at the grid points, (n + 1,): the lower one of both sides, and 0 at stops.
 
@@ -50,7 +50,7 @@ def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     return at
 
 
-@compiled()
+@compiled(inner=True)
 def _reach(
     width: FloatArray,
     packed: FloatArray,
@@ -69,7 +69,7 @@ def _reach(
     return x, stuck < 0 and x[n] >= last * (1 - PLAY)
 
 
-@compiled()
+@compiled(inner=True)
 def _first_pass(
     coefficients: FloatArray,
     breaks: FloatArray,

@@ -90,7 +90,7 @@ def _largest_u(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _time_on(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:

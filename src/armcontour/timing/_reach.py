@@ -34,7 +34,7 @@ LARGEST_CHANGE = 0.1
 VANISHED = 1e-9
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def write_rows(
     half: float,
     shift: float,
@@ -128,7 +128,7 @@ def pack(
         )
 
 
-@compiled()
+@compiled(inner=True)
 def _of_x(
     y: float,
     rows: FloatArray,
@@ -187,7 +187,7 @@ def _of_x(
     return upper, upper_slope, lower, lower_slope, above, below
 
 
-@compiled()
+@compiled(inner=True)
 def _largest_y(
     rows: FloatArray, i: int, half: float, c0: float, c1: float, r: float, shift: float
 ) -> float:
@@ -205,7 +205,7 @@ def _largest_y(
     return max(y, 0.0)
 
 
-@compiled()
+@compiled(inner=True)
 def _of_y(
     x: float,
     rows: FloatArray,
@@ -249,7 +249,7 @@ def _of_y(
     return upper, lower, above
 
 
-@compiled()
+@compiled(inner=True)
 def _breaks(x: float, y: float, rows: FloatArray, i: int, k: int, play: float) -> bool:
     """Whether x and y break row k of an interval by more than a share of its terms."""
     one, other = rows[i, 0, k] * x, rows[i, 1, k] * y
@@ -257,7 +257,7 @@ def _breaks(x: float, y: float, rows: FloatArray, i: int, k: int, play: float) -
     return bool((one + other > rows[i, 3, k] + slack) | (one + other < rows[i, 2, k] - slack))
 
 
-@compiled()
+@compiled(inner=True)
 def _keeps(x: float, y: float, rows: FloatArray, i: int, first: int, second: int) -> bool:
     """Whether x and y keep all rows of an interval.
 
@@ -285,7 +285,7 @@ def _keeps(x: float, y: float, rows: FloatArray, i: int, first: int, second: int
     return broken == 0
 
 
-@compiled()
+@compiled(inner=True)
 def _end_of_x(y: float, rows: FloatArray, i: int, k: int, side: float) -> tuple[float, float]:
     """The upper end (side 1) or lower end (-1) of x that one row leaves at y, and its slope."""
     p, q = rows[i, 0, k], rows[i, 1, k]
@@ -294,7 +294,7 @@ def _end_of_x(y: float, rows: FloatArray, i: int, k: int, side: float) -> tuple[
     return (rows[i, 3 if p * side > 0.0 else 2, k] - q * y) / p, -q / p
 
 
-@compiled()
+@compiled(inner=True)
 def _guess_x(
     y: float, cap: float, rows: FloatArray, i: int, above: int, below: int
 ) -> tuple[float, bool]:
@@ -332,7 +332,7 @@ def _guess_x(
     return min(x, cap), agrees
 
 
-@compiled()
+@compiled(inner=True)
 def _end_of_y(x: float, rows: FloatArray, i: int, k: int) -> float:
     """The upper end of y that one row leaves at x, as in `_of_y`."""
     p, q = rows[i, 0, k], rows[i, 1, k]

@@ -280,12 +280,15 @@ def _shortfalls(
         which: Index in `names` of the limit that binds on each interval, or -1, (n,).
         names: Name and joint number of each limit.
     """
-    speed = law.speeds.tolist()
+    speed = law.speeds
+    # Between them the speed only rises, only falls or stays.
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(speed)))) + 1
     result = []
     reached = reached | ~np.isfinite(assigned)
     edges = np.flatnonzero(np.diff(np.concatenate([[1], reached, [1]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        for i, k, kind in _turning_points(speed, int(first), int(last)):
+        inner = turns[np.searchsorted(turns, first, side="right") : np.searchsorted(turns, last)]
+        for i, k, kind in _turning_points(speed, int(first), [*inner.tolist(), int(last)]):
             if speed[i] == 0:
                 continue
             # The limit that binds on most intervals at the extreme and next to it.
@@ -308,7 +311,7 @@ def _shortfalls(
     return tuple(result)
 
 
-def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int, int, str]]:
+def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
     """Extremes of the speed between two points.
 
     An extreme is known once the speed has left it by the share `FLAT`. All points within `FLAT` of
@@ -317,7 +320,8 @@ def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int
     Args:
         speed: Tool speed at the points [m/s].
         first: Index of the first point.
-        last: Index of the last point.
+        points: Indices of the points at which the speed begins or ends to rise, fall or stay, and
+            of the last point.
 
     Returns:
         First and last index of every extreme, and its kind: "fastest" or "slowest".
@@ -325,7 +329,7 @@ def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int
     found: list[tuple[int, int, str]] = []
     rising: bool | None = None
     extreme = first
-    for i in range(first + 1, last + 1):
+    for i in points:
         if rising is None:
             if abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
                 rising, extreme = bool(speed[i] > speed[extreme]), i
@@ -333,12 +337,10 @@ def _turning_points(speed: list[float], first: int, last: int) -> list[tuple[int
         if (speed[i] > speed[extreme]) == rising:
             extreme = i
         elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
-            near = FLAT * speed[extreme]
-            left = right = extreme
-            while left > first and abs(speed[left - 1] - speed[extreme]) <= near:
-                left -= 1
-            while right < i and abs(speed[right + 1] - speed[extreme]) <= near:
-                right += 1
-            found.append((left, right, "fastest" if rising else "slowest"))
+            off = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT * speed[extreme]
+            before, after = off[: extreme - first][::-1], off[extreme - first + 1 :]
+            left = int(np.argmax(before)) if before.any() else len(before)
+            right = int(np.argmax(after)) if after.any() else len(after)
+            found.append((extreme - left, extreme + right, "fastest" if rising else "slowest"))
             rising, extreme = not rising, i
     return found

@@ -50,7 +50,8 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
-    AT_AN_INTERVAL,
+    AT_CURVES,
+    AT_LINES,
     Grid,
     coarsen,
     finer_at_rests,
@@ -144,7 +145,8 @@ def plan_optimal(
     else:
         placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    most = (memory - _memory.PROGRAM) / (AT_AN_INTERVAL * joint_path.dof)
+    each = AT_CURVES if any(x.curved for x in active) else AT_LINES
+    most = (memory - _memory.PROGRAM) / (each * joint_path.dof)
 
     rests = standing(joint_path)
     most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
@@ -252,13 +254,16 @@ class _Task:
         return np.concatenate([start, grid.joint_path.stops, end])
 
 
+NOWHERE = _checks.lock_floats([])
+
+
 class Problem:
     """The arrays of the compiled planner, collected from all constraints.
 
     Args:
         grid: The grid.
         path: Derivatives of the joint path on the grid.
-        task: The constraints.
+        active: The constraints.
         bounds: Bounds of x and u, from which margins between the points follow; None for no
             margins.
         about: Without bounds: x on each interval [m²/s²] near which rows that stand for a curve
@@ -269,7 +274,7 @@ class Problem:
         self,
         grid: Grid,
         path: JointDerivatives,
-        task: _Task,
+        active: Sequence[Constraint],
         bounds: Bounds | None = None,
         about: FloatArray | None = None,
     ) -> None:
@@ -279,7 +284,7 @@ class Problem:
         self.lost = np.zeros(n)  # largest share of any limit that margins take
         ceilings: list[FloatArray] = []
         self.rows: list[Rows] = []
-        for constraint in task.active:
+        for constraint in active:
             ceiling = constraint.ceiling(grid, path, bounds)
             if about is None:
                 found = constraint.rows(grid, path, bounds)
@@ -323,20 +328,26 @@ class Problem:
             first += x.a.shape[2]
         return packed
 
-    def solve(self, task: _Task) -> FloatArray:
+    def solve(
+        self, start_speed: float, end_speed: float, standing: FloatArray = NOWHERE
+    ) -> FloatArray:
         """Find the largest x at every grid point [m²/s²], (n + 1,).
+
+        Args:
+            start_speed: ds at the start [m/s].
+            end_speed: ds at the end [m/s].
+            standing: Arc lengths at which dq_ds of all joints vanishes [m].
 
         Raises:
             NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
         """
         grid, ceiling = self.grid, self.at_points
-        start, end = task.start_speed**2, task.end_speed**2
+        start, end = start_speed**2, end_speed**2
         for name, value, place in (("start", start, 0), ("end", end, -1)):
             if value > ceiling[place] * (1 + PLAY):
                 refuse_speed(name, value, float(ceiling[place]), float(grid.s[place]))
         start, end = min(start, float(ceiling[0])), min(end, float(ceiling[-1]))
         # Where dq_ds vanishes, the joints rest at any ds.
-        standing = task.standing if start == 0 or end == 0 else ()
         if start == 0 and grid.s[0] in standing:
             start = np.inf
         any_end = end == 0 and grid.s[-1] in standing
@@ -453,7 +464,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         skew = np.where(steady, 0.0, bracket.slope)
         bounds = _bounds(grid, path, task, bracket, skew)
         problem = None  # The arrays of the last one are freed before this one has its own.
-        problem = Problem(grid, path, task, bounds)
+        problem = Problem(grid, path, task.active, bounds)
         lost = problem.lost
         if lost.max() > most:
             # Retry without skew where skew is the cause, or where finer grids did not help.
@@ -463,7 +474,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
             steady |= skewed
             continue
         try:
-            x = problem.solve(task)
+            x = problem.solve(task.start_speed, task.end_speed, task.standing)
         except NotRealizable:
             # The first pass succeeded, so the margins are the cause: a finer grid has smaller ones.
             if bracket.found is None and n > FINE_ENOUGH:
@@ -666,13 +677,13 @@ def _coarse(grid: Grid) -> tuple[Grid, IntArray]:
 def _pass_on(grid: Grid, coarse: Grid, of: IntArray, task: _Task) -> _Bracket:
     """Run the first pass on a coarser grid."""
     path = JointDerivatives.on(coarse)
-    plain = Problem(coarse, path, task)
-    x = plain.solve(task)
+    plain = Problem(coarse, path, task.active)
+    x = plain.solve(task.start_speed, task.end_speed, task.standing)
     for _ in range(MOST_TANGENTS if task.curved else 0):
         about = (x[:-1] + x[1:]) / 2
         del plain  # Its arrays are freed before the next one has its own.
-        plain = Problem(coarse, path, task, about=about)
-        x = plain.solve(task)
+        plain = Problem(coarse, path, task.active, about=about)
+        x = plain.solve(task.start_speed, task.end_speed, task.standing)
         if (np.abs((x[:-1] + x[1:]) / 2 - about) <= NEAR_TANGENT * about).all():
             break
     return _Bracket(*spread(x, plain.skews(x), of), np.full(len(grid), HEADROOM))

@@ -81,7 +81,12 @@ class _Failure:
 
 
 def find_solutions(
-    path: Path, arm: SerialArm, knots: Knots, task: int, start: FloatArray | None
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    knot_poses: FloatArray,
+    task: int,
+    start: FloatArray | None,
 ) -> list[Solution]:
     """All solutions that complete the path inside the joint ranges, the shortest first.
 
@@ -89,6 +94,7 @@ def find_solutions(
         path: The path.
         arm: The arm.
         knots: Knot intervals of the path.
+        knot_poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
         task: Task dimension.
         start: Joint positions near those at the start of the path [rad], (dof,); None for all
             configurations.
@@ -96,14 +102,14 @@ def find_solutions(
     Raises:
         Unreachable: There is no solution; gives the reason for the one that comes farthest.
     """
-    fine, at = _subdivide(path, knots)
-    poses = row_of_poses(path, fine)
+    fine, at = _subdivide(path, knots, knot_poses)
+    poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, start)
     if len(starts) == 0:
         _refuse_start(path, arm, poses, task, start)
     followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS])
     followed = [q[at] for q in followed]
-    s, knot_poses = np.append(fine.s0, path.length)[at], poses[at]
+    s = np.append(fine.s0, path.length)[at]
     redundant = task < arm.dof
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, start)
@@ -236,13 +242,17 @@ def _outside(w: FloatArray, difference: FloatArray) -> tuple[float, float]:
     return float(np.abs(rest).max()), float(np.abs(near).max())
 
 
-def _subdivide(path: Path, knots: Knots) -> tuple[Knots, IntArray]:
+def _subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
     """Subintervals whose chords are close to the path.
+
+    Args:
+        path: The path.
+        knots: Knot intervals.
+        poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
 
     Returns:
         The subintervals, and the indices of the given knots among their starts and last end.
     """
-    poses = row_of_poses(path, knots)
     width = knots.u1 - knots.u0
     turn = np.maximum(
         width * path.curvatures[knots.segment],

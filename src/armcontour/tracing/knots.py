@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.geometry import Path
@@ -14,6 +15,9 @@ from armcontour.geometry import Path
 FIRST_STEP = 1 / 16
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
+# Fractions of an interval at which the distance of the tool from the path is computed.
+PLACES = _checks.lock_floats([0.25, 0.5, 0.75])
+MIDDLE = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,15 @@ class Knots:
         u0[second], u1[second - 1] = u, u
         segment, piece = self.segment[parent], self.piece[parent]
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
+
+    def places(self) -> tuple[Knots, FloatArray]:
+        """The intervals repeated for each of `PLACES`, and distances along the segments there [m].
+
+        All intervals at the first place come before those at the second, (len(PLACES) n,).
+        """
+        repeated = self.part(np.tile(np.arange(len(self)), len(PLACES)))
+        u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
+        return repeated, u.ravel()
 
     def at(self, u: FloatArray) -> FloatArray:
         """Arc lengths at distances `u` along the segments [m], (n,)."""

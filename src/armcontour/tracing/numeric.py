@@ -8,12 +8,13 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
+from armcontour.tracing import _between
 from armcontour.tracing.configurations import Solution
-from armcontour.tracing.knots import Knots
+from armcontour.tracing.knots import MIDDLE, PLACES, Knots
 from armcontour.tracing.poses import (
+    FirstPoses,
     pose_derivatives_at,
     poses_at,
-    row_of_poses,
     turning_too_fast,
     what_helps,
 )
@@ -33,7 +34,7 @@ class Numeric(Solver[SerialArm]):
         path: The tool path.
         arm: The arm.
         task: Task dimension: 6, 5 or 3, see `task_dimension`.
-        knots: The first knots.
+        first: What the path demands at the first knots.
         solution: Joint positions at the first knots.
         tolerance: Largest distance of the tool from the path between knots [m].
     """
@@ -43,18 +44,18 @@ class Numeric(Solver[SerialArm]):
         path: Path,
         arm: SerialArm,
         task: int,
-        knots: Knots,
+        first: FirstPoses,
         solution: Solution,
         tolerance: float,
     ) -> None:
         super().__init__(path, arm)
         self.task, self.tolerance = task, tolerance
-        self._solution = solution
+        self._solution, self._first = solution, first
         self._guide: Guide | None = None
         if task < arm.dof:
-            w = null_space(arm, row_of_poses(path, knots), task, solution.q)
-            s = np.append(knots.s0, path.length)
-            self._guide = Guide.through(s, solution.q, w, path.stops)
+            w = null_space(arm, first.row, task, solution.q)
+            s = np.append(first.knots.s0, path.length)
+            self._guide = Guide.through(s, solution.q, w, first.stops)
 
     def ends(
         self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
@@ -66,7 +67,10 @@ class Numeric(Solver[SerialArm]):
         """
         if guess is None:
             guess = self._solution.q[1:] if at_end else self._solution.q[:-1]
-        poses = poses_at(self.path, knots, u)
+            poses, rates = self._first.ends if at_end else self._first.starts
+        else:
+            poses = poses_at(self.path, knots, u)
+            rates = pose_derivatives_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         q = np.array(guess, order="C")
         found, _ = _newton.newton(
@@ -78,12 +82,29 @@ class Numeric(Solver[SerialArm]):
             np.ascontiguousarray(g[:, 0]),
         )
         dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
-            *self.arm.arrays, q, poses, pose_derivatives_at(self.path, knots, u), self.task, w, g
+            *self.arm.arrays, q, poses, rates, self.task, w, g
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
             self._refuse_singularity(knots, u, int(np.argmax(bad)))
         return q, dq_ds, d2q_ds2
+
+    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
+        """Largest error of the tool between knots, and joint positions in the middle, compiled."""
+        shared = knots is self._first.knots
+        targets = self._first.between if shared else poses_at(self.path, *knots.places())
+        errors, q = _between.errors_between(
+            *self.arm.arrays,
+            knots.u1 - knots.u0,
+            np.stack(start),
+            np.stack(end),
+            PLACES,
+            targets,
+            self.task,
+            self.tolerance,
+            ANGULAR_TOLERANCE,
+        )
+        return errors, q[MIDDLE]
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from armcontour._checks import FloatArray
@@ -41,7 +43,8 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
             f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
         )
-    if (orientation.jumps > NO_JUMP).any():
+    same = orientation.fixed and (orientation.starts == orientation.starts[0]).all()
+    if not same and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)
     return task
 
@@ -126,6 +129,43 @@ def row_of_poses(path: Path, knots: Knots) -> FloatArray:
     """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
     last = knots.part(np.array([len(knots) - 1]))
     return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstPoses:
+    """What a path demands of the tool at its first knots; all configurations share it.
+
+    Args:
+        knots: The first knots.
+        starts: Poses and their derivatives at the starts of the intervals, (n, 3, 4), (n, 4, 3).
+        ends: The same at their ends.
+        between: Poses at the places between knots, as `Knots.places`.
+        row: Poses at the starts and at the end of the last interval, (n + 1, 3, 4).
+        stops: Arc lengths at which the tool stops [m].
+    """
+
+    knots: Knots
+    starts: tuple[FloatArray, FloatArray]
+    ends: tuple[FloatArray, FloatArray]
+    between: FloatArray
+    row: FloatArray
+    stops: FloatArray
+
+    @classmethod
+    def of(cls, path: Path, knots: Knots) -> FirstPoses:
+        """Compute them."""
+        starts, ends = (
+            (poses_at(path, knots, u), pose_derivatives_at(path, knots, u))
+            for u in (knots.u0, knots.u1)
+        )
+        return cls(
+            knots=knots,
+            starts=starts,
+            ends=ends,
+            between=poses_at(path, *knots.places()),
+            row=np.concatenate([starts[0], ends[0][-1:]]),
+            stops=path.stops,
+        )
 
 
 def pose_derivatives_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:

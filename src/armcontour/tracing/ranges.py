@@ -41,8 +41,13 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
     if limits.joint_lower is None and limits.joint_upper is None:
         return
     lower, upper = limits.joint_range(joint_path.dof)
+    # No value is farther from that at x = 0 than the sum of all other coefficients.
+    middle = joint_path.coefficients[:, 0]
+    spread = np.abs(joint_path.coefficients[:, 1:]).sum(axis=1)
+    if ((middle - spread >= lower) & (middle + spread <= upper)).all():
+        return
     # A polynomial lies within the hull of its Bernstein coefficients, so most pieces need no roots.
-    hull = np.einsum("ij,pjd->pid", BERNSTEIN, joint_path.coefficients)
+    hull = np.matmul(BERNSTEIN, joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
     worst, found = ROUNDING, None
     for piece, joint in np.argwhere(suspect):

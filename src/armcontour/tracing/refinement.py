@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import Unreachable
-from armcontour.motion import JointPath, quintic
+from armcontour.motion import JointPath
 from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import turning_too_fast, what_helps
 from armcontour.tracing.solver import Ends, Solver
 
 # If an interval this short still leaves the path, the cause is a singularity [m].
 SMALLEST_INTERVAL = 1e-9
-# Fractions of an interval at which the distance of the tool from the path is computed.
-PLACES = _checks.lock_floats([0.25, 0.5, 0.75])
-MIDDLE = 1
 
 
-def refine(solver: Solver[Arm], knots: Knots) -> JointPath:
+def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
     """The joint path through exact knots, refined until it meets the solver's tolerance.
 
     Args:
         solver: Computes joint positions and their derivatives.
         knots: The first knots.
+        stops: Arc lengths at which the tool stops [m].
 
     Raises:
         Unreachable: The arm cannot reach a knot or is singular; with the arc length.
@@ -36,9 +33,13 @@ def refine(solver: Solver[Arm], knots: Knots) -> JointPath:
     while True:
         start, end = solver.continuous(start, end)
         open_ = np.flatnonzero(~settled)
-        leaves, middle = _find_misses(
-            solver, knots.part(open_), _select(start, open_), _select(end, open_)
-        )
+        if len(open_) == len(knots):
+            errors, middle = solver.errors_between(knots, start, end)
+        else:
+            errors, middle = solver.errors_between(
+                knots.part(open_), _select(start, open_), _select(end, open_)
+            )
+        leaves = ~(errors <= 1)
         missed = np.zeros(len(settled), dtype=bool)
         missed[open_[leaves]] = True
         if not missed.any():
@@ -59,30 +60,13 @@ def refine(solver: Solver[Arm], knots: Knots) -> JointPath:
         settled = (~missed)[parent]
     path = solver.path
     breaks = np.append(knots.s0, path.length)
-    return JointPath.hermite(breaks, start, end, stops=path.stops, tool_path=path)
+    return JointPath.hermite(breaks, start, end, stops=stops, tool_path=path)
 
 
 def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
     """The joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
     return q[which], dq_ds[which], d2q_ds2[which]
-
-
-def _find_misses(
-    solver: Solver[Arm], knots: Knots, start: Ends, end: Ends
-) -> tuple[BoolArray, FloatArray]:
-    """Intervals whose quintic leaves the path by more than the tolerance.
-
-    Returns:
-        The mask of these intervals, (n,), and the joint positions in the middle of all, (n, dof).
-    """
-    n, width = len(knots), knots.u1 - knots.u0
-    coefficients = quintic(width, start, end)
-    q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
-    u = knots.u0 + PLACES[:, None] * width
-    repeated = knots.part(np.tile(np.arange(n), len(PLACES)))
-    errors = solver.tool_errors(repeated, u.ravel(), q.reshape(-1, q.shape[2]))
-    return np.asarray(~(errors.reshape(-1, n).max(axis=0) <= 1)), q[MIDDLE]
 
 
 def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
+import numpy as np
+
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.geometry import Path
-from armcontour.tracing.knots import Knots
+from armcontour.motion import quintic
+from armcontour.tracing.knots import MIDDLE, PLACES, Knots
 
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
@@ -48,6 +51,23 @@ class Solver(ABC, Generic[A]):
     @abstractmethod
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
+
+    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
+        """Largest error of the tool on the quintics of intervals, over the tolerance, (n,).
+
+        Args:
+            knots: The intervals, n of them.
+            start: Joint positions and derivatives at their starts.
+            end: The same at their ends.
+
+        Returns:
+            The errors, and the joint positions in the middle of the intervals, (n, dof).
+        """
+        n, width = len(knots), knots.u1 - knots.u0
+        coefficients = quintic(width, start, end)
+        q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
+        errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
+        return np.asarray(errors.reshape(-1, n).max(axis=0)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Values at starts and ends of the intervals, without jumps from interval to interval."""

@@ -15,7 +15,7 @@ from armcontour.tracing.closed_form import ClosedForm
 from armcontour.tracing.configurations import CHORD_TURN, find_solutions
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import row_of_poses, task_dimension
+from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
 from armcontour.tracing.refinement import refine
 
@@ -138,7 +138,7 @@ def sketch_all(
     knots = first_knots(path)
     chain = np.concatenate([arm.chain.positions, arm.arrays[4][None, :, 3]])
     few = knots.part(_few_places(path, knots, SKETCHED * np.linalg.norm(chain, axis=1).sum()))
-    found = find_solutions(path, arm, few, task, None)
+    found = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
     return np.append(few.s0, path.length), [x.q for x in found]
 
 
@@ -166,7 +166,7 @@ def _trace_planar(
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
-    joint_path = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path))
+    joint_path = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path), path.stops)
     joint_path = turn_into_range(joint_path, arm.limits)
     refuse_out_of_range(joint_path, arm.limits)
     return joint_path
@@ -183,13 +183,15 @@ def _trace_serial(
     """
     task = task_dimension(path, arm)
     knots = first_knots(path, FINER if task < arm.dof else 1)
+    first = FirstPoses.of(path, knots)
     found: list[JointPath] = []
     refusals: list[Unreachable] = []
-    for solution in find_solutions(path, arm, knots, task, start):
+    for solution in find_solutions(path, arm, knots, first.row, task, start):
         if most is not None and len(found) == most:
             break
         try:
-            joint_path = refine(Numeric(path, arm, task, knots, solution, tolerance), knots)
+            numeric = Numeric(path, arm, task, first, solution, tolerance)
+            joint_path = refine(numeric, knots, first.stops)
             refuse_out_of_range(joint_path, arm.limits)
             found.append(joint_path)
         except Unreachable as error:

@@ -14,7 +14,7 @@ from armcontour._kernels import compiled
 ROUNDING = 2e-15
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def write_derivatives(
     coefficients: FloatArray,
     breaks: FloatArray,
@@ -100,7 +100,7 @@ def derivatives(
         )
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def write_bulge(
     width: float,
     x: float,
@@ -145,7 +145,7 @@ def acceleration_bulge(
         write_bulge(width[i], x[i], u[i], skew[i], i, first, second, third, fourth, bulge)
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def largest_u(
     x: float, row: int, first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
 ) -> float:
@@ -197,7 +197,7 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
     return ceiling
 
 
-@compiled(inline="always")
+@compiled(inner=True, inline="always")
 def lower_by_velocity(
     width: float,
     x: float,

@@ -76,7 +76,7 @@ def largest_u(
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _tangent(least: float, most: float, cap: float) -> tuple[float, float]:
     """Offset and slope of a line above the root of x from `least` on, near the root up to `most`.
 
@@ -89,7 +89,7 @@ def _tangent(least: float, most: float, cap: float) -> tuple[float, float]:
     return offset, 1 / (4 * offset) if offset >= low / 2 else (low - offset) / least
 
 
-@compiled()
+@compiled(inner=True)
 def _chord(least: float, most: float) -> tuple[float, float]:
     """Offset and slope of a line below the root of x for x from `least` to `most`."""
     low, high = math.sqrt(least), math.sqrt(max(most, TINY))
