@@ -31,7 +31,7 @@ MOST_HALVINGS = 12
 SINGULAR = 1e-11
 
 
-@compiled()
+@compiled(inner=True)
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     """Solve a x = b in place by Gaussian elimination with pivoting.
 

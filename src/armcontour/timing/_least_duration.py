@@ -15,7 +15,7 @@ EVEN_PARTS = 100
 TURN = 0.1
 
 
-@compiled()
+@compiled(inner=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
     """Number of equal parts of each piece at whose ends limits are kept, (n,)."""
     n, dof = len(coefficients), coefficients.shape[2]
@@ -41,7 +41,7 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
     return parts
 
 
-@compiled()
+@compiled(inner=True)
 def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray) -> float:
     """The largest x = ds² at which some u = dds keeps `low <= b u + c x <= high` for all joints.
 
@@ -70,7 +70,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
     return found
 
 
-@compiled()
+@compiled(inner=True)
 def _largest_u(
     b: FloatArray,
     c: FloatArray,

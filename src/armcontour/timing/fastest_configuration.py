@@ -20,11 +20,11 @@ from armcontour.tracing import sketch_all, trace, trace_all
 ROUGHLY = 400
 # On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
 # PART_EVERY segments, and at most MOST_PARTS. The shares INNER of each part are counted.
-LONG = 6000
-PART_SEGMENTS, PART_EVERY, MOST_PARTS = 100, 750, 60
+LONG = 20_000
+PART_SEGMENTS, PART_EVERY, MOST_PARTS = 100, 200, 100
 INNER = (0.1, 0.9)
 # After this many parts, configurations that have taken longer by SLOWER are given up.
-SOME_PARTS, SLOWER = 4, 0.01
+SOME_PARTS, SLOWER = 10, 0.02
 # A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
 # limits at points, and may miss what happens between them.
 SURE = 0.998

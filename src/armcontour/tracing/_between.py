@@ -12,7 +12,7 @@ from armcontour._quintics import ROUNDING
 from armcontour.arms._chain import write_kinematics
 
 
-@compiled()
+@compiled(inner=True)
 def write_quintic(
     h: float,
     q0: float,
@@ -39,7 +39,7 @@ def write_quintic(
         out[5, j] = 6 * value - 3 * slope + bend / 2
 
 
-@compiled()
+@compiled(inner=True)
 def tool_error(
     pose: FloatArray, target: FloatArray, task: int, tolerance: float, angular: float
 ) -> float:
