@@ -48,8 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
     begin, sessions = time.perf_counter(), baseline.read(given.baseline)
+    commit = _commit()
     known = {} if given.update else baseline.known(sessions)
-    found, trouble = _measure_all(lines, known, given.times if given.update else 1)
+    found, trouble = measure_all(lines, known, given.times if given.update else 1)
     best = [_judged(x) for x in found.values()]
     _print_table(best, baseline.known(sessions))
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed = any(x.startswith("Failed") for x in trouble)
     if given.update:
         ratios = {name: Known.of(x) for name, x in found.items()}
-        new = Session(date.today().isoformat(), _commit(), _machine(), ratios)
+        new = Session(date.today().isoformat(), commit, _machine(), ratios)
         baseline.write(given.baseline, baseline.updated(sessions, new))
         print(f"Written: {given.baseline}")
         return int(failed)
@@ -96,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _measure_all(
+def measure_all(
     lines: Sequence[Line], known: Mapping[str, Known], times: int
 ) -> tuple[dict[str, list[Measured]], list[str]]:
     """All measurements by name, and sentences on lines without any."""
@@ -106,6 +107,10 @@ def _measure_all(
         print(f"{k + 1}/{len(lines)} {line.name}", end=": ", flush=True)
         try:
             found[line.name] = measure(line, times)
+        except KeyboardInterrupt:
+            # What was measured until then counts.
+            print("interrupted", flush=True)
+            return found, [*trouble, f"Interrupted: {len(lines) - k} lines are not measured."]
         except Missing as reason:
             print("left out", flush=True)
             trouble.append(f"Left out: {line.name}, as {reason}.")

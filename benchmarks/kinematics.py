@@ -24,7 +24,7 @@ from armcontour.motion import quintic
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import pose_derivatives_at, poses_at
+from armcontour.tracing.poses import FirstPoses, pose_derivatives_at, poses_at
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -109,16 +109,14 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, first, Solution(q=q, cost=0.0), 1e-10)
-    begin, end = (solver.ends(first, at, None) for at in (first.u0, first.u1))
+    solver = Numeric(path, arm, 6, FirstPoses.of(path, first), Solution(q=q, cost=0.0), 1e-10)
+    begin = solver.ends(first, first.u0, None)
+    end = solver.ends(first, first.u1, None, at_end=True)
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)
     x = (s - first.s0[i]) / (first.u1 - first.u0)[i]
     quintics = np.einsum("ikj,ik->ij", coefficients[i], x[:, None] ** np.arange(6))
-    guesses = {
-        "quintics": quintics,
-        "place": traced(np.append(0.0, s[:-1])),
-    }
+    guesses = {"quintics": quintics, "place": traced(np.append(0.0, s[:-1]))}
     return Task(solver, knots, guesses, path)
 
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from benchmarks import baseline
-from benchmarks.__main__ import chosen, main
+from benchmarks.__main__ import chosen, main, measure_all
 from benchmarks.baseline import Known, Session
 from benchmarks.measured import Bar, Line, Measured, Missing, Pair, Taken, measure, spawned
 
@@ -240,3 +240,13 @@ def test_a_line_that_fails_is_said_when_all_are_measured(run):
     code, said = run({"plan": [0.5, 0.5], "loop": [0.5] * 3}, "--update")
     assert code == 1 and "Failed: plan: IndexError: pop from empty list" in said
     assert "2/2 loop: 4.5 s, 4.5 of toppra" in said
+
+
+def test_what_was_measured_before_an_interruption_counts():
+    def interrupt() -> Pair:
+        raise KeyboardInterrupt
+
+    steady_line = line_of(Pair(steady(9.0), steady(4.5), warm=True))
+    lines = [steady_line, Line("loop", "", "", interrupt), line("last")]
+    found, trouble = measure_all(lines, {}, 1)
+    assert list(found) == ["plan"] and trouble == ["Interrupted: 2 lines are not measured."]
