@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, Samples, Stretch
+from armcontour.motion import LapLaw, Law, Samples, Stretch
 
 
 def lap(duration, q, dq, ddq):
@@ -174,3 +174,15 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
             assert not any(np.shares_memory(array, x) for x in given.values())
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(value, next(iter(arrays)), None)
+
+
+def test_laws_of_users_may_give_any_arrays():
+    class Still(Law):
+        breaks = np.array([0.0, 1.0])
+
+        def on_interval(self, i, t, order):
+            return np.broadcast_to(np.float32([0.5, 0.25]), (len(t), 2))
+
+    found = ac.Trajectory(laws=(Still(),), method="hand")(np.linspace(0, 1, 5))
+    assert found.dtype == np.float64 and found.flags.writeable and found.flags.owndata
+    np.testing.assert_array_equal(found, np.tile([0.5, 0.25], (5, 1)))

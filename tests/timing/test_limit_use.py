@@ -78,3 +78,18 @@ def test_a_tool_without_orientation_does_not_turn(arm, refuses):
     refuses(
         lambda: quantity("angular_speed", about_joint(arm, 0)), ac.InvalidInput, "a point without"
     )
+
+
+def test_dry_friction_at_rest_is_the_one_that_helps(arm):
+    from armcontour.timing.limit_use import STILL
+
+    rough = arm.with_dynamics(coulomb=[3.0, 0.5])
+    still, slow = np.zeros((1, 2)), np.full((1, 2), 1.01 * STILL)
+    q, ddq = np.zeros((1, 2)), np.array([[10.0, -10.0]])
+    without = np.abs(arm.torque(q, still, ddq))
+    helped = np.maximum(without - [3.0, 0.5], 0.0)
+    for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):
+        found = quantity("joint_torque", States(rough, q, dq, ddq))
+        np.testing.assert_allclose(found, helped, atol=1e-6)
+    found = quantity("joint_torque", States(rough, q, slow, ddq))
+    np.testing.assert_allclose(found, np.abs(rough.torque(q, slow, ddq)), rtol=1e-12)

@@ -240,8 +240,8 @@ class Trajectory:
         found: tuple[FloatArray, ...] = ()
         for of, values in self._values(flat, side, orders):
             if len(of) == t.size:
-                # They are in order.
-                found = values
+                # They are in order; laws of users may give other arrays than ours do.
+                found = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
             if not found:
                 found = tuple(np.empty((t.size, x.shape[-1])) for x in values)

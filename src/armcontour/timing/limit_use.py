@@ -22,6 +22,11 @@ from armcontour.errors import InvalidInput
 SLOWEST = 1e-6
 
 
+# Below this joint velocity [rad/s] dry friction may have any value up to Coulomb friction, in both
+# directions.
+STILL = 1e-6
+
+
 @dataclass(frozen=True)
 class States:
     """Joint states of an arm, with the motion of the tool that they cause.
@@ -146,11 +151,22 @@ def _length(vectors: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
+def _torque(x: States) -> FloatArray:
+    """Amounts of the joint torques [N m], with the dry friction at rest that helps most."""
+    torque = x.arm.torque(x.q, x.dq, x.ddq)
+    chain = x.arm.chain
+    if chain is None or chain.coulomb is None or not chain.coulomb.any():
+        return np.abs(torque)
+    without = np.abs(torque - chain.coulomb * np.sign(x.dq))
+    helped = np.maximum(without - chain.coulomb, 0.0)
+    return np.where(np.abs(x.dq) <= STILL, helped, np.abs(torque))
+
+
 QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "joint_velocity": lambda x: np.abs(x.dq),
     "joint_acceleration": lambda x: x.ddq,
     "joint_jerk": lambda x: np.abs(x.joint_jerk),
-    "joint_torque": lambda x: np.abs(x.arm.torque(x.q, x.dq, x.ddq)),
+    "joint_torque": _torque,
     "speed": lambda x: _length(x.tool_velocity),
     "tool_acceleration": lambda x: _length(x.tool_acceleration),
     "centripetal_acceleration": _centripetal,

@@ -296,13 +296,14 @@ class Problem:
                 if ceiling.lost is not None:
                     self.lost = np.maximum(self.lost, ceiling.lost)
             if found is not None:
-                self.rows.append(found.compact())
+                self.rows.append(found.compact(n, constraint.name))
             if disc is not None:
                 if len(self.radius):
                     raise InvalidInput(
                         "Only one round constraint can be planned with at a time: lift the limit "
                         f"of tool acceleration, or leave out the constraint {constraint.name}."
                     )
+                disc.refuse_shape(n, constraint.name)
                 self.c, self.radius = np.ascontiguousarray(disc.c), disc.r
         self.ceiling = _lowest(ceilings, n)
         if bounds is not None:

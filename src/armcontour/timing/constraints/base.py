@@ -21,6 +21,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.constraints._rows import derivatives
 from armcontour.timing.grid import Grid
@@ -112,11 +113,27 @@ class Rows:
         a, b, low, high = (x[:, -1:].copy() for x in (self.a, self.b, self.low, self.high))
         return Rows(a, b, low, high, self.margin[-1:].copy())
 
-    def compact(self) -> Rows:
+    def compact(self, n: int, name: str) -> Rows:
         """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
 
         Lower and upper bounds have the same shape: along axes on which both were broadcast, 1.
+
+        Args:
+            n: Number of intervals.
+            name: Name of the constraint, for the message.
+
+        Raises:
+            InvalidInput: The arrays have other shapes than they should.
         """
+        shape = (2, n, np.shape(self.a)[-1] if np.ndim(self.a) else 0)
+        for field in ("a", "b", "low", "high", "margin"):
+            expected = shape[1:] if field == "margin" else shape
+            if np.shape(getattr(self, field)) != expected:
+                raise InvalidInput(
+                    f"The rows of the constraint {name} have {field} of shape "
+                    f"{np.shape(getattr(self, field))}, where {expected} is expected: two ends, "
+                    f"{n} intervals and the number of rows."
+                )
         ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
         shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
         return Rows(
@@ -144,6 +161,18 @@ class Disc:
 
     c: FloatArray
     r: FloatArray
+
+    def refuse_shape(self, n: int, name: str) -> None:
+        """Refuse the disc of a constraint whose arrays are not those of n intervals.
+
+        Raises:
+            InvalidInput: They have other shapes.
+        """
+        if np.shape(self.c) != (2, n) or np.shape(self.r) != (n,):
+            raise InvalidInput(
+                f"The disc of the constraint {name} has c of shape {np.shape(self.c)} and r of "
+                f"shape {np.shape(self.r)}, where {(2, n)} and {(n,)} are expected."
+            )
 
 
 @dataclass(frozen=True)
