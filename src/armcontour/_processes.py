@@ -167,7 +167,9 @@ def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
 
 def _worth(spent: float, done: int, left: int) -> int:
     """Number of other processes that are worth their start, after some work [s] on some items."""
-    if spent < ALONE or _Serving.here or not sys.executable:
+    # In a frozen application `sys.executable` is the application, not Python.
+    alone = not sys.executable or getattr(sys, "frozen", False)
+    if spent < ALONE or _Serving.here or alone:
         return 0
     return min(processors() - 1, MOST_AHEAD, int(spent / done * left / (2 * ALONE)))
 

@@ -115,7 +115,7 @@ def _plane_gap(g: FloatArray, h: FloatArray) -> Any:
     return math.sqrt(total)
 
 
-@compiled(inner=True)
+@compiled()
 def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
     """How far two matched parts of segments can be farther apart inside than at their ends.
 
