@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NoReturn
 
 import numpy as np
 
@@ -125,15 +126,10 @@ class Rows:
         Raises:
             InvalidInput: The arrays have other shapes than they should.
         """
-        shape = (2, n, np.shape(self.a)[-1] if np.ndim(self.a) else 0)
-        for field in ("a", "b", "low", "high", "margin"):
-            expected = shape[1:] if field == "margin" else shape
-            if np.shape(getattr(self, field)) != expected:
-                raise InvalidInput(
-                    f"The rows of the constraint {name} have {field} of shape "
-                    f"{np.shape(getattr(self, field))}, where {expected} is expected: two ends, "
-                    f"{n} intervals and the number of rows."
-                )
+        shape = (2, n, *self.a.shape[2:3])
+        alike = self.a.shape == self.b.shape == self.low.shape == self.high.shape == shape
+        if not (alike and self.margin.shape == shape[1:]):
+            self._refuse_shapes(shape, name)
         ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
         shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
         return Rows(
@@ -142,6 +138,16 @@ class Rows:
             _contiguous(self.low[shared]),
             _contiguous(self.high[shared]),
             _contiguous(self.margin),
+        )
+
+    def _refuse_shapes(self, shape: tuple[int, ...], name: str) -> NoReturn:
+        """Refuse the first array that has another shape than it should."""
+        expected = {"a": shape, "b": shape, "low": shape, "high": shape, "margin": shape[1:]}
+        field, wanted = next((x, y) for x, y in expected.items() if getattr(self, x).shape != y)
+        raise InvalidInput(
+            f"The rows of the constraint {name} have {field} of shape "
+            f"{getattr(self, field).shape}, where {wanted} is expected: two ends, {shape[1]} "
+            "intervals and the number of rows."
         )
 
 
