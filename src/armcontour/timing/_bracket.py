@@ -10,6 +10,18 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 
 
+@compiled(inner=True)
+def sag(skew: float, width: float) -> float:
+    """Largest distance of x from its chord on an interval, where u has a slope over s."""
+    return abs(skew) * width**2 / 4
+
+
+@compiled(inner=True)
+def turn(skew: float, width: float) -> float:
+    """Change of u over an interval, where u has a slope over s."""
+    return abs(skew) * width
+
+
 @compiled()
 def spread(
     x: FloatArray, slope: FloatArray, of: IntArray
@@ -39,8 +51,6 @@ def bound_x(
 ) -> tuple[FloatArray, FloatArray]:
     """Largest and smallest x of brackets on every interval [m²/s²], (n,) each.
 
-    Between two points x leaves its chord by up to |skew| width² / 4.
-
     Args:
         most: The larger x of both interval ends, (n,).
         least: The smaller x of both interval ends, (n,).
@@ -51,9 +61,9 @@ def bound_x(
     n = len(width)
     high, low = np.empty(n), np.empty(n)
     for i in range(n):
-        sag = abs(skew[i]) * width[i] ** 2 / 4
-        high[i] = reach[i] * most[i] + sag
-        low[i] = max(least[i] / reach[i] - sag, 0.0)
+        off = sag(skew[i], width[i])
+        high[i] = reach[i] * most[i] + off
+        low[i] = max(least[i] / reach[i] - off, 0.0)
     return high, low
 
 
@@ -80,10 +90,10 @@ def bound_u(
     n = len(width)
     u = np.empty(n)
     for i in range(n):
-        half_turn = abs(skew[i]) * width[i] / 2
-        u[i] = allowed[i] + 2 * half_turn
+        change = turn(skew[i], width[i])
+        u[i] = allowed[i] + change
         if bracketed:
-            u[i] = min(u[i], (high[i] - low[i]) / (2 * width[i]) + 3 * half_turn)
+            u[i] = min(u[i], (high[i] - low[i]) / (2 * width[i]) + 1.5 * change)
     return u
 
 
@@ -117,14 +127,14 @@ def judge(
     """
     any_dips = any_left = False
     for i in range(len(width)):
-        sag = abs(skew[i]) * width[i] ** 2 / 4
+        off = sag(skew[i], width[i])
         dips[i] = left[i] = False
         if skew[i] > 0:
             speed = math.sqrt(x[i]) + math.sqrt(x[i + 1])
-            dips[i] = 4 * sag > largest_dip * speed**2
-        left[i] = max(x[i], x[i + 1]) > high[i] - sag
+            dips[i] = 4 * off > largest_dip * speed**2
+        left[i] = max(x[i], x[i + 1]) > high[i] - off
         if bracketed:
-            left[i] |= max(min(x[i], x[i + 1]) - sag, 0.0) < low[i]
+            left[i] |= max(min(x[i], x[i + 1]) - off, 0.0) < low[i]
         any_dips |= dips[i]
         any_left |= left[i]
     return any_dips, any_left

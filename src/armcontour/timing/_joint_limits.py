@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.timing._bracket import bound_x, judge, spread
+from armcontour.timing._bracket import bound_x, judge, sag, spread, turn
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -203,15 +203,15 @@ def plan_in_one_go(
             allowed = largest_u(largest[i], row, first, second, low[0, 0], high[0, 0])
             if allowed == np.inf:
                 return x, skew, lost, LEFT
-            u = allowed + 2 * (abs(skew[i]) * width[i] / 2)
+            u = allowed + turn(skew[i], width[i])
             shifts[i] = skew[i] * width[i] ** 2
             at_start, at_end, share = lower_by_velocity(
                 width[i], largest[i], u, skew[i], row, first, second, third, velocity
             )
             if fixed.shape[1]:
                 at_start, at_end = min(at_start, fixed[0, i]), min(at_end, fixed[1, i])
-            # Where u falls, x lies above its chord by up to |skew| width² / 4.
-            above = max(-shifts[i], 0.0) / 4
+            # Where u falls, x lies above its chord.
+            above = sag(skew[i], width[i]) if skew[i] < 0.0 else 0.0
             ceiling[0, i], ceiling[1, i] = at_start - above, at_end - above
             write_bulge(width[i], largest[i], u, skew[i], row, first, second, third, fourth, bulge)
             half, shift = 0.5 / width[i], shifts[i]

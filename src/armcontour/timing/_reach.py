@@ -326,8 +326,9 @@ def _guess_x(
             least, rise, below = other, steep, (below + every) % (2 * every)
         if x >= least or slope >= rise:
             return 0.0, False
-        lower = (x - least) / (slope - rise)
-        x, y = x - slope * lower, y - lower
+        # Where both rows meet, y is this much smaller.
+        less = (x - least) / (slope - rise)
+        x, y = x - slope * less, y - less
     agrees = slope >= 0.0 and x >= 0.0 and y >= 0.0 and _keeps(x, y, rows, i, above, below)
     return min(x, cap), agrees
 

@@ -96,9 +96,6 @@ WIDER = 1.5
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
-# glibc gives freed blocks back to the system if they are larger than all that were freed before, up
-# to 32 MB. New pages cost as much time as the arithmetic on them, and a plan takes many.
-np.empty(2**22 - 2**12)
 
 
 def plan_optimal(
@@ -708,10 +705,12 @@ def _law(grid: Grid, x: FloatArray, skew: FloatArray) -> PathLaw:
     Raises:
         NotRealizable: Two neighbouring points are at rest.
     """
-    stuck = np.flatnonzero((x[:-1] == 0) & (x[1:] == 0))
-    if len(stuck):
-        _refuse_stuck(grid, int(stuck[0]))
-    return PathLaw.of_squares(grid.joint_path, grid.s, x, skew)
+    try:
+        return PathLaw.of_squares(grid.joint_path, grid.s, x, skew)
+    except InvalidInput as error:
+        if error.index is None:
+            raise
+        _refuse_stuck(grid, error.index)
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
