@@ -121,3 +121,15 @@ def test_nobody_waits_for_a_process_that_has_ended():
     with pytest.raises(ac.ExecutionError, match="has ended"):
         share_work(sys.exit, order, processes=2)
     assert order.found == {}
+
+
+def test_a_frozen_application_does_all_itself(monkeypatch, eager):
+    # `sys.executable` is the application there, which is no Python to start.
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    here = [os.getpid()] * 20
+    tell = ["__import__('os').getpid()"] * 20
+    assert list(map_ahead(eval, tell)) == here
+    assert map_in_processes(eval, tell, processes=2) == here
+    order = Halves([8, 4, 3, 2, 1])
+    share_work(halve, order, processes=2)
+    assert order.found == {x: 1 / x for x in (1, 2, 3, 4, 8)}

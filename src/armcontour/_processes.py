@@ -59,7 +59,7 @@ def map_in_processes(
     count = min(processes or os.cpu_count() or 1, len(items))
     tell = done or (lambda number: None)
     found: list[Any] = [None] * len(items)
-    if count < 2 or len(items) < FEWEST or not sys.executable:
+    if count < 2 or len(items) < FEWEST or not _can_start():
         for k, item in enumerate(items):
             tell(k)
             found[k] = work(item)
@@ -98,6 +98,8 @@ class Order(Protocol[T, Done]):
 def share_work(work: Callable[[T], R], order: Order[T, R], *, processes: int) -> None:
     """Do some work on items in other processes, in an order that depends on what is done already.
 
+    Where no process can be started, this one does the work.
+
     Args:
         work: The work; it can be pickled, as items and results can.
         order: The items.
@@ -107,6 +109,10 @@ def share_work(work: Callable[[T], R], order: Order[T, R], *, processes: int) ->
         ExecutionError: A process ended before its work did.
         RuntimeError: An error of the work, as text.
     """
+    if not _can_start():
+        while (item := order.take()) is not None:
+            order.finish(item, work(item))
+        return
     children = [_start() for _ in range(processes)]
 
     def feed(child: subprocess.Popen[bytes]) -> None:
@@ -167,9 +173,7 @@ def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
 
 def _worth(spent: float, done: int, left: int) -> int:
     """Number of other processes that are worth their start, after some work [s] on some items."""
-    # In a frozen application `sys.executable` is the application, not Python.
-    alone = not sys.executable or getattr(sys, "frozen", False)
-    if spent < ALONE or _Serving.here or alone:
+    if spent < ALONE or _Serving.here or not _can_start():
         return 0
     return min(processors() - 1, MOST_AHEAD, int(spent / done * left / (2 * ALONE)))
 
@@ -338,6 +342,11 @@ def serve() -> None:
             _send(answers, answer)
     except (EOFError, OSError):
         return
+
+
+def _can_start() -> bool:
+    """Whether other processes can be started: a frozen application is no Python to start."""
+    return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
 def _start() -> subprocess.Popen[bytes]:
