@@ -21,7 +21,6 @@ from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import Piece, pieces_of
-from armcontour.evaluation.tally import judges_torque
 from armcontour.geometry import Path
 from armcontour.motion import Execution
 from armcontour.program import Program
@@ -256,6 +255,6 @@ def _torque(executed: Execution) -> FloatArray | None:
     """Torques of the drives [N m]: from the plant, else from the motion; None if not known."""
     if executed.torque is not None:
         return executed.torque
-    if not judges_torque(executed.arm):
+    if not executed.arm.has_bodies:
         return None
     return executed.arm.torque(executed.q, executed.dq, executed.ddq)

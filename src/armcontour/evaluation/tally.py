@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
-from armcontour.errors import InvalidInput
 from armcontour.evaluation.angular_deviation import least_off
 from armcontour.geometry import Path
 
@@ -240,7 +239,7 @@ class Tally:
     def torque(self, x: States) -> None:
         """Offer joint torques, if the arm has masses."""
         limit = self.limits.joint_torque
-        if limit is None or x.ddq is None or not judges_torque(self.arm):
+        if limit is None or x.ddq is None or not self.arm.has_bodies:
             return
         chain = self.arm.chain
         assert chain is not None and chain.coulomb is not None
@@ -420,14 +419,6 @@ class Tally:
             total += np.linalg.norm(change, axis=1)
         # The joint effect of two errors is less than the effect of one times the other's angle.
         return np.asarray(total * (1 + x.errors[0].sum()))
-
-
-def judges_torque(arm: Arm) -> bool:
-    """Whether the torques of an arm can be computed: it has masses, and pinocchio is installed."""
-    try:
-        return arm.has_bodies and arm.dynamics is not None
-    except InvalidInput:
-        return False
 
 
 def _changes(x: States, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
