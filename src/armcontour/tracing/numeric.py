@@ -8,9 +8,9 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing import _between
+from armcontour.tracing._tool_errors import tool_errors
 from armcontour.tracing.configurations import Solution
-from armcontour.tracing.knots import MIDDLE, PLACES, Knots
+from armcontour.tracing.knots import MIDDLE, Knots
 from armcontour.tracing.poses import (
     FirstPoses,
     pose_derivatives_at,
@@ -19,7 +19,7 @@ from armcontour.tracing.poses import (
     what_helps,
 )
 from armcontour.tracing.redundancy import Guide, null_space
-from armcontour.tracing.solver import Ends, Solver
+from armcontour.tracing.solver import Ends, Solver, largest_errors, quintics_at_places
 
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
@@ -90,34 +90,21 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Largest error of the tool between knots, and joint positions in the middle, compiled."""
-        shared = knots is self._first.knots
-        targets = self._first.between if shared else poses_at(self.path, *knots.places())
-        errors, q = _between.errors_between(
-            *self.arm.arrays,
-            knots.u1 - knots.u0,
-            np.stack(start),
-            np.stack(end),
-            PLACES,
-            targets,
-            self.task,
-            self.tolerance,
-            ANGULAR_TOLERANCE,
-        )
-        return errors, q[MIDDLE]
+        """As of every solver; poses at the places of the first knots are those of all solutions."""
+        if knots is not self._first.knots:
+            return super().errors_between(knots, start, end)
+        q = quintics_at_places(knots, start, end)
+        errors = self._errors(self._first.between, q.reshape(-1, self.arm.dof))
+        return largest_errors(errors, len(knots)), q[MIDDLE]
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
-        target = poses_at(self.path, knots, u)
-        points, rotations = self.arm.pose(q)
-        off = np.linalg.norm(points - target[:, :, 3], axis=1) / self.tolerance
-        if self.task == 3:
-            return np.asarray(off)
-        if self.task == 5:
-            angle = np.linalg.norm(rotations[:, :, 2] - target[:, :, 2], axis=1)
-        else:
-            angle = np.linalg.norm(rotations - target[:, :, :3], axis=(1, 2)) / np.sqrt(2)
-        return np.asarray(np.maximum(off, angle / ANGULAR_TOLERANCE))
+        return self._errors(poses_at(self.path, knots, u), q)
+
+    def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
+        """The errors of `tool_errors` from target poses, (n, 3, 4)."""
+        tolerances = self.tolerance, ANGULAR_TOLERANCE
+        return np.asarray(tool_errors(*self.arm.arrays, q, targets, self.task, *tolerances))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).

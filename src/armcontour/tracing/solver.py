@@ -63,12 +63,21 @@ class Solver(ABC, Generic[A]):
         Returns:
             The errors, and the joint positions in the middle of the intervals, (n, dof).
         """
-        n, width = len(knots), knots.u1 - knots.u0
-        coefficients = quintic(width, start, end)
-        q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
+        q = quintics_at_places(knots, start, end)
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
-        return np.asarray(errors.reshape(-1, n).max(axis=0)), q[MIDDLE]
+        return largest_errors(errors, len(knots)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Values at starts and ends of the intervals, without jumps from interval to interval."""
         return start, end
+
+
+def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
+    """Joint positions on the quintics of n intervals at their places, (places, n, dof)."""
+    coefficients = quintic(knots.u1 - knots.u0, start, end)
+    return np.asarray(np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients))
+
+
+def largest_errors(errors: FloatArray, n: int) -> FloatArray:
+    """The largest error of each of n intervals, from those at all their places, (n,)."""
+    return np.asarray(errors.reshape(-1, n).max(axis=0))
