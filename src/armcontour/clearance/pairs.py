@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -139,7 +139,7 @@ def _with_obstacles(
         place = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
         hull, exact = x.shape, None
         if isinstance(hull, Mesh) and hull.triangles is not None:
-            hull, exact = replace(hull, triangles=None), hull
+            hull, exact = hull.hull, hull
         obstacle = Body(name=x.name, link=0, shape=hull, place=place, exact=exact, obstacle=True)
         for body in own:
             of_kind = scene.margins.tool if body.tool else scene.margins.environment
