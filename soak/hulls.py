@@ -161,12 +161,8 @@ def main(words: list[str]) -> int:
         "source": f"{source} They are up to {max(x['excess'] for x in hulls) * 1e3:.2g} mm larger.",
         "license": license_text,
         "unit": "um",
-        "left_out": [],
         "hulls": hulls,
     }
-    _write(FOLDER / f"{told.name}.json", page)
-    arm = ac.load_arm(told.name)
-    page["left_out"] = _touching(arm)
     _write(FOLDER / f"{told.name}.json", page)
     return 0
 
@@ -178,14 +174,6 @@ def _compare(built_in: ac.Arm, described: ac.Arm) -> None:
     apart = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
     print(f"frames of links: {apart:.2g} m apart")
     assert apart <= SAME
-
-
-def _touching(arm: ac.Arm) -> list[dict[str, str]]:
-    """Pairs that touch with all joints at 0."""
-    from armcontour.clearance.touching import leave_out_touching
-
-    found = leave_out_touching(arm).left_out
-    return [{"first": x.first, "second": x.second, "reason": x.reason} for x in found]
 
 
 def _write(file: Path, page: dict[str, Any]) -> None:

@@ -154,7 +154,8 @@ def _why_left_out(first: Body, second: Body, given: dict[frozenset[str], str]) -
     reason = given.get(frozenset((first.name, second.name)))
     if reason is not None:
         return reason
-    return "neighbours" if second.link == first.link + 1 else None
+    # A tool may be bent back to the link before the last one, as far as the joint between lets it.
+    return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
 def _pair(chain: Chain, first: Body, second: Body, kind: str, margin: float) -> Pair:

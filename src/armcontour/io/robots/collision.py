@@ -45,7 +45,7 @@ def link_shapes(
     tree: Tree,
     carried: Mapping[str, tuple[int, Frame]],
     packages: Packages | None = None,
-    tool_from: int | None = None,
+    last: str = "",
 ) -> tuple[LinkShape, ...]:
     """Shapes of links, with the names of the links.
 
@@ -53,16 +53,14 @@ def link_shapes(
         tree: The description.
         carried: By the names of links: the link of the chain that carries it, and its frame there.
         packages: Folders of ROS packages; others are looked for near the file.
-        tool_from: The number of links of the chain from the one on whose fixed links are the
-            tool's; None for no tool.
+        last: The link after the last moving joint: what hangs on it is the tool's.
 
     Raises:
         InvalidInput: A mesh is not there, or geometry that is none.
     """
     found = []
     for name, (link, frame) in carried.items():
-        # What hangs on the last link by fixed joints was put on it.
-        tool = link == tool_from and tree.above[name].kind == "fixed"
+        tool = last in carried and link == carried[last][0] and name != last
         for x in collisions(tree, name):
             shape = shape_of(tree, x, packages)
             body = LinkShape(name=name, link=link, shape=shape, place=frame @ x.place, tool=tool)

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.arms.arm import Arm
 from armcontour.io.robots.srdf import read_left_out
-from armcontour.scene import ArmShapes, LeftOut, LinkShape, Mesh
+from armcontour.scene import ArmShapes, LinkShape, Mesh
 
 # Lengths in files of hulls are whole numbers of this [m].
 STEP = 1e-6
@@ -44,7 +44,6 @@ def read_hulls(content: bytes) -> ArmShapes:
             )
             for x in data["hulls"]
         ),
-        left_out=tuple(LeftOut(**x) for x in data["left_out"]),
         source=f"{data['source']} {data['license']}",
     )
 

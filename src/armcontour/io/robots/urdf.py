@@ -84,7 +84,7 @@ def arm_of_tree(
     )
     if not any(tree.links[name].find("collision") is not None for name in carried):
         return arm
-    return arm.with_shapes(partial(_shapes, arm, tree, carried, packages))
+    return arm.with_shapes(partial(_shapes, arm, tree, carried, packages, moving[-1].child))
 
 
 def _shapes(
@@ -92,12 +92,13 @@ def _shapes(
     tree: Tree,
     carried: Mapping[str, tuple[int, Frame]],
     packages: Packages | None,
+    last: str,
 ) -> ArmShapes:
-    """The shapes of the links of a description."""
+    """The shapes of the links of a description; what hangs on its last link is the tool's."""
     # Loaded with the compiled code of motions, which an arm alone does not need.
     from armcontour.clearance.touching import leave_out_touching
 
-    shapes = link_shapes(tree, carried, packages, arm.dof)
+    shapes = link_shapes(tree, carried, packages, last)
     source = f"collision elements of {FilePath(tree.file).name}"
     return leave_out_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
