@@ -30,15 +30,16 @@ BERNSTEIN = np.array(
 ROUNDING = 1e-12
 
 
-def joint_travel(motion: Trajectory | Execution) -> tuple[FloatArray, FloatArray]:
+def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
     """How far each joint has moved since the start, at most; back and forth counts twice.
 
     Between the times the bound grows linearly, and holds there, too: between any two times a joint
     moves no farther than the bound grows.
 
     Args:
-        motion: A planned or an executed motion. An executed one moves between its samples with
-            accelerations of at most the largest that was demanded.
+        motion: A planned or an executed motion, or a joint path, for which arc length stands for
+            time. An executed motion moves between its samples with accelerations of at most the
+            largest that was demanded.
 
     Returns:
         Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
@@ -48,6 +49,8 @@ def joint_travel(motion: Trajectory | Execution) -> tuple[FloatArray, FloatArray
     """
     if isinstance(motion, Execution):
         t, fastest = motion.t, _fastest_executed(motion)
+    elif isinstance(motion, JointPath):
+        t, fastest = motion.breaks, _steepest_within(motion, motion.breaks)
     else:
         starts, parts = motion.starts, [fastest_joints(x) for x in motion.laws]
         inner = [a + x.breaks[:-1] for a, x in zip(starts, motion.laws, strict=False)]
