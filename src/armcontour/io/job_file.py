@@ -165,6 +165,7 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         certificate=model.certificate,
         memory=model.memory,
         scene=None if model.scene is None else scene_of(model.scene, folder, part_of(model.path)),
+        ignore_collisions=model.ignore_collisions,
     )
 
 

@@ -436,6 +436,7 @@ class JobModel:
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         memory: Largest memory of the calculation [bytes].
         scene: Obstacles in the cell, and how near the arm may come to them and to itself.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
     name: str
@@ -456,6 +457,7 @@ class JobModel:
     certificate: Goal | None = None
     memory: Memory = DEFAULT
     scene: SceneModel | None = None
+    ignore_collisions: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
