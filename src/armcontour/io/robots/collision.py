@@ -14,7 +14,7 @@ from armcontour._text import list_some, show
 from armcontour._xacro.packages import find_near
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.mesh_file import read_mesh
+from armcontour.io.mesh_file import MESHES, read_mesh
 from armcontour.io.robots.description import attribute, origin_of, three
 from armcontour.io.robots.tree import Tree
 from armcontour.scene import Box, Capsule, Cylinder, LinkShape, Shape, Sphere
@@ -109,6 +109,8 @@ def shape_of(
     scale: FloatArray | None = None
     if "scale" in element.attrib:
         scale = three(where, "scale", element.get("scale", ""))
+        # Many programs write factors of 1, which say nothing of the unit.
+        scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
     place = find_mesh(tree, name, packages)
     if place is None or not place.is_file():
@@ -156,18 +158,21 @@ def missing_meshes(
             place = find_mesh(tree, name, packages)
             roots[folder] = None if place is None else place.parent
         root = roots[folder]
-        if root is None or not (root / os.path.basename(name)).is_file():
+        there = root is not None and (root / os.path.basename(name)).is_file()
+        if not there or not name.lower().endswith(MESHES):
             lacking.append(name)
     if not lacking:
         return ""
     return (
-        f"meshes are not there, so nothing can be said of clearance: "
+        f"meshes are not there, or of no known format, so nothing can be said of clearance: "
         f"{list_some(lacking, MOST_FILES)}; {_mend(lacking[0])}"
     )
 
 
 def _mend(name: str) -> str:
-    """What would help with a mesh that is not there."""
+    """What would help with a mesh that is not there, or not read."""
+    if not name.lower().endswith(MESHES):
+        return f"give it as {' or '.join(MESHES)}"
     if name.startswith("package://"):
         package = urlsplit(name).netloc
         return (
