@@ -329,6 +329,8 @@ class Path:
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
+        if np.array_equal(orientation.breaks, self.breaks):
+            return orientation
         slack = SAME_BREAK * (1 + self.length)
         if abs(orientation.breaks[-1] - self.length) > slack * len(self):
             raise InvalidInput(
