@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
-from armcontour.execution._mujoco import Springs, mass_matrix
+from armcontour.execution._mujoco import Springs, mass_matrices
 from armcontour.motion import TaughtData
 
 # Number of set-points at which a run is checked before the simulation.
@@ -136,8 +136,9 @@ class SampledLoops:
             ExecutionError: A joint is unstable at a set-point, or there would be too many parts.
         """
         most = 1
-        for k in np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int)):
-            t, mass = float(taught.start_time + k * taught.period), mass_matrix(model, taught.q[k])
+        looks = np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int))
+        for k, mass in zip(looks, mass_matrices(model, taught.q[looks]), strict=True):
+            t = float(taught.start_time + k * taught.period)
             modes = None if self.springs is None else _modes(mass, self.viscous, self.springs)
             rate = _braking(mass, self.viscous) if modes is None else modes.fastest
             parts = int(np.ceil(rate * step / PHASE))
