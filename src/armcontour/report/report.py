@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from armcontour import _staging
 from armcontour._version import __version__
-from armcontour.certification import Certificate, Sweep
 from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
-from armcontour.jobs.learning import LearningStudy
 from armcontour.program import Program
 from armcontour.report import sections
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
+
+if TYPE_CHECKING:
+    from armcontour.certification import Certificate, Sweep
+    from armcontour.jobs.learning import LearningStudy
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.certification import Certificate
 from armcontour.jobs.job import FREE
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program import MOST_ROWS
@@ -20,6 +19,9 @@ from armcontour.report.style import (
     line,
     thin,
 )
+
+if TYPE_CHECKING:
+    from armcontour.certification import Certificate
 
 
 def certificate(found: Certificate) -> Section:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.jobs.learning import LearningStudy
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -19,6 +18,9 @@ from armcontour.report.style import (
     line,
     thin,
 )
+
+if TYPE_CHECKING:
+    from armcontour.jobs.learning import LearningStudy
 
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6

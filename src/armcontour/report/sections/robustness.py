@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from armcontour.report.style import (
     finish,
     line,
 )
-from armcontour.robustness.monte_carlo import Spread
+
+if TYPE_CHECKING:
+    from armcontour.robustness.monte_carlo import Spread
 
 
 def robustness(

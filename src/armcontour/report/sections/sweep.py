@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from armcontour.certification import Sweep, SweepPoint
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -14,6 +13,9 @@ from armcontour.report.style import (
     RUN_COLOURS,
     finish,
 )
+
+if TYPE_CHECKING:
+    from armcontour.certification import Sweep, SweepPoint
 
 # What the shapes of corners are called.
 SHAPES = {"arc": "arcs", "free": "shaped"}
