@@ -17,6 +17,7 @@ from armcontour.jobs import Study
 from armcontour.jobs.job import CURVATURE
 from armcontour.motion import Execution
 from armcontour.program import Program
+from armcontour.report.figure import make_subplots
 from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -126,8 +127,6 @@ def draw_corners(
         title: Title of the figure.
         looks: Options of the lines of the paths, in turn.
     """
-    from plotly.subplots import make_subplots
-
     columns = min(len(shown), COLUMNS)
     rows = -(-len(shown) // columns)
     figure = make_subplots(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -76,9 +77,7 @@ def _figure(
         at: The parameter of a point.
         log: Whether the parameter has a logarithmic axis.
     """
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     for i, (name, points) in enumerate(lines.items()):
         one = len(lines) == 1
         colour = EXECUTED_COLOUR if one else RUN_COLOURS[i % len(RUN_COLOURS)]
@@ -95,10 +94,9 @@ def _traces(
     points: tuple[SweepPoint, ...], at: Callable[[SweepPoint], float], colours: tuple[str, str, str]
 ) -> Iterator[Any]:
     """The optimum, certified and refused points, in three colours; without what is empty."""
-    import plotly.graph_objects as go
-
     known = [x for x in points if x.optimum is not None]
-    yield go.Scatter(
+    yield make_trace(
+        "scatter",
         x=[at(x) for x in known],
         y=[x.optimum for x in known],
         name="optimum, not certified",
@@ -107,7 +105,8 @@ def _traces(
     )
     certified = [x for x in points if x.duration is not None]
     if certified:
-        yield go.Scatter(
+        yield make_trace(
+            "scatter",
             x=[at(x) for x in certified],
             y=[x.duration for x in certified],
             customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
@@ -119,7 +118,8 @@ def _traces(
         )
     refused = [x for x in known if x.refusal is not None]
     if refused:
-        yield go.Scatter(
+        yield make_trace(
+            "scatter",
             x=[at(x) for x in refused],
             y=[x.optimum for x in refused],
             name="refused",
