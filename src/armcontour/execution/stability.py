@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
@@ -77,6 +76,8 @@ class Modes(NamedTuple):
             The factor by which the least stable mode grows, and how much each motor takes part in
             that mode, (dof,).
         """
+        from scipy.linalg import expm
+
         n, dof = len(self.mass), len(damping)
         into = np.zeros((n, dof))
         into[-dof:] = np.eye(dof)

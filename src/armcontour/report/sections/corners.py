@@ -327,8 +327,6 @@ def _between(path: Path, start: float, end: float) -> FloatArray:
 
 def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:
     """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
-    from scipy.interpolate import CubicHermiteSpline
-
     near = np.flatnonzero(np.all(np.abs(tool - corner) < distance, axis=1)[:-1])
     gap = np.full((1, len(corner)), np.nan)
     found = [gap]
@@ -337,6 +335,15 @@ def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            curve = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])
-            found += [done.arm.forward(curve(t)), gap]
+            found += [done.arm.forward(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
     return np.concatenate(found)
+
+
+def _hermite(at: FloatArray, q: FloatArray, dq: FloatArray, t: FloatArray) -> FloatArray:
+    """Values at times t of the cubics through positions q with velocities dq at times, (n, dof)."""
+    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
+    width, x = np.diff(at)[k, None], (t - at[k])[:, None]
+    slope = (q[k + 1] - q[k]) / width
+    bend = (dq[k] + dq[k + 1] - 2 * slope) / width
+    first = (slope - dq[k]) / width - bend
+    return np.asarray(q[k] + x * (dq[k] + x * (first + x * bend / width)))
