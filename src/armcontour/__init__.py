@@ -23,10 +23,12 @@ if TYPE_CHECKING:
         SerialArm,
     )
     from armcontour.certification import Certificate, Sweep, certify, sweep
+    from armcontour.clearance import Clearance, check_clearance
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
         ArmContourError,
+        Collision,
         CompensationError,
         ExecutionError,
         InvalidInput,
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
         smooth_curvature,
     )
     from armcontour.report import write_report
+    from armcontour.scene import Obstacle, Scene
     from armcontour.servo import ServoModel
     from armcontour.timing import Explanation, explain, plan, shape
     from armcontour.tracing import trace
@@ -91,10 +94,12 @@ _HOME = {
         "SerialArm",
     ),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
+    "clearance": ("Clearance", "check_clearance"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
     "errors": (
         "ArmContourError",
+        "Collision",
         "CompensationError",
         "ExecutionError",
         "InvalidInput",
@@ -146,6 +151,7 @@ _HOME = {
         "smooth_curvature",
     ),
     "report": ("write_report",),
+    "scene": ("Obstacle", "Scene"),
     "servo": ("ServoModel",),
     "timing": ("Explanation", "explain", "plan", "shape"),
     "tracing": ("trace",),
@@ -159,6 +165,8 @@ __all__ = [
     "ArmContourError",
     "Certificate",
     "Check",
+    "Clearance",
+    "Collision",
     "CompensationError",
     "Contour",
     "Demand",
@@ -182,6 +190,7 @@ __all__ = [
     "Line",
     "Log",
     "NotRealizable",
+    "Obstacle",
     "Orientation",
     "Path",
     "Payload",
@@ -194,6 +203,7 @@ __all__ = [
     "RigidBodyPlant",
     "RobotIdentification",
     "RoundedPath",
+    "Scene",
     "SerialArm",
     "ServoModel",
     "ServoPlant",
@@ -211,6 +221,7 @@ __all__ = [
     "arm_names",
     "certify",
     "check",
+    "check_clearance",
     "compensate",
     "evaluate",
     "execute",

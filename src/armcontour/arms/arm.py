@@ -18,6 +18,7 @@ from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
     from armcontour.arms.dynamics import Dynamics
+    from armcontour.scene import ArmShapes
 
 # The step along the motion for the derivative of the rate of the Jacobian [rad]: truncation, its
 # fourth power over 30, and rounding, 1e-16 over it, are about equal.
@@ -52,6 +53,7 @@ class Arm(Locked, ABC):
             solution first; empty if the arm has no closed form.
         source: Where the data of the arm come from.
         chain: The joints and links as data; None if the arm has no such data.
+        shapes: Shapes of the links and of the tool; None if they are not known.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
         notes: Sentences on what was left out or chosen when the arm was read from a file.
     """
@@ -63,6 +65,7 @@ class Arm(Locked, ABC):
     branches: tuple[str, ...]
     source: str
     chain: Chain | None = None
+    shapes: ArmShapes | None = None
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
     _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
@@ -90,6 +93,23 @@ class Arm(Locked, ABC):
             name: For people.
         """
         return self._copy(name=name)
+
+    def with_shapes(self, shapes: ArmShapes | None) -> Self:
+        """The same arm with other shapes of its links and tool.
+
+        Args:
+            shapes: The shapes; None if they are not known.
+
+        Raises:
+            InvalidInput: A shape belongs to a link that the arm does not have.
+        """
+        for x in () if shapes is None else shapes.shapes:
+            if not 0 <= x.link <= self.dof:
+                raise InvalidInput(
+                    f"The shape of {x.name} belongs to link {x.link}, but the links of the arm "
+                    f"{self.name} are 0 (the base) to {self.dof}."
+                )
+        return self._copy(shapes=shapes)
 
     def with_dynamics(
         self,

@@ -202,7 +202,7 @@ class SerialArm(Arm):
 
     def _with(self, chain: Chain) -> SerialArm:
         """A copy of the arm with another chain."""
-        return SerialArm(
+        found = SerialArm(
             name=self.name,
             chain=chain,
             limits=self.limits,
@@ -210,6 +210,7 @@ class SerialArm(Arm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
+        return found.with_shapes(self.shapes)
 
     def _motion(self, order: int, states: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Tool poses, or the derivatives up to an order; as the compiled `tool_motion` has them."""

@@ -163,6 +163,7 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
         memory=model.memory,
+        ignore_collisions=model.ignore_collisions,
     )
 
 

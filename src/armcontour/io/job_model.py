@@ -435,6 +435,7 @@ class JobModel:
         published: Published figures of the same job.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         memory: Largest memory of the calculation [bytes].
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
     name: str
@@ -454,6 +455,7 @@ class JobModel:
     published: PublishedModel | None = None
     certificate: Goal | None = None
     memory: Memory = DEFAULT
+    ignore_collisions: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
