@@ -86,7 +86,7 @@ class Figure:
             added.merge({"xaxis": _short(x), "yaxis": _short(y)})
         self.data.append(added)
 
-    def add_hline(self, y: float, line: Mapping[str, Any], row: int, col: int) -> None:
+    def add_hline(self, y: float, line: Mapping[str, Any], row: int = 1, col: int = 1) -> None:
         """Add a horizontal line across the plot in a row and column."""
         x_name, y_name = map(_short, self._axes[row, col])
         place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
