@@ -232,9 +232,12 @@ class Limits:
         Args:
             dof: Number of joints.
         """
-        lower = np.inf if self.joint_lower is None else -self.joint_lower
-        upper = np.inf if self.joint_upper is None else self.joint_upper
-        return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
+        lower, upper = np.full((2, dof), np.array([[-np.inf], [np.inf]]))
+        if self.joint_lower is not None:
+            lower[:] = self.joint_lower
+        if self.joint_upper is not None:
+            upper[:] = self.joint_upper
+        return lower, upper
 
     def middle(self, dof: int) -> FloatArray:
         """Middle of every joint's range [rad]; for an open range the position closest to 0.
