@@ -122,7 +122,8 @@ class _Lines:
             place = frame @ self._pose() @ own
             self._numbers(4, "the colour of a shape")
             body = name if k == 0 else f"{name} {k + 1}"
-            found.append(Obstacle(name=body, shape=shape, place=place))
+            with locate_errors(str(self._place)):
+                found.append(Obstacle(name=body, shape=shape, place=place))
         for _ in range(self._count("the number of subframes", MOST_BODIES) if newer else 0):
             self._next("the name of a subframe")
             self._pose()

@@ -94,6 +94,19 @@ def test_every_link_has_its_shapes_where_it_is(tmp_path: Path) -> None:
     assert arm.shapes.source == "collision elements of small.urdf"
 
 
+def test_links_that_the_base_does_not_carry_stand_still(tmp_path: Path) -> None:
+    file = described(tmp_path)
+    file.write_text(
+        file.read_text().replace('name="pan" type="revolute"', 'name="pan" type="fixed"')
+    )
+    arm = loaded(file, base="post")
+    assert arm.shapes is not None
+    base = next(x for x in arm.shapes.shapes if x.name == "base")
+    assert base.link == 0
+    np.testing.assert_allclose(base.place.position, [0, 0, -0.1], atol=1e-15)
+    assert {x.name for x in arm.shapes.shapes} >= {"base", "post", "camera", "beam", "finger"}
+
+
 @pytest.mark.parametrize("name", ["meshes/wedge.obj", "package://small_robot/meshes/wedge.obj"])
 def test_meshes_are_found_by_path_and_by_package(tmp_path: Path, name: str) -> None:
     (tmp_path / "meshes").mkdir()

@@ -140,14 +140,12 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
     return None if root is None else root / unquote(parts.path).lstrip("/")
 
 
-def missing_meshes(
-    tree: Tree, carried: Mapping[str, tuple[int, Frame]], packages: Packages | None
-) -> str:
+def missing_meshes(tree: Tree, packages: Packages | None) -> str:
     """A note of the meshes of collision elements that are not there; empty if all are."""
     names = [
         mesh.get("filename", "")
-        for link in carried
-        for mesh in tree.links[link].iterfind("collision/geometry/mesh")
+        for link in tree.links.values()
+        for mesh in link.iterfind("collision/geometry/mesh")
     ]
     lacking = []
     # Packages are looked for once: the first mesh of each folder tells of the others.
