@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from urllib.parse import unquote, urlsplit
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some, show
@@ -130,14 +129,15 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
         packages: As in `link_shapes`.
     """
     folder = FilePath(tree.file).absolute().parent
-    parts = urlsplit(name)
-    if not name or parts.scheme not in ("", "package", "file"):
+    scheme, _, path = name.rpartition("://")
+    if not path or scheme not in ("", "package", "file"):
         return None
-    if parts.scheme != "package":
-        return folder / unquote(parts.path)
-    given = (packages or {}).get(parts.netloc)
-    root = find_near(folder, parts.netloc) if given is None else FilePath(given)
-    return None if root is None else root / unquote(parts.path).lstrip("/")
+    if scheme != "package":
+        return folder / path
+    package, _, path = path.partition("/")
+    given = (packages or {}).get(package)
+    root = find_near(folder, package) if given is None else FilePath(given)
+    return None if root is None else root / path
 
 
 def missing_meshes(tree: Tree, packages: Packages | None) -> str:
@@ -163,7 +163,7 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
         return ""
     return (
         f"meshes are not there, or of no known format, so nothing can be said of clearance: "
-        f"{list_some(lacking, MOST_FILES)}; {_mend(lacking[0])}"
+        f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
     )
 
 
@@ -172,7 +172,7 @@ def _mend(name: str) -> str:
     if not name.lower().endswith(MESHES):
         return f"give it as {' or '.join(MESHES)}"
     if name.startswith("package://"):
-        package = urlsplit(name).netloc
+        package = name.split("/")[2]
         return (
             f"say where its package is, packages={{{package!r}: FOLDER}} (in a job, arm.packages)"
         )
