@@ -13,6 +13,7 @@ from numba import njit
 from numba.core import event
 
 from armcontour import _progress
+from armcontour._compiling import Compiler, Files, InnerFiles
 
 # For `fastmath`: products may be added without rounding in between, which is faster and no less
 # exact.
@@ -33,10 +34,14 @@ def compiled(*, inner: bool = False, **options: Any) -> Callable[[Function], Fun
     """
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
-    decorate = njit(cache=True, error_model="numpy", nogil=True, **options)
+    options |= {"error_model": "numpy", "nogil": True, "pipeline_class": Compiler}
+    decorate = njit(**options)
 
     def keep(function: Function) -> Function:
         kernel: Function = decorate(function)
+        # Typing does not see that the decorator makes an object of numba.
+        made: Any = kernel
+        made._cache = (InnerFiles if inner else Files)(function)
         if inner:
             _refuse_calls(kernel, function.__name__)
         KERNELS[function.__module__, function.__name__] = kernel
@@ -69,4 +74,4 @@ class _Listener(event.Listener):
         """Nothing."""
 
 
-event.register("numba:compile", _Listener())  # type: ignore[no-untyped-call]
+event.register("numba:compile", _Listener())
