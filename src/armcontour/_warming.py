@@ -20,8 +20,7 @@ from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias
 
 from armcontour import _signatures
-from armcontour._compiling import waiting
-from armcontour._kernels import KERNELS, compiled
+from armcontour._kernels import KERNELS, compiled, waiting
 from armcontour._processes import can_start, is_other, processors, share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
