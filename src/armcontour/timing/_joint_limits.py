@@ -33,7 +33,7 @@ FOUND, LOST, LEFT = 0, 1, 2
 
 
 @compiled(inner=True)
-def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
+def at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     """Largest x at the grid points, (n + 1,): the lower one of both sides, and 0 at stops.
 
     Args:
@@ -93,7 +93,7 @@ def _first_pass(
     ends = velocity_ceiling_at_ends(first, velocity)
     for i in range(fixed.shape[1]):
         ends[0, i], ends[1, i] = min(ends[0, i], fixed[0, i]), min(ends[1, i], fixed[1, i])
-    ceiling = _at_points(ends, stops)
+    ceiling = at_points(ends, stops)
     none, skew = np.zeros(n), np.zeros(n)
     pack(width, none, first, second, low, high, np.zeros((n, dof)), 0, packed, np.zeros(n))
     x, sound = _reach(width, packed, ceiling, none, start, end)
@@ -229,7 +229,7 @@ def plan_in_one_go(
             if not changed:
                 return x, skew, lost, LOST
             continue
-        x, sound = _reach(width, packed, _at_points(ceiling, stops), shifts, start, end)
+        x, sound = _reach(width, packed, at_points(ceiling, stops), shifts, start, end)
         if not sound:
             return x, skew, lost, LEFT
         any_dips, any_left = judge(
