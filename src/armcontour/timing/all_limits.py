@@ -48,7 +48,7 @@ class AllLimits:
 
     @classmethod
     def of(cls, active: Sequence[Constraint], dof: int) -> AllLimits | None:
-        """The limits of constraints; None if there are others, or several of one kind.
+        """The limits of constraints; None if there are others, several of one kind, or too few.
 
         Args:
             active: The constraints.
@@ -59,6 +59,8 @@ class AllLimits:
         order = [type(x) for x in active if type(x) in ROWS]
         known = set(found) <= {*ROWS, *CEILINGS, ToolAcceleration}
         if not known or len(found) < len(active) or order != [x for x in ROWS if x in found]:
+            return None
+        if not order and ToolAcceleration not in found:
             return None
         velocity, disc = found.get(JointVelocity), found.get(ToolAcceleration)
         acceleration, torque = found.get(JointAcceleration), found.get(JointTorque)
