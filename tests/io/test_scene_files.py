@@ -122,6 +122,10 @@ def test_planes_are_half_spaces_and_cones_are_held(tmp_path: Path) -> None:
         (NEW.replace("0 0 0.70710678 0.70710678", "0 0 1 1"), "line 4.*quaternion.*length 1"),
         (NEW.replace("\n2\nbox", "\n1e9\nbox"), "number of shapes, from 0 to"),
         (f"s\n* m\n1\nmesh\n3 1\n{HERE}\n.\n", "line 5: 4 to 1,000,000 points"),
+        (
+            "s\n* m\n1\nmesh\n4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 1 4\n0 1 2\n0 1 3\n0 2 3\n.\n",
+            "from 0 to 3",
+        ),
         (f"s\n* m\n1\nplane\n0 0 0 1\n{HERE}\n0 0 0 0\n.", "line 5: a plane whose normal"),
     ],
 )

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
+    from armcontour.io.mesh_file import read_mesh
     from armcontour.io.motion_csv import write_planned, write_taught, write_torque
     from armcontour.io.results import ResultFolder
+    from armcontour.io.scene_files import read_scene_file
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
 _HOME = {
@@ -27,8 +29,10 @@ _HOME = {
     "job_file": ("json_schema", "parse_job", "read_job"),
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
+    "mesh_file": ("read_mesh",),
     "motion_csv": ("write_planned", "write_taught", "write_torque"),
     "results": ("ResultFolder",),
+    "scene_files": ("read_scene_file",),
     "trajectory_file": ("parse_trajectory", "read_trajectory"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -44,6 +48,8 @@ __all__ = [
     "write_planned",
     "read_job",
     "read_limits",
+    "read_mesh",
+    "read_scene_file",
     "read_trajectory",
     "sweep_csv",
     "sweep_json",

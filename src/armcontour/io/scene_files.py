@@ -162,9 +162,11 @@ class _Lines:
         if not (4 <= points <= MOST_POINTS and 4 <= triangles <= MOST_POINTS):
             raise self._wrong(f"4 to {MOST_POINTS:,} points and triangles")
         corners = np.array([self._numbers(3, "a point of a mesh") for _ in range(points)])
-        faces = [self._numbers(3, "a triangle of a mesh") for _ in range(triangles)]
+        faces = np.array([self._numbers(3, "a triangle of a mesh") for _ in range(triangles)])
+        if not ((faces >= 0) & (faces < points) & (faces == np.round(faces))).all():
+            raise self._wrong(f"triangles of the mesh's points, from 0 to {points - 1}")
         with locate_errors(self._here):
-            return Mesh(points=corners, triangles=np.array(faces).astype(np.intp), source="a mesh")
+            return Mesh(points=corners, triangles=faces.astype(np.intp), source="a mesh")
 
     def _pose(self) -> Frame:
         """A pose: a position, and a quaternion in the next line."""

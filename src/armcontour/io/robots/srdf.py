@@ -8,7 +8,8 @@ from itertools import combinations
 from pathlib import Path as FilePath
 
 from armcontour import _files
-from armcontour._text import list_some, show
+from armcontour._checks import LONGEST_NAME
+from armcontour._text import list_some, make_printable, shorten, show
 from armcontour.errors import InvalidInput
 from armcontour.io.robots.tree import MOST_NAMED, parse_xml
 from armcontour.scene import LeftOut
@@ -52,7 +53,8 @@ def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut
 def _pair(element: ET.Element, place: FilePath) -> LeftOut:
     """A pair of links, with the reason that the file gives."""
     first, second = _names(element, place)
-    reason = element.get("reason", "").strip() or "no reason given"
+    reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
+    reason = reason or "no reason given"
     return LeftOut(first=first, second=second, reason=f"{place.name}: {reason}")
 
 
