@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         transfer,
     )
     from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
+    from armcontour.placement import Placement, place
     from armcontour.program import (
         Analog,
         Contour,
@@ -132,6 +133,7 @@ _HOME = {
         "transfer",
     ),
     "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
+    "placement": ("Placement", "place"),
     "program": (
         "Analog",
         "Contour",
@@ -191,6 +193,7 @@ __all__ = [
     "Orientation",
     "Path",
     "Payload",
+    "Placement",
     "PlanarTwoLink",
     "Plant",
     "Process",
@@ -228,6 +231,7 @@ __all__ = [
     "identify",
     "learn",
     "load_arm",
+    "place",
     "plan",
     "prepare",
     "read_job",
