@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
     from armcontour.io.motion_csv import write_planned, write_taught, write_torque
+    from armcontour.io.placement import placed_job_text, placement_csv, placement_json
     from armcontour.io.results import ResultFolder
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
@@ -28,6 +29,7 @@ _HOME = {
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
     "motion_csv": ("write_planned", "write_taught", "write_torque"),
+    "placement": ("placed_job_text", "placement_csv", "placement_json"),
     "results": ("ResultFolder",),
     "trajectory_file": ("parse_trajectory", "read_trajectory"),
 }
@@ -41,6 +43,9 @@ __all__ = [
     "json_schema",
     "parse_job",
     "parse_trajectory",
+    "placed_job_text",
+    "placement_csv",
+    "placement_json",
     "write_planned",
     "read_job",
     "read_limits",
