@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
         ArmContourError,
+        Collision,
         CompensationError,
         ExecutionError,
         InvalidInput,
@@ -99,6 +100,7 @@ _HOME = {
     "compensation.poles": ("fastest_poles",),
     "errors": (
         "ArmContourError",
+        "Collision",
         "CompensationError",
         "ExecutionError",
         "InvalidInput",
@@ -166,6 +168,7 @@ __all__ = [
     "Certificate",
     "Check",
     "Clearance",
+    "Collision",
     "CompensationError",
     "Contour",
     "Demand",

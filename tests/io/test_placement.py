@@ -67,7 +67,8 @@ def test_the_summary_has_the_best_place_and_what_it_gains(placed: Placement) -> 
     assert data["own_place"]["duration"] >= data["best"]["duration"]
     assert data["refused"] == {"reach": 4} and data["places"] == 6
     assert data["axes"][1] == {"name": "yaw", "from": 0.0, "to": 0.2, "places": 2}
-    assert data["best"]["clearance"] is None and data["files"] == ["placement.csv"]
+    assert data["best"]["clearance"] > 0 and data["best"]["beyond"] is None
+    assert data["files"] == ["placement.csv"]
 
 
 def test_the_job_file_gets_a_work_frame_and_keeps_its_comments() -> None:
@@ -113,12 +114,24 @@ def test_options_that_replaced_values_are_in_the_file(placed: Placement) -> None
 def test_a_base_that_moves_among_obstacles_writes_no_job() -> None:
     from dataclasses import replace
 
-    far = Obstacle(name="far", shape=Sphere(radius=0.1))
+    far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
     found = ac.place(job, over={"x": (0.0, 0.0, 1)}, what="base", refined=False)
-    assert "nothing is said of its clearance" in found.notes[0]
-    with pytest.raises(InvalidInput, match="Obstacles of the scene move"):
+    with pytest.raises(InvalidInput, match="stay where they are when it moves"):
         placed_job_text(found, SQUARE, folder=HERE, to=HERE)
+
+
+def test_a_part_in_the_plane_takes_its_obstacles_along() -> None:
+    text = PLANE + (
+        "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"
+    )
+    job = parse_job(text)
+    found = ac.place(job, over={"x": (0.0, 0.05, 2), "yaw": (0.1, 0.1, 1)}, refined=False)
+    again = parse_job(placed_job_text(found, text, folder=HERE, to=HERE))
+    (there,) = again.scene.obstacles
+    (moved,) = found.placed().scene.obstacles
+    np.testing.assert_allclose(there.place.position, moved.place.position, atol=1e-12)
+    assert np.linalg.norm(moved.place.position - [0.3, 0.3, 0]) > 1e-3
 
 
 def test_tools_are_read_by_their_names(tmp_path: Path) -> None:

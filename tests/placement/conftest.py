@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from armcontour.io import parse_job
@@ -31,7 +33,9 @@ runs: {only: {compensation: {method: pole_placement}}}
 
 @pytest.fixture(scope="session")
 def square() -> Job:
-    return parse_job(SQUARE)
+    """Without shapes of the links, so that nothing but limits refuses a place."""
+    job = parse_job(SQUARE)
+    return replace(job, arm=job.arm.with_shapes(None))
 
 
 @pytest.fixture(scope="session")

@@ -210,7 +210,10 @@ class SerialArm(Arm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
-        return found.with_shapes(self.shapes)
+        # Shapes are those of this arm, read or not.
+        kept = {key: x for key, x in vars(self).items() if key in ("shapes", "_read_shapes")}
+        vars(found).update(kept)
+        return found
 
     def _motion(self, order: int, states: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Tool poses, or the derivatives up to an order; as the compiled `tool_motion` has them."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, pairs_of
-from armcontour.errors import InvalidInput
-from armcontour.motion import Execution, Trajectory
+from armcontour.errors import Collision
+from armcontour.motion import Execution, JointPath, Trajectory
 from armcontour.motion.travel import joint_travel, largest_accelerations
 from armcontour.scene import LeftOut, Scene
 
@@ -98,18 +99,30 @@ class Clearance:
         """The pair of the least distance; None if there is no pair."""
         return min(self.pairs, key=lambda x: x.high, default=None)
 
+    def later(self, by: float) -> Clearance:
+        """The same with all times later by a time [s].
+
+        Args:
+            by: The time [s].
+        """
+        pairs = [
+            replace(x, t=x.t + by, first_time=None if x.first_time is None else x.first_time + by)
+            for x in self.pairs
+        ]
+        return replace(self, pairs=tuple(pairs))
+
     def refuse(self) -> None:
         """Raise an error if a pair comes nearer than its margin.
 
         Raises:
-            InvalidInput: With the first time at which one does.
+            Collision: With the first time at which one does.
         """
         if self.kept:
             return
         first = self.too_near[0]
-        raise InvalidInput(
+        raise Collision(
             f"{first}, and may not come nearer than {first.margin * 1e3:.4g} mm{self._others()}: "
-            "move the part, the obstacle or the start pose, or allow them to touch.",
+            "move the part, the obstacle or the start posture, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
             limit="clearance",
@@ -132,8 +145,12 @@ class Clearance:
         return f"Clear: {least}; no nearer than {least.low * 1e3:.4g} mm at any time."
 
 
+# A joint path stands for any motion along it: arc length takes the place of time.
+Motion: TypeAlias = Trajectory | Execution | JointPath
+
+
 def check_clearance(
-    motion: Trajectory | Execution,
+    motion: Motion,
     arm: Arm,
     scene: Scene | None = None,
     *,
@@ -146,7 +163,8 @@ def check_clearance(
     What comes nearer than its margin is found with its first time.
 
     Args:
-        motion: A planned or an executed motion.
+        motion: A planned or an executed motion; or a joint path, for which arc length stands for
+            time.
         arm: The arm, with the shapes of its links.
         scene: Obstacles and margins; by default none, with the default margins.
         resolution: How well the least distance of every kind of pairs is known [m].
@@ -154,15 +172,68 @@ def check_clearance(
     Raises:
         InvalidInput: The shapes of the arm are not known, or something in the scene is wrong.
     """
-    _checks.positive("resolution", resolution, "m")
-    pairs, left_out = pairs_of(arm, Scene() if scene is None else scene)
-    if not pairs:
-        return Clearance(pairs=(), left_out=left_out)
-    assert arm.chain is not None
-    search = _Search(motion, pairs, Distances(arm.chain, pairs), resolution)
-    search.run()
-    found = sorted(search.results(), key=lambda x: x.low - x.margin)
-    return Clearance(pairs=tuple(found), left_out=left_out, evaluations=search.evaluations)
+    return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
+
+
+class Cell:
+    """An arm with what stands around it, ready to look at many motions.
+
+    Args:
+        arm: The arm, with the shapes of its links.
+        scene: Obstacles and margins.
+
+    Attributes:
+        pairs: The pairs of bodies that are looked at.
+        left_out: Those that are not, with the reasons.
+
+    Raises:
+        InvalidInput: As `check_clearance`.
+    """
+
+    def __init__(self, arm: Arm, scene: Scene) -> None:
+        self.pairs, self.left_out = pairs_of(arm, scene)
+        assert arm.chain is not None
+        self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
+
+    def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
+        """As `check_clearance`.
+
+        Args:
+            motion: The motion.
+            resolution: How well the least distance of every kind of pairs is known [m].
+        """
+        _checks.positive("resolution", resolution, "m")
+        if self._distances is None:
+            return Clearance(pairs=(), left_out=self.left_out)
+        search = _Search(motion, self.pairs, self._distances, resolution)
+        search.run()
+        found = sorted(search.results(), key=lambda x: x.low - x.margin)
+        return Clearance(pairs=tuple(found), left_out=self.left_out, evaluations=search.evaluations)
+
+    def least_over(self, q: FloatArray) -> dict[str, FloatArray]:
+        """The least distance of every kind of pairs at joint positions, (n,) each [m].
+
+        For pictures: `check` proves what lies between.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+        """
+        if self._distances is None:
+            return {}
+        at, pair = (x.ravel() for x in np.indices((len(q), len(self.pairs))))
+        found = self._distances.measure(q, at, pair).reshape(len(q), len(self.pairs))
+        kinds = np.array([x.kind for x in self.pairs])
+        return {kind: found[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())}
+
+    def keeps(self, motion: Motion) -> bool:
+        """Whether every pair keeps its margin in a motion; faster than `check`.
+
+        Args:
+            motion: The motion.
+        """
+        if self._distances is None:
+            return True
+        return _Search(motion, self.pairs, self._distances, np.inf).run()
 
 
 class _Search:
@@ -177,7 +248,7 @@ class _Search:
 
     def __init__(
         self,
-        motion: Trajectory | Execution,
+        motion: Motion,
         pairs: tuple[Pair, ...],
         distances: Distances,
         resolution: float,
@@ -201,12 +272,24 @@ class _Search:
         self._low, self._high = np.full(n, np.inf), np.full(n, np.inf)
         self._at = np.zeros(n)
 
-    def run(self) -> None:
-        """Halve windows of time until their bounds decide."""
+    def run(self) -> bool:
+        """Halve windows of time until their bounds decide; return whether all margins are kept.
+
+        Without a resolution only this is of interest, and the first pair that comes too near ends
+        the search.
+        """
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
             self._run_part(self._t[first : last + 1], travel @ self._radii.T)
+            if self._decided:
+                return False
+        return bool((self._low >= self._margins).all())
+
+    @property
+    def _decided(self) -> bool:
+        """Whether a pair comes too near, where only this is of interest."""
+        return self._resolution == np.inf and bool((self._high < self._margins).any())
 
     def results(self) -> list[PairClearance]:
         """What was found of every pair."""
@@ -243,7 +326,7 @@ class _Search:
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         ways = np.zeros(len(pair)), way[-1]
         near = self._look(pair, begin), self._look(pair, end)
-        while len(pair):
+        while len(pair) and not self._decided:
             width = ways[1] - ways[0]
             # As the distance changes no faster than the way grows.
             low = (near[0] + near[1] - width) / 2
@@ -317,6 +400,8 @@ class _Search:
         """Joint positions at times [rad], (n, dof)."""
         if isinstance(self._motion, Trajectory):
             return self._motion(np.clip(t, 0.0, self._motion.duration))
+        if isinstance(self._motion, JointPath):
+            return self._motion(t)
         executed = self._motion
         return np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -76,6 +76,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         for x in shapes.shapes
     ]
     _refuse_unknown(own, scene)
+    radii = {id(x): _radii(chain, x) for x in own}
     pairs: list[Pair] = []
     left: list[LeftOut] = []
     for obstacle, body, margin, allowed in _with_obstacles(chain, own, scene):
@@ -85,7 +86,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
             reason = f"{obstacle.name} allows it to touch"
         else:
             kind = TOOL if body.tool else ENVIRONMENT
-            pairs.append(_pair(chain, obstacle, body, kind, margin))
+            pairs.append(_pair(radii, obstacle, body, kind, margin))
             continue
         left.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
     given = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
@@ -94,7 +95,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_pair(chain, first, second, kind, margin))
+            pairs.append(_pair(radii, first, second, kind, margin))
         elif first.name != second.name:
             left.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left))
@@ -139,7 +140,7 @@ def _with_obstacles(
         place = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
         hull, exact = x.shape, None
         if isinstance(hull, Mesh) and hull.triangles is not None:
-            hull, exact = replace(hull, triangles=None), hull
+            hull, exact = hull.hull, hull
         obstacle = Body(name=x.name, link=0, shape=hull, place=place, exact=exact, obstacle=True)
         for body in own:
             of_kind = scene.margins.tool if body.tool else scene.margins.environment
@@ -154,38 +155,42 @@ def _why_left_out(first: Body, second: Body, given: dict[frozenset[str], str]) -
     reason = given.get(frozenset((first.name, second.name)))
     if reason is not None:
         return reason
-    return "neighbours" if second.link == first.link + 1 else None
+    # A tool may be bent back to the link before the last one, as far as the joint between lets it.
+    return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
-def _pair(chain: Chain, first: Body, second: Body, kind: str, margin: float) -> Pair:
-    """A pair, with how fast its bodies can approach each other."""
+def _pair(
+    radii: Mapping[int, FloatArray], first: Body, second: Body, kind: str, margin: float
+) -> Pair:
+    """A pair, with how fast its bodies can approach each other.
+
+    Args:
+        radii: What `_radii` gives, by the identities of the bodies.
+        first: The body of the earlier link.
+        second: The other body.
+        kind: The kind.
+        margin: The margin [m].
+    """
+    # Only joints between both links move the bodies against each other.
+    between = np.arange(len(radii[id(second)])) >= first.link
     return Pair(
-        first=first,
-        second=second,
-        kind=kind,
-        margin=margin,
-        radii=_radii(chain, first.link, second),
+        first=first, second=second, kind=kind, margin=margin, radii=radii[id(second)] * between
     )
 
 
-def _radii(chain: Chain, link: int, body: Body) -> FloatArray:
+def _radii(chain: Chain, body: Body) -> FloatArray:
     """Largest distances of points of a body from the axes of joints, in any posture [m], (dof,).
-
-    Only joints between the link of the other body and that of this one move them against each
-    other.
 
     Args:
         chain: The chain.
-        link: The link of the other body.
-        body: The body.
+        body: The body; joints after its link do not move it.
     """
     found = np.zeros(len(chain))
     middle, radius = body.shape.ball
     middle = body.place.position + body.place.rotation @ middle
-    for k in range(body.link - 1, link - 1, -1):
+    for k in range(body.link - 1, -1, -1):
         # A ball about a point of the axis holds the body however the joint turns.
         along = chain.axes[k] * float(chain.axes[k] @ middle)
-        found[k] = radius + float(np.linalg.norm(middle - along))
-        radius = found[k]
+        found[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along
     return found

@@ -193,6 +193,13 @@ class JobOptions(DrawingOptions):
         typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),
     ] = None
     memory: Memory = None
+    ignore_collisions: Annotated[
+        bool,
+        typer.Option(
+            "--ignore-collisions",
+            help="Go on where the arm comes too near to itself or to its cell; results say so.",
+        ),
+    ] = False
     trust_xacro: TrustXacro = False
 
 

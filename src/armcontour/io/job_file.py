@@ -24,9 +24,10 @@ from armcontour.io.job_model import (
     RunModel,
 )
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.job_path import path_of
+from armcontour.io.job_path import part_of, path_of
 from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
 from armcontour.servo import ServoModel
 
@@ -163,6 +164,8 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
         memory=model.memory,
+        scene=None if model.scene is None else scene_of(model.scene, folder, part_of(model.path)),
+        ignore_collisions=model.ignore_collisions,
     )
 
 

@@ -17,6 +17,7 @@ from armcontour.io.job_model import (
     PathModel,
     RunModel,
     SkipModel,
+    ToolModel,
 )
 from armcontour.jobs import Rounding
 from armcontour.jobs.job import ARC, OF_FREE, SHAPES
@@ -56,7 +57,8 @@ class JobOverrides:
         memory: Largest memory of the calculation [bytes].
         arm: Name of a built-in arm, or an arm file, in the place of the job's arm; tool, work frame
             and payload stay.
-        arm_tool: Tool frame of the arm.
+        arm_tool: The tool of the arm.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
     units: str | None = None
@@ -80,7 +82,8 @@ class JobOverrides:
     from_s: float | None = None
     memory: float | None = None
     arm: str | None = None
-    arm_tool: FrameModel | None = None
+    arm_tool: ToolModel | None = None
+    ignore_collisions: bool = False
 
 
 def override(model: JobModel, x: JobOverrides | None) -> JobModel:
@@ -108,6 +111,8 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
     changes["runs"] = _continued(changes["runs"], changes.get("corners", model.corners), x)
     if x.from_s is not None:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
+    if x.ignore_collisions:
+        changes["ignore_collisions"] = True
     if x.memory is not None:
         changes["memory"] = x.memory
     if x.arm is not None or x.arm_tool is not None:

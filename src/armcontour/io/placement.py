@@ -19,7 +19,7 @@ from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
 from armcontour.io.job_edits import Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
-from armcontour.io.job_model import ArmModel, CellModel, FrameModel
+from armcontour.io.job_model import ArmModel, CellModel, ToolModel
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.keys import Keys as Known
 from armcontour.io.keys import read_keys
@@ -49,7 +49,7 @@ VALUE_UNITS = {
 OF_RUNS = ("corner_shape", "line_tolerance", "zone", "iterations", "continuity")
 
 
-def read_tools(file: FilePath) -> dict[str, FrameModel]:
+def read_tools(file: FilePath) -> dict[str, ToolModel]:
     """Read tool frames by their names.
 
     Args:
@@ -64,7 +64,7 @@ def read_tools(file: FilePath) -> dict[str, FrameModel]:
             f"{file.name} must hold tool frames by their names, such as torch: {{position: "
             "[0 mm, 0 mm, 120 mm]}."
         )
-    keys = Known(FrameModel)
+    keys = Known(ToolModel)
     return {
         str(name): read_keys(
             keys, x if isinstance(x, dict) else {"position": x}, f"{file.name}: {name}"
@@ -186,14 +186,13 @@ def _placed_keys(
     """
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
-    in_space = isinstance(job.arm, SerialArm)
-    if (placement.what == BASE and BASE in inside) or (not in_space and PART in inside):
+    if placement.what == BASE and BASE in inside:
         raise InvalidInput(
-            "Obstacles of the scene move against what they are fixed to, so no job file is "
-            "written: give them their new places by hand."
+            "Obstacles that are fixed to the base stay where they are when it moves, so no job "
+            "file is written: give them their new places by hand."
         )
     model = override(read_model(CellModel, text, "job"), overrides)
-    if not in_space:
+    if not isinstance(job.arm, SerialArm):
         own = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
         frame = placement.frame()
         moved = frame if placement.what == PART else frame.inverse
@@ -266,6 +265,8 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
         found["process", "from_s"] = x.from_s
     if x.memory is not None:
         found["memory",] = x.memory
+    if x.ignore_collisions:
+        found["ignore_collisions",] = True
     return found
 
 

@@ -301,6 +301,8 @@ class Job:
         certificate: Requirements of a certified plan.
         memory: Largest memory of the calculation [bytes].
         scene: What stands in the cell; None if nothing is known.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
+            results say so.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -323,6 +325,7 @@ class Job:
     certificate: Goal | None = None
     memory: float = _memory.DEFAULT
     scene: Scene | None = None
+    ignore_collisions: bool = False
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
 

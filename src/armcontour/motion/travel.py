@@ -30,15 +30,16 @@ BERNSTEIN = np.array(
 ROUNDING = 1e-12
 
 
-def joint_travel(motion: Trajectory | Execution) -> tuple[FloatArray, FloatArray]:
+def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
     """How far each joint has moved since the start, at most; back and forth counts twice.
 
     Between the times the bound grows linearly, and holds there, too: between any two times a joint
     moves no farther than the bound grows.
 
     Args:
-        motion: A planned or an executed motion. An executed one moves between its samples with
-            accelerations of at most the largest that was demanded.
+        motion: A planned or an executed motion, or a joint path, for which arc length stands for
+            time. An executed motion moves between its samples with accelerations of at most the
+            largest that was demanded.
 
     Returns:
         Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
@@ -48,6 +49,8 @@ def joint_travel(motion: Trajectory | Execution) -> tuple[FloatArray, FloatArray
     """
     if isinstance(motion, Execution):
         t, fastest = motion.t, _fastest_executed(motion)
+    elif isinstance(motion, JointPath):
+        t, fastest = motion.breaks, _steepest_within(motion, motion.breaks)
     else:
         starts, parts = motion.starts, [fastest_joints(x) for x in motion.laws]
         inner = [a + x.breaks[:-1] for a, x in zip(starts, motion.laws, strict=False)]
@@ -152,12 +155,21 @@ def _steepest_within(joint_path: JointPath, s: FloatArray) -> FloatArray:
     width = np.diff(joint_path.breaks)[piece]
     x, h = (begin - joint_path.breaks[piece]) / width, (end - begin) / width
     # Coefficients of dq_dx about the start of the interval, then over 0 to 1 within it.
-    a = joint_path.coefficients[piece, 1:] * np.arange(1.0, 6.0)[:, None]
+    rows = joint_path.coefficients[piece]
+    a = [k * rows[:, k] for k in range(1, 6)]
+    x, h = x[:, None], h[:, None]
     for n in range(4):
         for k in range(3, n - 1, -1):
-            a[:, k] += x[:, None] * a[:, k + 1]
-    a *= (h[:, None] ** np.arange(5))[:, :, None]
-    found = np.abs(np.einsum("ck,nkj->ncj", BERNSTEIN, a)).max(axis=1)
+            a[k] += x * a[k + 1]
+    scaled = [a[0]]
+    power = h
+    for k in range(1, 5):
+        scaled.append(power * a[k])
+        power = power * h
+    found = np.abs(scaled[0])
+    for row in BERNSTEIN[1:]:
+        value = sum(share * part for share, part in zip(row, scaled, strict=True) if share)
+        np.maximum(found, np.abs(value), out=found)
     return np.asarray(found / width[:, None])
 
 

@@ -9,22 +9,22 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour import _memory
-from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
-from armcontour.clearance import check_clearance
+from armcontour.clearance import Clearance
 from armcontour.errors import ArmContourError, NotRealizable
-from armcontour.jobs.job import Run
+from armcontour.jobs.avoiding import keep_clear
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.programs import time_run, trace_run
 from armcontour.jobs.quantities import torques_at
 from armcontour.motion import Method, Trajectory
 from armcontour.placement.axes import Moves, corners_of
 from armcontour.placement.manipulability import least_singular_value
-from armcontour.placement.moving import place_arm, place_program, place_scene
+from armcontour.placement.moving import place_arm, place_job
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
-from armcontour.program import Contour, Dwell, Program
+from armcontour.program import Contour, Dwell
 from armcontour.scene import Scene
 from armcontour.scene.scene import PART
-from armcontour.timing import Tracing, plan, trace_program, with_reserve
+from armcontour.timing import Tracing, with_reserve
 from armcontour.timing.fastest_configuration import SURE, bound_duration
 from armcontour.tracing.poses import task_dimension
 
@@ -95,27 +95,16 @@ class Judge:
     """Judges places of a job.
 
     Args:
-        arm: The arm in its own place.
-        run: The run of the job.
-        program: The program of the run, with rounded corners.
+        job: The job in its own place: its path is the program that the tool follows in its only
+            run, with rounded corners.
         moves: What coordinates of a place mean.
-        branch: The branch of an arm in the plane, as of the job.
-        start: Joint positions near the start, as of the job.
-        scene: What stands in the cell, with part and base in their own places.
-        memory: Largest memory of a plan [bytes].
         what: What they move, "part" or "base".
         objective: One of `OBJECTIVES`.
         uncertainty: By how much the part may be off its place [m, rad].
     """
 
-    arm: Arm
-    run: Run
-    program: Program
+    job: Job
     moves: Moves
-    branch: str | None = None
-    start: FloatArray | None = None
-    scene: Scene | None = None
-    memory: float = _memory.DEFAULT
     what: str = PART
     objective: str = CYCLE
     uncertainty: Mapping[str, float] = field(default_factory=dict)
@@ -125,6 +114,11 @@ class Judge:
         return {x.name: getattr(self, x.name) for x in dataclasses.fields(self)}
 
     @property
+    def run(self) -> Run:
+        """The run."""
+        return self.job.runs[0]
+
+    @property
     def bounded(self) -> bool:
         """Whether plans keep the limits that bounds on durations assume."""
         return self.run.timing == Method.OPTIMAL
@@ -132,12 +126,12 @@ class Judge:
     @cached_property
     def screen(self) -> Screen | None:
         """Bounds without plans; None if there are none for this job."""
-        arm = self.arm
-        if not isinstance(arm, SerialArm) or not Screen.fits(self.program, arm):
+        arm, program = self.job.arm, self.job.program
+        if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
             return None
         limits = with_reserve(self.run.limits, self.run.reserve)
         of_all = self.objective == MANIPULABILITY
-        return Screen(self.program, arm, limits, self.start, of_all=of_all)
+        return Screen(program, arm, limits, self.job.start, of_all=of_all)
 
     def look(self, place: Mapping[str, float]) -> Screened:
         """What is known of a place without a plan, and without its uncertainty.
@@ -147,7 +141,7 @@ class Judge:
         """
         if self.screen is None:
             return Screened()
-        arm = place_arm(self.arm, self.moves.frame(place), self.what)
+        arm = place_arm(self.job.arm, self.moves.frame(place), self.what)
         assert isinstance(arm, SerialArm)
         found = self.screen.look(arm)
         return found if self.bounded else dataclasses.replace(found, duration=0.0)
@@ -191,24 +185,22 @@ class Judge:
             place: Values of the axes [m, rad].
             cutoff: As in `judge`.
         """
-        frame, run, bound = self.moves.frame(place), self.run, 0.0
-        arm = place_arm(self.arm, frame, self.what)
-        program = place_program(self.program, arm, frame, self.what)
+        here, run, bound = place_job(self.job, self.moves.frame(place), self.what), self.run, 0.0
         try:
-            traced = trace_program(program, arm, run.limits, branch=self.branch, start=self.start)
+            traced = trace_run(here, run, here.program)
             bound = SURE * self._bound(traced) if self.bounded else 0.0
             if self.objective == CYCLE and bound > cutoff:
                 return Verdict(bound=bound)
-            found = plan(traced, arm, run.limits, memory=self.memory, **run.plan_options)
-            near = self._clearance(arm, place_scene(self.scene, self.arm, frame, self.what), found)
+            found = time_run(here, run, traced)
+            clear = keep_clear(here, run, traced, found, lambda step: None)
         except ArmContourError as error:
             return _refused(error, bound)
         return Verdict(
             bound=bound,
-            duration=found.duration,
-            singular=_singular(arm, traced),
-            clearance=near,
-            torque_margin=_torque_margin(arm, run, found),
+            duration=clear.trajectory.duration,
+            singular=_singular(here.arm, clear.traced),
+            clearance=_least_distance(clear.clearance, here.scene),
+            torque_margin=_torque_margin(here.arm, run, clear.trajectory),
         )
 
     def _bound(self, traced: Tracing) -> float:
@@ -221,20 +213,6 @@ class Judge:
                 contour = x.move is not None and isinstance(moves[x.move], Contour)
                 total += bound_duration(x.joint_path, limits if contour else limits.of_joints)
         return total
-
-    def _clearance(self, arm: Arm, scene: Scene | None, found: Trajectory) -> float:
-        """The least distance from the cell, or of the arm from itself [m]; nan if it is unknown.
-
-        Raises:
-            InvalidInput: A margin is not kept, or shapes that are asked for are not known.
-        """
-        if arm.shapes is None and self.objective != CLEARANCE:
-            return np.nan
-        clearance = check_clearance(found, arm, scene)
-        clearance.refuse()
-        names = set() if scene is None else {x.name for x in scene.obstacles}
-        pairs = [x for x in clearance.pairs if not names or {x.first, x.second} & names]
-        return min((x.low for x in pairs), default=np.inf)
 
 
 def _shifted(place: Mapping[str, float], by: Mapping[str, float]) -> dict[str, float]:
@@ -252,6 +230,15 @@ def _refused(error: ArmContourError, bound: float) -> Verdict:
         kind = LIMITS
     beyond = np.nan if kind != REACH or error.needed is None else error.needed
     return Verdict(bound=bound, refusal=kind, reason=str(error), beyond=beyond)
+
+
+def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
+    """The least distance from obstacles, or of the arm from itself [m]; nan if it is unknown."""
+    if clearance is None:
+        return np.nan
+    names = set() if scene is None else {x.name for x in scene.obstacles}
+    pairs = [x for x in clearance.pairs if not names or {x.first, x.second} & names]
+    return min((x.low for x in pairs), default=np.inf)
 
 
 def _singular(arm: Arm, traced: Tracing) -> float:

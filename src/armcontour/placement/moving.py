@@ -48,11 +48,6 @@ def work_frame(arm: SerialArm, frame: Frame, what: str) -> Frame:
     return arm.chain.base.inverse @ _of_part(frame, what)
 
 
-def place_program(program: Program, arm: Arm, frame: Frame, what: str) -> Program:
-    """The program in the coordinates in which the arm follows it."""
-    return program if isinstance(arm, SerialArm) else program.placed(_of_part(frame, what))
-
-
 def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:
     """The scene as the arm has it with its part or base moved.
 

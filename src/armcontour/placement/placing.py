@@ -14,6 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
+from armcontour.clearance import Cell
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import programs_of
@@ -25,7 +26,8 @@ from armcontour.placement.placement import Place, Placement, all_places
 from armcontour.placement.refining import refine
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
 from armcontour.placement.searching import best_of, search
-from armcontour.program import Program
+from armcontour.program import Process, Program
+from armcontour.scene import Scene
 from armcontour.scene.scene import BASE, PART
 
 # Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
@@ -53,10 +55,10 @@ def place(
 ) -> Placement:
     """Find where a job's part lies best: the best place of a grid, and a better one beside it.
 
-    A place is feasible if the job can be planned there, and clear if the shapes of the arm are
-    known. Places that a lower bound on the duration rules out are not planned, so the best of the
-    grid is that of planning all of it. In a job with corners of the shape free, arcs stand for
-    them.
+    A place is feasible if a run of the job goes there: within reach in one configuration, within
+    all limits and, if the shapes of the arm are known, clear of its cell and of itself. Places that
+    a lower bound on the duration rules out are not planned, so the best of the grid is that of
+    planning all of it. In a job with corners of the shape free, arcs stand for them.
 
     Args:
         job: The job.
@@ -93,24 +95,13 @@ def place(
     with locate_errors(f"Run {this.name}"):
         program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
     judge = Judge(
-        arm=job.arm,
-        run=this,
-        program=program,
-        branch=job.branch,
-        start=job.start,
-        scene=job.scene,
-        memory=job.memory,
+        job=dataclasses.replace(job, path=program, process=Process(), runs=(this,)),
         moves=_moves(job, program, axes, what, absolute, about),
         what=what,
         objective=objective,
         uncertainty=read_uncertainty(uncertainty, job.arm.dimension),
     )
     _refuse_objective(judge)
-    if job.scene is not None and job.arm.shapes is None:
-        notes.append(
-            f"The shapes of the arm {job.arm.name} are not known, so nothing is said of its "
-            "clearance from the cell."
-        )
     if job.objective is None:
         notes.append("Leads of automatic length are those of the job's own place.")
     if processes is not None:
@@ -168,12 +159,15 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
 
 
 def _refuse_objective(judge: Judge) -> None:
-    """Refuse an objective that the job has no figures for.
+    """Refuse an objective that the job has no figures for, and a scene that is not one.
 
     Raises:
         InvalidInput: No shapes for the clearance, or no masses or limits for torques.
     """
-    arm = judge.arm
+    arm, scene = judge.job.arm, judge.job.scene
+    if arm.shapes is not None or scene is not None:
+        # Refuses a scene without shapes of the arm, and what is wrong in it.
+        Cell(arm, scene or Scene())
     if judge.objective == CLEARANCE and arm.shapes is None:
         raise InvalidInput(
             f"The shapes of the arm {arm.name} are not known, so no place has the largest "

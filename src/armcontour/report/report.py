@@ -55,6 +55,7 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.jerks(study),
         sections.torques(study),
         sections.contour_error(study),
+        sections.clearance(study),
         sections.time_stamps(study),
     ]
     if certificate is not None and certificate.spread is not None:

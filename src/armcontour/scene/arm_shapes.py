@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.scene.shapes import HalfSpace, Shape
+from armcontour.scene.shapes import HalfSpace, Mesh, Shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +38,12 @@ class LinkShape:
             raise InvalidInput(
                 f"The shape of {self.name} is a half-space, which moves with no link."
             )
+
+    def with_hull(self) -> LinkShape:
+        """The same; a mesh becomes its convex hull, with the mesh as the body itself."""
+        if not isinstance(self.shape, Mesh) or self.shape.triangles is None:
+            return self
+        return replace(self, shape=self.shape.hull, exact=self.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from armcontour import _checks
+from armcontour._quantities import Distance
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.scene.shapes import Shape
@@ -25,9 +26,9 @@ class Margins:
         tool: The tool and anything else [m].
     """
 
-    environment: float = 0.005
-    own: float = 0.002
-    tool: float = 0.002
+    environment: Distance = 0.005
+    own: Distance = 0.002
+    tool: Distance = 0.002
 
     def __post_init__(self) -> None:
         for name in ("environment", "own", "tool"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -138,6 +138,7 @@ class Mesh(Shape):
     points: FloatArray
     triangles: IntArray | None = None
     source: str = ""
+    _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         who = self.source or "a mesh"
@@ -157,6 +158,17 @@ class Mesh(Shape):
             raise InvalidInput(f"A triangle of {who} has a corner that is none of its points.")
         corners.setflags(write=False)
         object.__setattr__(self, "triangles", corners)
+
+    @property
+    def hull(self) -> Mesh:
+        """Its convex hull: the same points, without triangles."""
+        if self.triangles is None:
+            return self
+        if self._hull is None:
+            # Kept, as libraries keep what they compute of a mesh for as long as it lives.
+            object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
+        assert self._hull is not None
+        return self._hull
 
     @property
     def size(self) -> float:
