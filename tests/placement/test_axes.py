@@ -59,6 +59,8 @@ def test_corners_are_all_combinations() -> None:
         ({"x": (0, 0.1, 2.5)}, "number of places along x"),
         ({"x": (0, 0.1)}, "first value, the last value and the number"),
         ({"x": (0, float("nan"), 3)}, "over x"),
+        ({"x": (0, 1e5, 3)}, "over x"),
+        ({"yaw": (0, 1e5, 3)}, "over yaw"),
         ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 2,000,000"),
     ],
 )

@@ -25,6 +25,9 @@ IN_PLANE = ("x", "y", "yaw")
 MOST_PLACES = 2_000_000
 # Decimals of places in SI units.
 DIGITS = 12
+# Places, uncertainties and the anchor are no farther away than this [m, rad]: more is a mistake in
+# a unit or a digit, and rounds.
+FARTHEST = {"m": 1e4, "rad": 1e3}
 # Ends of a range of angles count as the same direction within this [rad].
 SAME_DIRECTION = 1e-9
 
@@ -124,7 +127,13 @@ def read_uncertainty(given: Mapping[str, float] | None, dimension: int) -> dict[
     for name in given or {}:
         _refuse_axis(name, known, "uncertainty")
     return {
-        name: _checks.positive(f"uncertainty of {name}", value, UNITS[name])
+        name: _checks.between(
+            f"uncertainty of {name}",
+            _checks.positive(f"uncertainty of {name}", value, UNITS[name]),
+            0,
+            FARTHEST[UNITS[name]],
+            UNITS[name],
+        )
         for name, value in (given or {}).items()
     }
 
@@ -163,7 +172,8 @@ def _axis(name: str, given: Sequence[Any]) -> Axis:
             "(-0.1, 0.1, 11)."
         )
     unit = UNITS[name]
-    low, high = (_checks.number(f"over {name}", x, unit) for x in given[:2])
+    far = FARTHEST[unit]
+    low, high = (_checks.between(f"over {name}", x, -far, far, unit) for x in given[:2])
     count = _checks.whole(f"number of places along {name}", given[2], 1, MOST_PLACES)
     if low > high:
         raise InvalidInput(

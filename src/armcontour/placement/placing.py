@@ -19,7 +19,7 @@ from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_e
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import programs_of
 from armcontour.motion import Method
-from armcontour.placement.axes import LENGTHS, Axis, Moves, read_axes, read_uncertainty
+from armcontour.placement.axes import FARTHEST, LENGTHS, Axis, Moves, read_axes, read_uncertainty
 from armcontour.placement.judging import CLEARANCE, CYCLE, OBJECTIVES, TORQUE, Judge, Verdict
 from armcontour.placement.moving import WHAT, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
@@ -205,6 +205,8 @@ def _moves(
         anchor = _checks.numbers("about", about, "m")
         if anchor.shape != (3,):
             raise InvalidInput(f"about is a point of 3 coordinates in m, not {anchor.size}.")
+        for x in anchor:
+            _checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
     lengths = tuple(x.name for x in axes if x.name in LENGTHS)
     return Moves(anchor=_checks.lock_floats(anchor), absolute=lengths if absolute else ())
 
