@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from armcontour.io import parse_job
-from armcontour.placement import Axis, Moves, Place, Placement, Verdict
+from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
 from armcontour.report.sections import placement as section_of
+from armcontour.report.sections.placement import GREYS
 
 JOB = """
 name: line
@@ -46,7 +47,8 @@ def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey() -> None:
     section = section_of(placement("x y yaw", (2, 2, 2), VERDICTS))
     assert [name for name, _ in section.choices] == ["duration", "least singular value"]
     (figure,) = section.choices[0][1]
-    maps = {x.colorbar.title.text or x.hovertemplate: x for x in figure.data if x.type == "heatmap"}
+    heat = [x for x in figure.data if x.type == "heatmap"]
+    maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
     values = np.array(maps.pop("duration [s]").z, dtype=float)
     # Rows are along y.
     np.testing.assert_array_equal(values, [[2.0, np.nan], [2.2, 3.0]])
@@ -56,10 +58,14 @@ def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey() -> None:
     np.testing.assert_array_equal(np.isfinite(np.array(grey.z, dtype=float)), [[0, 1], [0, 0]])
     assert "refused by clearance" in [x.name for x in figure.data]
     (singular,) = section.choices[1][1]
-    (heat,) = [x for x in singular.data if x.type == "heatmap" and x.colorbar.title.text]
+    (heat,) = [x for x in singular.data if x.colorbar]
     np.testing.assert_array_equal(np.array(heat.z, dtype=float), [[0.3, np.nan], [0.4, 0.1]])
     assert "best over the other axes" in section.text and "lower bound" in section.text
     assert ("reach", "2") in section.tables[1].rows
+
+
+def test_every_kind_of_refusals_has_a_tone() -> None:
+    assert tuple(GREYS) == KINDS
 
 
 def test_one_axis_is_a_line() -> None:

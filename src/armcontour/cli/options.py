@@ -345,6 +345,14 @@ class CheckOptions(ArmOptions):
     run_name: Annotated[
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
     ] = None
+    scene: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--scene",
+            help="Cell: check how near the arm comes to it and to itself. A job file, obstacles as "
+            "URDF, or a scene of MoveIt (.scene).",
+        ),
+    ] = None
     columns: Columns = None
     topic: Topic = None
     noise: Annotated[

@@ -64,29 +64,29 @@ def run_job(
         if exports:
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
-        warm_for_run(job.arm.dimension, progress)
-        from armcontour.jobs import run, steps_of, teach
+        with warm_for_run(job.arm.dimension, progress):
+            from armcontour.jobs import run, steps_of, teach
 
-        steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
-        progress.expect([*steps, WRITING.names[0]])
-        if simulate:
-            from armcontour.report import render_report
+            steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
+            progress.expect([*steps, WRITING.names[0]])
+            if simulate:
+                from armcontour.report import render_report
 
-            study = run(job, progress=progress)
-            progress(WRITING)
-            write_motions(folder, job, study.runs)
-            notes = _write_exports(folder, job, study.runs, exports)
-            folder.write("report.html", render_report(study))
-            folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
-        else:
-            plans = teach(job, progress=progress)
-            progress(WRITING)
-            # With formats chosen, no other files are written.
-            if not exports:
-                write_motions(folder, job, plans)
-            notes = _write_exports(folder, job, plans, exports)
-            files = [*folder.files, "summary.json"]
-            folder.write("summary.json", summarise_taught(job, plans, files))
+                study = run(job, progress=progress)
+                progress(WRITING)
+                write_motions(folder, job, study.runs)
+                notes = _write_exports(folder, job, study.runs, exports)
+                folder.write("report.html", render_report(study))
+                folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
+            else:
+                plans = teach(job, progress=progress)
+                progress(WRITING)
+                # With formats chosen, no other files are written.
+                if not exports:
+                    write_motions(folder, job, plans)
+                notes = _write_exports(folder, job, plans, exports)
+                files = [*folder.files, "summary.json"]
+                folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
         _print_plans(job, plans, out, notes)
         return

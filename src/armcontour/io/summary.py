@@ -186,14 +186,19 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         found["corners"] = _corners(single_path.corners)
         _count_left_out(found, corners=len(single_path.corners))
     if plan.clearance is not None:
-        found["clearance"] = _clearance(plan.clearance, plan.avoided)
+        found["clearance"] = clearance_summary(plan.clearance, plan.avoided)
     if plan.shaped is not None:
         found["shaping"] = _shaping(plan.shaped, plan.run)
     return found
 
 
-def _clearance(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, Any]:
-    """Data of how far the arm stays from itself and from its cell."""
+def clearance_summary(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, Any]:
+    """Data of how far the arm stays from itself and from its cell.
+
+    Args:
+        x: The clearance.
+        avoided: Sentences on other ways that were taken to keep clear.
+    """
     found: dict[str, Any] = {
         "kept": x.kept,
         "pairs": [
@@ -206,7 +211,7 @@ def _clearance(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, Any]:
                 "least": pair.high,
                 "t": pair.t,
                 "first_too_near": pair.first_time,
-                "points": pair.points,
+                "points": pair.points.tolist(),
             }
             for pair in x.pairs[:MOST_LISTED]
         ],
@@ -274,7 +279,7 @@ def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
     if result.failure is not None:
         found["experiment"] = {"failed": str(result.failure)}
     if result.executed_clearance is not None:
-        found["executed_clearance"] = _clearance(result.executed_clearance)
+        found["executed_clearance"] = clearance_summary(result.executed_clearance)
     _count_left_out(found, cornering=len(result.evaluation.corners))
     if result.explanation is not None:
         found["explanation"] = _explanation(result.explanation)

@@ -10,10 +10,11 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._quintics import quintic
 from armcontour.arms import Limits, SerialArm, _newton
-from armcontour.arms.inverse import configurations, out_of_reach
+from armcontour.arms.inverse import out_of_reach
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
+from armcontour.placement.configurations import Configurations
 from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.reach import beyond_links
 from armcontour.program import Contour, Dwell, Program
@@ -24,6 +25,7 @@ from armcontour.tracing.knots import PLACES, first_knots
 from armcontour.tracing.numeric import SINGULAR
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
 from armcontour.tracing.ranges import ROUNDING
+from armcontour.tracing.solver import Ends
 
 # Quintics through the first knots stand for the joint path if they keep the tool this near to its
 # path [m, rad]; else nothing is known of a duration.
@@ -119,6 +121,7 @@ class _Poses:
     def __init__(self, path: Path, arm: SerialArm, start: FloatArray | None) -> None:
         self.path, self.start = path, start
         self.task = task_dimension(path, arm)
+        self.configurations = Configurations(arm, self.task)
         knots = first_knots(path)
         self.first = FirstPoses.of(path, knots)
         fine, self.at = subdivide(path, knots, self.first.row)
@@ -128,7 +131,7 @@ class _Poses:
 
     def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
         """What is known of the path on an arm."""
-        starts = configurations(arm, self.fine[0], self.task, self.start)[:MOST_STARTS]
+        starts = self.configurations.find(arm, self.fine[0], self.start)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
         followed, farthest, last = [], 0, starts[0]
@@ -158,9 +161,7 @@ class _Poses:
             q: Joint positions at the knots in each configuration [rad], (k, n + 1, dof).
             of_all: Whether the least singular values of all are asked for.
         """
-        begin, sound = self._ends(arm, q[:, :-1], self.first.starts)
-        end, also = self._ends(arm, q[:, 1:], self.first.ends)
-        sound = sound & also
+        begin, end, sound = self._ends(arm, q)
         if not sound.any():
             return Screened(refusal=SINGULAR_ARM)
         exact = self._exact(arm, begin, end)
@@ -194,43 +195,38 @@ class _Poses:
             return 0.0
         return bound_duration(joint_path, limits)
 
-    def _ends(
-        self, arm: SerialArm, q: FloatArray, poses: tuple[FloatArray, FloatArray]
-    ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], BoolArray]:
-        """q, dq_ds and d2q_ds2 at one end of all intervals, and whether no place is singular.
+    def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals.
 
         Args:
             arm: The arm.
-            q: Guesses in each configuration [rad], (k, n, dof).
-            poses: Poses and their derivatives, (n, 3, 4), (n, 4, 3).
+            q: Joint positions at the knots in each configuration [rad], (k, n + 1, dof).
 
         Returns:
-            The three, (k, n, dof) each, and of each configuration whether tracing gets along, (k,).
+            The three at starts and at ends, (k, n, dof) each, and of each configuration whether no
+            place is singular, (k,).
         """
-        k, n, dof = q.shape
-        rows = np.array(q.reshape(k * n, dof), order="C")
-        targets, rates = (np.tile(x, (k, 1, 1)) for x in poses)
-        w, g = np.zeros((k * n, 3, 0, dof)), np.zeros((k * n, 3, dof))
-        found, _ = _newton.newton(
-            *arm.arrays,
-            rows,
-            targets,
-            self.task,
-            np.ascontiguousarray(w[:, 0]),
-            np.ascontiguousarray(g[:, 0]),
+        k, n, dof, first = len(q), q.shape[1] - 1, q.shape[2], self.first
+        alone = first.ends >= n
+        rows = np.concatenate([q[:, :-1], q[:, 1:][:, alone]], axis=1).reshape(-1, dof)
+        m = len(rows)
+        poses, rates = np.tile(first.poses, (k, 1, 1)), np.tile(first.rates, (k, 1, 1))
+        w, g = np.zeros((m, 3, 0, dof)), np.zeros((m, 3, dof))
+        found, _ = _newton.newton(*arm.arrays, rows, poses, self.task, w, g)
+        dq_ds, d2q_ds2, pivots = _newton.path_derivatives(
+            *arm.arrays, rows, poses, rates, self.task, w, g
         )
-        first, second, pivots = _newton.path_derivatives(
-            *arm.arrays, rows, targets, rates, self.task, w, g
-        )
-        good = found & (pivots > SINGULAR) & np.isfinite(second).all(axis=1)
-        values = tuple(x.reshape(k, n, dof) for x in (rows, first, second))
-        return values, good.reshape(k, n).all(axis=1)  # type: ignore[return-value]
+        good = found & (pivots > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1)
+        q, dq_ds, d2q_ds2 = (x.reshape(k, -1, dof) for x in (rows, dq_ds, d2q_ds2))
+        begin = q[:, :n], dq_ds[:, :n], d2q_ds2[:, :n]
+        end = q[:, first.ends], dq_ds[:, first.ends], d2q_ds2[:, first.ends]
+        return begin, end, np.asarray(good.reshape(k, -1).all(axis=1))
 
     def _exact(
         self,
         arm: SerialArm,
-        begin: tuple[FloatArray, FloatArray, FloatArray],
-        end: tuple[FloatArray, FloatArray, FloatArray],
+        begin: Ends,
+        end: Ends,
     ) -> FloatArray:
         """Whether quintics between the knots keep the tool near to its path, (k,)."""
         k, n, dof = begin[0].shape

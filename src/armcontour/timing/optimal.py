@@ -21,8 +21,9 @@ from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing._block import memory_of_blocks
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
-from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
+from armcontour.timing._joint_limits import FOUND, TOO_MUCH, plan_in_one_go
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -252,6 +253,7 @@ class _Task:
 
 
 NOWHERE = _checks.lock_floats([])
+NOWHERE_AT = np.empty(0, dtype=np.intp)
 
 
 class Problem:
@@ -319,7 +321,7 @@ class Problem:
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
+        packed, first = memory_of_blocks(len(self.grid), 2 * count), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -453,7 +455,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         x, skew, lost, outcome = plain.plan(grid, task, most)
         if outcome == FOUND:
             return _law(grid, x, skew), lost
-        if outcome == LOST:
+        if outcome == TOO_MUCH:
             return None, lost
     n = len(grid)
     steady, dips, left = (np.zeros(n, dtype=np.bool_) for _ in range(3))  # steady: without skew
@@ -505,8 +507,8 @@ class _PlainLimits:
 
     Args:
         velocity: Largest joint velocities, infinite for none [rad/s], (dof,).
-        low: Smallest joint accelerations [rad/s²], (1, 1, dof).
-        high: Largest joint accelerations [rad/s²], (1, 1, dof).
+        low: Smallest joint accelerations [rad/s²], (dof,).
+        high: Largest joint accelerations [rad/s²], (dof,).
         fixed: Constraints that are ceilings which depend on the place only.
     """
 
@@ -527,7 +529,7 @@ class _PlainLimits:
             return None
         low, high = accelerations[0].low, accelerations[0].high
         most = velocities[0].limit if velocities else np.full(len(low), np.inf)
-        return cls(most, np.array(low[None, None]), np.array(high[None, None]), tuple(fixed))
+        return cls(most, np.array(low), np.array(high), tuple(fixed))
 
     def plan(
         self, grid: Grid, task: _Task, most: float
@@ -556,14 +558,15 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
-            np.empty((len(grid), 4, 2 * path.dof)),
+            memory_of_blocks(len(grid), 2 * path.dof),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
         """The fixed ceilings at the ends of intervals, (2, n), (2, 0) for none, and the stops."""
         found = [x.fixed_ceiling(grid) for x in self.fixed]
         fixed = np.empty((2, 0)) if not found else np.min(found, axis=0)
-        return fixed, np.searchsorted(grid.s, grid.joint_path.stops)
+        stops = grid.joint_path.stops
+        return fixed, np.searchsorted(grid.s, stops) if len(stops) else NOWHERE_AT
 
 
 @dataclass(slots=True)

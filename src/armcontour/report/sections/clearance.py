@@ -13,6 +13,7 @@ from armcontour.arms.chain import link_poses
 from armcontour.clearance import Cell, PairClearance
 from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import outline_points
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons
@@ -69,9 +70,7 @@ def clearance(study: Study) -> Section | None:
 
 def _over_time(job: Job, name: str, result: RunResult) -> Any:
     """Figure of the least distances of every kind over time, planned and executed."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     cell = Cell(job.arm, job.scene or Scene())
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
     planned = cell.least_over(result.trajectory(t))
@@ -119,9 +118,7 @@ def _table(name: str, result: RunResult) -> Table:
 
 def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     """Figure of the arm, its tool and its cell where it comes nearest to something."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     chain, shapes = job.arm.chain, job.arm.shapes
     assert chain is not None
     q = result.trajectory(np.array([min(nearest.t, result.trajectory.duration)]))
@@ -150,10 +147,9 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
 
 def _body(points: FloatArray, name: str, colour: str, opacity: float) -> Any:
     """The convex hull of points [mm] as a body."""
-    import plotly.graph_objects as go
-
     x, y, z = np.round(points, 2).T
-    return go.Mesh3d(
+    return make_trace(
+        "mesh3d",
         x=x, y=y, z=z, alphahull=0, name=name, color=colour, opacity=opacity, hoverinfo="name",
         flatshading=True, showlegend=False,
     )  # fmt: skip

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.placement import KINDS, Axis, Case, Placement, Verdict, shown
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
+if TYPE_CHECKING:
+    from armcontour.placement import Axis, Case, Placement, Verdict
+
 # Grey tones of refused places, by the kinds of refusals, the darkest for the farthest.
-GREYS = dict(
-    zip(KINDS, ("#4d4d4d", "#737373", "#8f8f8f", "#a8a8a8", "#c2c2c2", "#d9d9d9"), strict=True)
-)
+GREYS = {
+    "reach": "#4d4d4d",
+    "joint range": "#737373",
+    "singularity": "#8f8f8f",
+    "clearance": "#a8a8a8",
+    "limits": "#c2c2c2",
+    "other": "#d9d9d9",
+}
 # A scale that readers of all kinds of colour vision read in the same order.
 SCALE = "Viridis"
 OBJECTIVES = {
@@ -89,6 +97,8 @@ def _text(found: Placement) -> str:
 
 def _tiles(found: Placement) -> tuple[Tile, ...]:
     """Best place, its value and that of the job's own place."""
+    from armcontour.placement import shown
+
     objective = found.objective
     verdict, own = found.refined.verdict, found.own
     before = f"refused by {own.refusal}" if own.refusal else shown(own.score(objective), objective)
@@ -101,6 +111,8 @@ def _tiles(found: Placement) -> tuple[Tile, ...]:
 
 def _compared(cases: Sequence[Case]) -> tuple[Table, ...]:
     """What each arm or tool comes to; nothing without several."""
+    from armcontour.placement import shown
+
     if not cases:
         return ()
     rows = []
@@ -170,7 +182,8 @@ def _figure(found: Placement, x: Shown, values: FloatArray) -> Any:
     filled = np.where(np.isnan(values), worst, values)
     best = filled.min(axis=others) if x.small else filled.max(axis=others)
     best = np.where(np.isinf(best), np.nan, best)
-    kinds = np.array([KINDS.index(v.refusal) if v.refusal else -1 for v in found.verdicts])
+    numbers = {kind: k for k, kind in enumerate(GREYS)}
+    kinds = np.array([numbers.get(v.refusal, -1) for v in found.verdicts])
     # A place that is refused in all other values of the axes: by the last kind in the list.
     refused = kinds.reshape(found.shape)
     refused = np.where((refused >= 0).all(axis=others), refused.max(axis=others), -1)
@@ -181,15 +194,14 @@ def _map(
     found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
     """A heat map; refused places in tones of grey, with a legend."""
-    import plotly.graph_objects as go
-
     at = [_scaled(a) for a in axes]
-    figure = go.Figure()
-    for k, kind in enumerate(KINDS):
+    figure = Figure()
+    for k, kind in enumerate(GREYS):
         if (refused == k).any():
             grey = GREYS[kind]
             figure.add_trace(
-                go.Heatmap(
+                make_trace(
+                    "heatmap",
                     x=at[0],
                     y=at[1],
                     z=np.where(refused == k, 1.0, np.nan).T,
@@ -200,7 +212,8 @@ def _map(
             )
             figure.add_trace(_key(kind, grey))
     figure.add_trace(
-        go.Heatmap(
+        make_trace(
+            "heatmap",
             x=at[0],
             y=at[1],
             z=values.T,
@@ -212,7 +225,8 @@ def _map(
     )
     best = [found.refined.values[a.name] * _factor(a) for a in axes]
     figure.add_trace(
-        go.Scatter(
+        make_trace(
+            "scatter",
             x=best[:1],
             y=best[1:],
             mode="markers",
@@ -229,21 +243,20 @@ def _map(
 
 def _key(kind: str, colour: str) -> Any:
     """An entry of the legend for a kind of refusals."""
-    import plotly.graph_objects as go
-
     marker = {"symbol": "square", "size": 12, "color": colour}
-    return go.Scatter(x=[None], y=[None], mode="markers", name=f"refused by {kind}", marker=marker)
+    return make_trace(
+        "scatter", x=[None], y=[None], mode="markers", name=f"refused by {kind}", marker=marker
+    )
 
 
 def _line(
     found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
     """Values along the only axis that varies; refused places as squares below."""
-    import plotly.graph_objects as go
-
-    at, figure = _scaled(axes[0]), go.Figure()
+    at, figure = _scaled(axes[0]), Figure()
     figure.add_trace(
-        go.Scatter(
+        make_trace(
+            "scatter",
             x=at,
             y=values,
             mode="lines+markers",
@@ -252,7 +265,7 @@ def _line(
         )
     )
     floor = float(np.nanmin(values))
-    for k, kind in enumerate(KINDS):
+    for k, kind in enumerate(GREYS):
         which = refused == k
         if which.any():
             entry = _key(kind, GREYS[kind])
