@@ -27,19 +27,22 @@ _waiting: list[Callable[[Any], None]] = []
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(*, inner: bool = False, **options: Any) -> Callable[[Function], Function]:
+def compiled(
+    *, inner: bool = False, allocates: bool = False, **options: Any
+) -> Callable[[Function], Function]:
     """A decorator that compiles a function at its first call, and keeps the result on disk.
 
     Args:
-        inner: Whether only compiled functions call the function, and it makes no arrays: half of
-            the time to compile a small function goes into what Python needs to call it.
+        inner: Whether only compiled functions call the function: half of the time to compile a
+            small function goes into what Python needs to call it.
+        allocates: Whether an inner function makes arrays. If not, references to arrays are counted
+            by those who call it, which is faster.
         options: More options of `numba.njit`, such as `inline="always"`.
     """
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
-    if inner:
-        # References to arrays are counted by those who call the function.
-        options.setdefault("_nrt", False)
+    if inner and not allocates:
+        options["_nrt"] = False
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:

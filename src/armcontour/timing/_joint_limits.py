@@ -63,7 +63,7 @@ from armcontour.timing.constraints._rows import (
 FOUND, TOO_MUCH, LEFT = 0, 1, 2
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     """Largest x at the grid points, (n + 1,): the lower one of both sides, and 0 at stops.
 
@@ -81,7 +81,7 @@ def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     return at
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _reach(
     width: FloatArray,
     packed: FloatArray,
@@ -100,7 +100,7 @@ def _reach(
     return x, stuck < 0 and x[n] >= last * (1 - PLAY)
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _first_pass(
     coefficients: FloatArray,
     breaks: FloatArray,

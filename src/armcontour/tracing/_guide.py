@@ -83,7 +83,7 @@ def solve_slopes(below: FloatArray, own: FloatArray, above: FloatArray, slopes: 
             slopes[i, j] = value / own[i]
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def write_slopes(s: FloatArray, values: FloatArray, slopes: FloatArray) -> None:
     """Write the slopes of the cubic spline through values at its knots, (n, values).
 

@@ -46,7 +46,7 @@ def add_some(values: FloatArray) -> float:
     return found
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def add_up(values: FloatArray, n: int) -> float:
     """Sum of the first n values, half by half, in the order of numpy's sums.
 
@@ -169,7 +169,7 @@ def write_equations(
             gradient[k] += behind * (q[i, k] - q[i - 1, k])
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def write_system(
     q: FloatArray,
     w: FloatArray,
