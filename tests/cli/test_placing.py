@@ -134,7 +134,7 @@ def test_arms_and_tools_are_compared(command, tmp_path) -> None:
     options = ("--over", "z: 0 mm .. 0 mm, 1", "--arms", "ur5e, ur10e", "--tools", tools)
     code, shown, errors = command("place", job, "--out", out, *options, "--no-refine")
     assert code == 0, errors
-    assert "Which is enough" in shown and "ur5e, long: The place is refused" in shown
+    assert "Which is enough" in shown and "ur5e, long: The place z 0 mm is refused" in shown
     data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     known = {x["name"]: x["best"] for x in data["compared"]}
     assert list(known) == ["ur5e, short", "ur5e, long", "ur10e, short", "ur10e, long"]

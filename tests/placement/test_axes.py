@@ -61,7 +61,7 @@ def test_corners_are_all_combinations() -> None:
         ({"x": (0, float("nan"), 3)}, "over x"),
         ({"x": (0, 1e5, 3)}, "over x"),
         ({"yaw": (0, 1e5, 3)}, "over yaw"),
-        ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 2,000,000"),
+        ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
     ],
 )
 def test_wrong_axes_are_refused_with_a_sentence(over, words: str) -> None:

@@ -211,6 +211,10 @@ def test_no_feasible_place_says_how_far_out_of_reach_it_is(square: Job) -> None:
     assert "x 1000 mm" in str(caught.value)
     # The corner of the path that is the farthest from the base.
     assert 0.5 < caught.value.needed < 1.0
+    with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
+        ac.place(square, over={"x": (1.0, 1.0, 1)})
+    with pytest.raises(Unreachable, match="a corner of its uncertainty is refused by reach"):
+        ac.place(square, over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3})
     with pytest.raises(NotRealizable, match="by clearance.*post"):
         ac.place(with_ball(square, post("base", 0.5)), over={"y": (-0.06, -0.04, 2)})
 

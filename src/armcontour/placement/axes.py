@@ -21,8 +21,8 @@ AXES = tuple(UNITS)
 LENGTHS = AXES[:3]
 # In the plane of a planar arm.
 IN_PLANE = ("x", "y", "yaw")
-# Largest number of places of a grid: their table has about 100 bytes each.
-MOST_PLACES = 2_000_000
+# Largest number of places of a grid: about 0.5 kB each, and an hour of bounds.
+MOST_PLACES = 500_000
 # Decimals of places in SI units.
 DIGITS = 12
 # Places, uncertainties and the anchor are no farther away than this [m, rad]: more is a mistake in

@@ -126,12 +126,17 @@ class Judge:
     @cached_property
     def screen(self) -> Screen | None:
         """Bounds without plans; None if there are none for this job."""
-        arm, program = self.job.arm, self.job.program
+        arm, program = self._limited, self.job.program
         if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
             return None
         limits = with_reserve(self.run.limits, self.run.reserve)
         of_all = self.objective == MANIPULABILITY
         return Screen(program, arm, limits, self.job.start, of_all=of_all)
+
+    @cached_property
+    def _limited(self) -> Arm:
+        """The arm with the joint ranges of the run, as tracing has it."""
+        return self.job.arm.with_limits(self.run.limits)
 
     def look(self, place: Mapping[str, float]) -> Screened:
         """What is known of a place without a plan, and without its uncertainty.
@@ -141,7 +146,7 @@ class Judge:
         """
         if self.screen is None:
             return Screened()
-        arm = place_arm(self.job.arm, self.moves.frame(place), self.what)
+        arm = place_arm(self._limited, self.moves.frame(place), self.what)
         assert isinstance(arm, SerialArm)
         found = self.screen.look(arm)
         return found if self.bounded else dataclasses.replace(found, duration=0.0)

@@ -240,21 +240,19 @@ def _refuse_all(
         NotRealizable: Most places have no plan, or none that keeps its margins.
     """
     counts = Counter(x.refusal for x in verdicts)
-    kinds = ", ".join(f"{n} by {kind}" for kind, n in counts.most_common())
-    count = len(places)
-    what = f"None of {count} places is feasible ({kinds})" if count > 1 else "The place is refused"
-    # Nothing is farther than the places that are out of reach, if there are others.
+    # Others than those out of reach are nearer to a feasible place.
     kind = next((x for x, _ in counts.most_common() if x != REACH), REACH)
     which = [k for k, x in enumerate(verdicts) if x.refusal == kind]
     few = np.unique(np.linspace(0, len(which) - 1, min(len(which), MOST_EXPLAINED)).astype(int))
-    found = [(which[i], judge.plan(places[which[i]])) for i in few]
-    k, verdict = min(found, key=lambda x: x[1].beyond if x[1].beyond == x[1].beyond else np.inf)
-    where = Place(values=places[k], verdict=verdict)
-    near = f"the least far of those looked at is {where}" if kind == REACH else f"at {where}"
+    found = [Place(values=places[which[i]], verdict=judge.plan(places[which[i]])) for i in few]
+    near = min(found, key=lambda x: np.nan_to_num(x.verdict.beyond, nan=np.inf))
+    reason = near.verdict.reason or f"a corner of its uncertainty is refused by {kind}."
+    if len(places) == 1:
+        what = f"The place {near} is refused"
+    else:
+        kinds = ", ".join(f"{n} by {name}" for name, n in counts.most_common())
+        where = f"{near} is the least far of those looked at" if kind == REACH else f"at {near}"
+        what = f"None of {len(places)} places is feasible ({kinds}); {where}"
     error = Unreachable if kind in (REACH, RANGE, SINGULAR_ARM) else NotRealizable
-    limit = CLEARANCE if kind == CLEARANCE else kind
-    raise error(
-        f"{what}; {near}: {verdict.reason}",
-        limit=limit,
-        needed=None if kind != REACH else verdict.beyond,
-    )
+    needed = None if np.isnan(near.verdict.beyond) else near.verdict.beyond
+    raise error(f"{what}: {reason}", limit=kind, needed=needed)

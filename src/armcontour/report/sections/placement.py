@@ -16,7 +16,7 @@ from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 if TYPE_CHECKING:
     from armcontour.placement import Axis, Case, Placement, Verdict
 
-# Grey tones of refused places, by the kinds of refusals, the darkest for the farthest.
+# Grey tones of refused places, by the kinds of refusals.
 GREYS = {
     "reach": "#4d4d4d",
     "joint range": "#737373",
@@ -81,7 +81,7 @@ def _text(found: Placement) -> str:
     best = OBJECTIVES[found.objective]
     parts = [
         f"Every point is a place of the {found.what}; sought is the {best}. Refused places are "
-        "grey, the darker the farther from feasible; the cross is the best place."
+        "grey, with a tone per reason; the cross is the best place."
     ]
     if found.planned < len(found.verdicts) - sum(found.refusals.values()):
         parts.append(
@@ -237,7 +237,8 @@ def _map(
     figure.update_xaxes(title=_title(axes[0]))
     figure.update_yaxes(title=_title(axes[1]))
     if all(a.unit == "m" for a in axes):
-        figure.update_yaxes(scaleanchor="x", scaleratio=1)
+        figure.update_xaxes(constrain="domain")
+        figure.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
     return finish(figure, title=f"Places by {x.title.split(' [')[0]}", height=620)
 
 
