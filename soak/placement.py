@@ -1,12 +1,13 @@
 """`python -m soak.placement`: best places of random grids against plans of all of their places.
 
     python -m soak.placement [--count 50] [--first-seed 0]
-    python -m soak.placement --bars [--yaw 12]
+    python -m soak.placement --bars [--yaw 12] [--every]
 
 The judge moves the path, where `place` moves the frame that it is given in, and plans every place
 by itself. It asks: is the best of the grid the best of all; is no bound above a plan; is refused
 just what has no plan. With --bars, 2,500 places of a square of 100 mm before a UR5e are timed, by
-the clock and by the processors, and with --yaw also times as many; measure on a quiet machine.
+the clock and by the processors, and with --yaw times as many; measure on a quiet machine. With
+--every all of them are planned, too, and must have the same best place.
 """
 
 from __future__ import annotations
@@ -111,19 +112,32 @@ def judge(seed: int) -> tuple[str, int, int]:
     return "; ".join(wrong), len(known), found.planned
 
 
-def time_bars(yaw: int) -> None:
-    """Print the times of the bars."""
+def time_bars(yaw: int, every: bool) -> int:
+    """Print the times of the bars; returns the exit code."""
     job = job_of("ur5e", [0.45, 0.08, 0.2], 0.1, [np.pi, 0.0, 0.0], 0.25)
     over: dict[str, tuple[float, float, int]] = {"x": (-0.5, 0.3, 50), "y": (-0.6, 0.6, 50)}
-    grids = [over, over | {"yaw": (0.0, 2 * np.pi, yaw)}] if yaw else [over]
-    for grid in grids:
-        begin, spent = time.perf_counter(), _processor_time()
-        found = ac.place(job, over=grid)
-        clock, spent = time.perf_counter() - begin, _processor_time() - spent
-        print(
-            f"{len(found.verdicts)} places: {clock:.1f} s by the clock, {spent:.1f} s of "
-            f"processors; {found!r}; own place {found.own.duration:.4f} s; {found.refusals}"
-        )
+    if yaw:
+        over["yaw"] = (0.0, 2 * np.pi, yaw)
+    found = timed(job, over)
+    if not every:
+        return 0
+    best = timed(job, over, every=True).best
+    same = best.values == found.best.values
+    print(f"best of all plans: {best}, {'the same' if same else 'not the same'}")
+    return 0 if same else 1
+
+
+def timed(job: Job, over: dict[str, tuple[float, float, int]], every: bool = False) -> Placement:
+    """A placement, of which the times are printed."""
+    begin, spent = time.perf_counter(), _processor_time()
+    found = ac.place(job, over=over, every=every)
+    clock, spent = time.perf_counter() - begin, _processor_time() - spent
+    print(
+        f"{len(found.verdicts)} places: {clock:.1f} s by the clock, {spent:.1f} s of processors; "
+        f"{found!r}; own place {found.own.duration:.4f} s; {found.refusals}",
+        flush=True,
+    )
+    return found
 
 
 def _processor_time() -> float:
@@ -139,10 +153,10 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
     parser.add_argument("--bars", action="store_true", help="time the bars instead")
     parser.add_argument("--yaw", type=int, default=0, help="with --bars: places of yaw, such as 12")
+    parser.add_argument("--every", action="store_true", help="with --bars: plan all places, too")
     given = parser.parse_args()
     if given.bars:
-        time_bars(given.yaw)
-        return 0
+        return time_bars(given.yaw, given.every)
     counts: Counter[str] = Counter()
     failed = 0
     for seed in range(given.first_seed, given.first_seed + given.count):
