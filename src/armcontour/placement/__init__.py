@@ -3,7 +3,7 @@
 from armcontour.placement.axes import AXES, UNITS, Axis, Moves
 from armcontour.placement.judging import KINDS, OBJECTIVES, Verdict
 from armcontour.placement.moving import WHAT, place_job
-from armcontour.placement.placement import VALUES, Case, Place, Placement, best_case
+from armcontour.placement.placement import Case, Place, Placement, best_case
 from armcontour.placement.placing import MIDDLE, ORIGIN, place
 from armcontour.placement.searching import shown
 from armcontour.placement.variants import with_arm, with_tool
@@ -15,7 +15,6 @@ __all__ = [
     "OBJECTIVES",
     "ORIGIN",
     "UNITS",
-    "VALUES",
     "WHAT",
     "Axis",
     "Case",

@@ -40,12 +40,7 @@ def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:
     """The arm with its work frame moved; arms in the plane have none and stay as they are."""
     if not isinstance(arm, SerialArm):
         return arm
-    return arm.with_work(work_frame(arm, frame, what))
-
-
-def work_frame(arm: SerialArm, frame: Frame, what: str) -> Frame:
-    """The work frame of an arm whose part or base is moved, in the frame of the base."""
-    return arm.chain.base.inverse @ _of_part(frame, what)
+    return arm.with_work(arm.chain.base.inverse @ _of_part(frame, what))
 
 
 def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:

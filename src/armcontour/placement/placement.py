@@ -17,9 +17,6 @@ from armcontour.placement.judging import Verdict
 from armcontour.placement.moving import place_job
 from armcontour.scene.scene import PART
 
-# Values of verdicts that maps show.
-VALUES = ("duration", "bound", "singular", "clearance", "torque_margin")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:

@@ -91,7 +91,8 @@ def place(
     _checks.choice("what", what, WHAT)
     this, notes = _run_of(job, run, objective)
     axes = read_axes(over, job.arm.dimension)
-    refuse_tilted_base(tuple(x.name for x in axes), what)
+    off = read_uncertainty(uncertainty, job.arm.dimension)
+    refuse_tilted_base((*(x.name for x in axes), *off), what)
     with locate_errors(f"Run {this.name}"):
         program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
     judge = Judge(
@@ -99,7 +100,7 @@ def place(
         moves=_moves(job, program, axes, what, absolute, about),
         what=what,
         objective=objective,
-        uncertainty=read_uncertainty(uncertainty, job.arm.dimension),
+        uncertainty=off,
     )
     _refuse_objective(judge)
     if job.objective is None:
