@@ -11,11 +11,13 @@ import os
 import resource
 import signal
 import sys
+import tempfile
 import time
 import warnings
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +36,14 @@ KINDS = {
     "csv": ".csv",
     "parquet": ".parquet",
     "job": ".yaml",
+    "stl": ".stl",
+    "obj": ".obj",
+    "scene": ".scene",
+    "urdf": ".urdf",
+    "Srdf": ".srdf",
 }
+# Files of bodies, which are read from a folder.
+BODIES = ("stl", "obj", "scene", "urdf", "Srdf")
 # A file of a few kilobytes is not worth more [s], [bytes].
 LONGEST = 20.0
 LARGEST = 600e6
@@ -170,6 +179,8 @@ def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, li
     """Length of what is read [m], and all names in it."""
     import importlib
 
+    if kind in BODIES:
+        return _read_bodies(kind, name, data)
     if kind == "job":
         from armcontour.io import parse_job
 
@@ -183,6 +194,25 @@ def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, li
         path = reader(data, source=name, reading=how, **options)
     names = [text for x in path.contours for text in (x.name, x.layer)]
     return path.length, [*names, *(e.name for x in path.contours for e in x.events)]
+
+
+def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
+    """Largest size of what is read [m], and all names in it."""
+    from armcontour.io.mesh_file import read_mesh
+    from armcontour.io.robots.srdf import read_left_out
+    from armcontour.io.scene_files import read_scene_file
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_bytes(data)
+        if kind == "Srdf":
+            left = read_left_out(file, ["base", "beam", "camera"])
+            return 0.0, [text for x in left for text in (x.first, x.second)]
+        if kind in ("stl", "obj"):
+            return read_mesh(file).size, []
+        found = read_scene_file(file)
+    sizes = [np.abs(x.place.position).max() for x in found]
+    return float(max(sizes, default=0.0)), [x.name for x in found]
 
 
 def _read_all(kind: str, seeds: range) -> tuple[list[Outcome], float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from functools import cache
 
 import numpy as np
@@ -110,15 +111,70 @@ runs: {one: {until: 5 s}, two: {limits: {joint_jerk: 100}}}
 """,
 )
 
+# A wedge of 0.1 x 0.2 x 0.3 m, and scenes in both dialects of MoveIt.
+CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])
+FACES = np.array([[1, 3, 2], [1, 2, 4], [1, 4, 3], [2, 3, 4]])
+POSE = "0.5 0 0\n0 0 0.70710678 0.70710678\n"
+MESH = "mesh\n4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 2 1\n0 1 3\n0 3 2\n1 2 3\n"
+OBJ = "".join(
+    [
+        "# a wedge\no wedge\n",
+        *(f"v {a:g} {b:g} {c:g}\n" for a, b, c in CORNERS),
+        *(f"f {a}/1 {b}//2 {c}\n" for a, b, c in FACES),
+        "f -1 -2 -3 -4\n",
+    ]
+)
+BODIES = {
+    "obj": (OBJ,),
+    "scene": (
+        f"(noname)\n* vise\n2\nbox\n0.1 0.2 0.3\n{POSE}0 0 0 0\ncone\n0.1 0.4\n{POSE}1 0 0 1\n.\n",
+        f"cell\n* vise\n{POSE}3\ncylinder\n0.1 0.4\n{POSE}0 0 0 0\n"
+        f"plane\n0 0 1 0.2\n{POSE}0 0 0 0\n"
+        f"{MESH}{POSE}0 0 0 0\n1\ntop\n{POSE}* ball\n{POSE}1\nsphere\n0.1\n{POSE}0 0 0 0\n0\n.\n",
+    ),
+    "urdf": (
+        """<robot name="cell"><link name="world"/><link name="table"><collision>
+<origin xyz="0 0 -0.05" rpy="0 0 0.1"/><geometry><box size="2 1 0.1"/></geometry></collision>
+<collision><geometry><cylinder radius="0.05" length="0.8"/></geometry></collision>
+<collision><geometry><mesh filename="package://cell/part.stl" scale="1 1 1"/></geometry></collision>
+</link><joint name="stand" type="revolute"><parent link="world"/><child link="table"/>
+<origin xyz="0.5 0 0"/><axis xyz="0 0 1"/><limit lower="0.1" upper="1.5"/></joint></robot>""",
+        """<robot name="cell"><link name="table"><collision>
+<geometry><sphere radius="1"/></geometry></collision></link></robot>""",
+    ),
+    "Srdf": (
+        """<robot name="cell"><disable_collisions link1="base" link2="beam" reason="Never"/>
+<disable_default_collisions link="camera"/><enable_collisions link1="base" link2="camera"/>
+</robot>""",
+    ),
+}
+
 
 @cache
 def samples(kind: str) -> tuple[bytes, ...]:
-    """The files of a kind: "gcode", "svg", "csv", "parquet", "dxf" or "job"."""
+    """The files of a kind: "gcode", "svg", "csv", "parquet", "dxf", "job", or of bodies."""
     if kind == "dxf":
         return _dxf()
     if kind == "parquet":
         return (_parquet(),)
-    return tuple(x.encode() for x in {"gcode": GCODE, "svg": SVG, "csv": CSV, "job": JOB}[kind])
+    if kind == "stl":
+        return (_binary_stl(), _ascii_stl().encode())
+    texts = {"gcode": GCODE, "svg": SVG, "csv": CSV, "job": JOB, **BODIES}
+    return tuple(x.encode() for x in texts[kind])
+
+
+def _binary_stl() -> bytes:
+    rows = [struct.pack("<12fH", 0, 0, 0, *np.ravel(CORNERS[x]), 0) for x in FACES - 1]
+    return b"a wedge".ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def _ascii_stl() -> str:
+    lines = ["solid wedge"]
+    for x in FACES - 1:
+        lines += ["facet normal 0 0 0", "outer loop"]
+        lines += [f"vertex {a:g} {b:g} {c:g}" for a, b, c in CORNERS[x]]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid wedge\n"])
 
 
 def _dxf() -> tuple[bytes, ...]:

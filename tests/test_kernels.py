@@ -78,6 +78,14 @@ def test_inner_functions_that_make_or_return_arrays_count_references():
         callees = [function.__globals__.get(x) for x in function.__code__.co_names]
         given = [x.py_func for x in callees if hasattr(x, "py_func")]
         assert not MAKES_ARRAYS.search(body), f"{module}.{name} makes arrays"
+        # What a function calls is compiled as the function itself is, unless it was before.
+        makers = [x.py_func.__name__ for x in callees if _says_that_it_makes_arrays(x)]
+        assert not makers, f"{module}.{name} calls {', '.join(makers)}"
         for x in (function, *given):
             assert "Array" not in x.__annotations__["return"], f"{module}.{name}: {x.__name__}"
     assert judged > 100
+
+
+def _says_that_it_makes_arrays(callee):
+    options = getattr(callee, "targetoptions", {})
+    return bool(options.get("no_cpython_wrapper")) and options.get("_nrt", True)

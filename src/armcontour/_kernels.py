@@ -41,8 +41,8 @@ def compiled(
     """
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
-    if inner and not allocates:
-        options["_nrt"] = False
+    # Said of all functions, as numba takes what is not said from the function that calls.
+    options["_nrt"] = allocates or not inner
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:

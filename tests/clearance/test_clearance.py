@@ -123,6 +123,19 @@ def test_random_motions_keep_their_bounds_at_random_times() -> None:
                 assert here[x.first, x.second] >= x.low - 1e-9
 
 
+def test_links_without_a_shape_are_named() -> None:
+    left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
+    assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
+    assert {(x.second, x.reason) for x in left} == {("everything", "no shape of it is known")}
+
+
+def test_what_touches_at_rest_touches_from_the_beginning() -> None:
+    here = BALL.with_tool(Frame()).forward(A[None])[0]
+    ball = Obstacle(name="ball", shape=Sphere(radius=0.05), place=Frame(position=here))
+    (pair,) = check_clearance(sweep_of(A, A, 1.0), BALL, Scene(obstacles=(ball,))).too_near
+    assert pair.first_time == 0.0
+
+
 def test_obstacles_move_with_the_part() -> None:
     ball = Obstacle(
         name="clamp", shape=Sphere(radius=0.02), place=Frame(position=[0.1, 0, 0]), fixed_to="part"

@@ -123,3 +123,14 @@ def test_the_executed_motion_is_looked_at_too(job: ac.Job) -> None:
     planned, executed = result.clearance, result.executed_clearance
     assert planned is not None
     assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
+
+
+def test_shapes_that_cannot_be_read_matter_where_a_scene_asks_for_clearance(job: ac.Job) -> None:
+    def lacking() -> ArmShapes:
+        raise ac.InvalidInput("The mesh is not there.")
+
+    bare = dataclasses.replace(job, arm=job.arm.with_shapes(lacking))
+    (plan,) = teach(bare).values()
+    assert plan.clearance is None
+    with pytest.raises(ac.InvalidInput, match="mesh is not there"):
+        teach(dataclasses.replace(bare, scene=Scene()))

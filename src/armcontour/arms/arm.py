@@ -107,6 +107,14 @@ class Arm(Locked, ABC):
         self._refuse_shapes(found)
         return found
 
+    @property
+    def knows_shapes(self) -> bool:
+        """Whether shapes are known, and their files are there and can be read."""
+        try:
+            return self.shapes is not None
+        except InvalidInput:
+            return False
+
     def with_shapes(self, shapes: ArmShapes | Callable[[], ArmShapes] | None) -> Self:
         """The same arm with other shapes of its links and tool.
 

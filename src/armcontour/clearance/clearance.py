@@ -388,7 +388,8 @@ class _Search:
             t = np.interp(at, way, self._t)
             near = self._look(np.full(len(t), k), t)
             if near[0] < margin:
-                return float(t[0])
+                # An arm that rests at first has gone no way for a while.
+                return float(t[0] if begin > 0 else self._t[0])
             low = (near[:-1] + near[1:] - np.diff(at)) / 2
             doubtful = np.flatnonzero(np.minimum(low, near[1:]) < margin).tolist()
             if doubtful and end - begin <= STEP:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -128,6 +129,11 @@ class Distances:
         found[..., :3] = back @ second[..., :3]
         found[..., 3] = np.einsum("nij,nj->ni", back, second[..., 3] - first[..., 3])
         return found
+
+
+def can_measure() -> bool:
+    """Whether the library of distances is installed."""
+    return importlib.util.find_spec("coal") is not None
 
 
 def _coal() -> Any:

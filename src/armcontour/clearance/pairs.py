@@ -78,7 +78,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
     _refuse_unknown(own, scene)
     radii = {id(x): _radii(chain, x) for x in own}
     pairs: list[Pair] = []
-    left: list[LeftOut] = []
+    left = _without_shape(chain, own)
     for obstacle, body, margin, allowed in _with_obstacles(chain, own, scene):
         if body.link == 0:
             reason = "both stand still"
@@ -116,6 +116,20 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
             "arm.with_shapes(...)."
         )
     return arm.chain, arm.shapes
+
+
+def _without_shape(chain: Chain, own: Iterable[Body]) -> list[LeftOut]:
+    """Links of which no shape is known, so that nothing is said of them."""
+    known = {x.link for x in own}
+    return [
+        LeftOut(
+            first=f"the link after {joint}",
+            second="everything",
+            reason="no shape of it is known",
+        )
+        for k, joint in enumerate(chain.joints, start=1)
+        if k not in known
+    ]
 
 
 def _refuse_unknown(own: Iterable[Body], scene: Scene) -> None:

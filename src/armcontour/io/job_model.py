@@ -113,7 +113,8 @@ class ArmModel:
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
         locked: Positions of locked joints, by name; .urdf and .xacro only.
-        packages: Folders of ROS packages, by name; .xacro only. Others are looked for nearby.
+        packages: Folders of ROS packages, by name; .urdf and .xacro only. Others are looked for
+            nearby.
         arguments: Values of the arguments of a .xacro file, by name.
         shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
         srdf: A file of MoveIt (.srdf) that says which links may touch each other.

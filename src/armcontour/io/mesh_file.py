@@ -86,11 +86,16 @@ def _refuse_size(points: FloatArray, place: FilePath) -> None:
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    sizes = {x: size * parse(f"1 {x}", "m") for x in USUAL}
-    fits = [x for x, value in sizes.items() if LIKELY[0] <= value <= LIKELY[1]]
+    factors = {x: parse(f"1 {x}", "m") for x in USUAL}
     hint = "its unit or a scale"
-    if fits:
-        hint = f"unit: {fits[0]} if that is its unit, which makes it {sizes[fits[0]]:.4g} m large"
+    for unit, factor in factors.items():
+        if LIKELY[0] <= size * factor <= LIKELY[1]:
+            scale = " ".join([f"{factor:g}"] * 3)
+            hint = (
+                f"unit: {unit} if that is its unit, which makes it {size * factor:.4g} m large (in "
+                f'a URDF, scale="{scale}")'
+            )
+            break
     raise InvalidInput(
         f"The mesh {place} would be {size:.4g} m large if its lengths were metres, and bodies in a "
         f"cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."

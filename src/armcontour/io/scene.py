@@ -171,7 +171,7 @@ def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
 
 def _place(model: PlacedModel) -> Frame:
     """The frame of a body."""
-    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("at", model)
+    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("place", model)
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
@@ -180,7 +180,7 @@ def _place(model: PlacedModel) -> Frame:
 
 def _normal(model: HalfSpaceModel) -> FloatArray | None:
     """The rotation whose z axis is the direction out of a half-space."""
-    turned = rotation_of("normal", model)
+    turned = rotation_of("place", model)
     if model.normal is None:
         return turned
     if turned is not None:

@@ -18,6 +18,13 @@ from armcontour.io.robots.tree import read_tree
 from armcontour.scene import Box, Cylinder, HalfSpace, Mesh, Obstacle, Shape, Sphere
 
 URDF, SCENE = ".urdf", ".scene"
+# What is said of the sizes of shapes of a scene, in one line.
+SIZES = {
+    "box": ("x", "y", "z"),
+    "sphere": ("the radius",),
+    "cylinder": ("the radius", "length"),
+    "cone": ("the radius", "length"),
+}
 # A cone is replaced by a pyramid around it with so many sides, 0.5 % wider at its edges.
 SIDES = 32
 # Largest number of bodies, and of points and triangles of one mesh.
@@ -115,7 +122,8 @@ class _Lines:
             place = frame @ self._pose() @ own
             self._numbers(4, "the colour of a shape")
             body = name if k == 0 else f"{name} {k + 1}"
-            found.append(Obstacle(name=body, shape=shape, place=place))
+            with locate_errors(str(self._place)):
+                found.append(Obstacle(name=body, shape=shape, place=place))
         for _ in range(self._count("the number of subframes", MOST_BODIES) if newer else 0):
             self._next("the name of a subframe")
             self._pose()
@@ -124,22 +132,20 @@ class _Lines:
     def _shape(self) -> tuple[Shape, Frame]:
         """A shape, and its frame in that of the file's shape."""
         kind = self._next("the kind of a shape")
+        if kind == "plane":
+            return HalfSpace(), self._plane()
+        if kind == "mesh":
+            return self._mesh(), Frame()
+        if kind not in SIZES:
+            raise self._wrong(f"{', '.join(SIZES)}, plane or mesh")
+        numbers = self._numbers(len(SIZES[kind]), f"{' and '.join(SIZES[kind])} of a {kind}")
         with locate_errors(self._here):
-            match kind:
-                case "box":
-                    return Box(size=self._numbers(3, "the size of a box")), Frame()
-                case "sphere":
-                    (radius,) = self._numbers(1, "the radius of a sphere")
-                    return Sphere(radius=radius), Frame()
-                case "cylinder" | "cone":
-                    radius, length = self._numbers(2, f"the radius and length of a {kind}")
-                    body = Cylinder(radius=radius, length=length)
-                    return (body if kind == "cylinder" else _around_cone(body)), Frame()
-                case "plane":
-                    return HalfSpace(), self._plane()
-                case "mesh":
-                    return self._mesh(), Frame()
-        raise self._wrong("box, sphere, cylinder, cone, plane or mesh")
+            if kind == "box":
+                return Box(size=numbers), Frame()
+            if kind == "sphere":
+                return Sphere(radius=float(numbers[0])), Frame()
+            body = Cylinder(radius=float(numbers[0]), length=float(numbers[1]))
+            return (body if kind == "cylinder" else _around_cone(body)), Frame()
 
     def _plane(self) -> Frame:
         """The frame of a half-space whose surface is the plane a x + b y + c z + d = 0."""
@@ -157,7 +163,8 @@ class _Lines:
             raise self._wrong(f"4 to {MOST_POINTS:,} points and triangles")
         corners = np.array([self._numbers(3, "a point of a mesh") for _ in range(points)])
         faces = [self._numbers(3, "a triangle of a mesh") for _ in range(triangles)]
-        return Mesh(points=corners, triangles=np.array(faces).astype(np.intp), source="a mesh")
+        with locate_errors(self._here):
+            return Mesh(points=corners, triangles=np.array(faces).astype(np.intp), source="a mesh")
 
     def _pose(self) -> Frame:
         """A pose: a position, and a quaternion in the next line."""

@@ -14,6 +14,7 @@ from armcontour.arms import Arm, SerialArm
 from armcontour.arms.inverse import configurations
 from armcontour.clearance import Cell, Clearance
 from armcontour.clearance.connecting import connect, through
+from armcontour.clearance.distances import can_measure
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.frames import exp
 from armcontour.geometry import Path
@@ -73,10 +74,13 @@ def keep_clear(
             ignore this.
         InvalidInput: The job has a scene, but the shapes of the arm are not known.
     """
-    if job.arm.shapes is None and job.scene is None:
+    if job.scene is None and not (job.arm.knows_shapes and can_measure()):
+        # Nobody asked for it; notes of the arm say which meshes are lacking.
+        return Cleared(traced=traced, trajectory=trajectory, clearance=None)
+    cell = Cell(job.arm, job.scene or Scene())
+    if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
     progress(Step(("clearance",)))
-    cell = Cell(job.arm, job.scene or Scene())
     found = cell.check(trajectory)
     notes: tuple[str, ...] = ()
     if not found.kept and not job.ignore_collisions:

@@ -217,7 +217,7 @@ def _try_carrying(state: Any, i: int, j: int, p: int) -> bool:
     return True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _improve_at(state: Any, c: int) -> bool:
     """Make one move that shortens the tour at a contour; whether there was one."""
     exits, entries, _, _, near, tour, option, place, _, _ = state
@@ -241,7 +241,7 @@ def _improve_at(state: Any, c: int) -> bool:
     )
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _bring_together(state: Any, i: int, k: int) -> bool:
     """Make one move after which what is at positions i and k is adjacent; whether it is shorter."""
     n = len(state[5])
@@ -261,7 +261,7 @@ def _bring_together(state: Any, i: int, k: int) -> bool:
     return False
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _improve(state: Any, queue: IntArray, count: int, queued: Any) -> None:
     """Make moves at the contours in the queue, and at what they touch, until none is shorter."""
     tour, place = state[5], state[7]

@@ -64,7 +64,7 @@ FOUND, TOO_MUCH, LEFT = 0, 1, 2
 
 
 @compiled(inner=True, allocates=True)
-def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
+def at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     """Largest x at the grid points, (n + 1,): the lower one of both sides, and 0 at stops.
 
     Args:
@@ -135,11 +135,11 @@ def _first_pass(
             write_rows(of, ends, row, own, j, packed, b, j, dof + j)
         ceil_by_shares(of)
         _put_ceiling(of, fixed, begin, ceiling)
-    at_points = _at_points(ceiling, stops)
+    highest = at_points(ceiling, stops)
     width = s[1:] - s[:-1]
-    x, sound = _reach(width, packed, at_points, none, start, end)
+    x, sound = _reach(width, packed, highest, none, start, end)
     if sound:
-        _steer_along_joints(width, ends, own, x, at_points, skew)
+        _steer_along_joints(width, ends, own, x, highest, skew)
     return x, skew, sound
 
 
@@ -346,7 +346,7 @@ def plan_in_one_go(
             if not changed:
                 return x, skew, lost, TOO_MUCH
             continue
-        x, sound = _reach(width, packed, _at_points(ceiling, stops), shifts, start, end)
+        x, sound = _reach(width, packed, at_points(ceiling, stops), shifts, start, end)
         if not sound:
             return x, skew, lost, LEFT
         any_dips, any_left = judge(

@@ -21,6 +21,7 @@ from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing._all_limits import Rules
 from armcontour.timing._block import memory_of_blocks
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
 from armcontour.timing._joint_limits import FOUND, TOO_MUCH, plan_in_one_go
@@ -33,6 +34,7 @@ from armcontour.timing._reach import (
     skew_along_discs,
     skew_along_rows,
 )
+from armcontour.timing.all_limits import AllLimits
 from armcontour.timing.constraints import (
     AngularAcceleration,
     AngularSpeed,
@@ -49,6 +51,7 @@ from armcontour.timing.constraints import (
     ToolSpeed,
     turning_of,
 )
+from armcontour.timing.constraints.sampled import MARGIN
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
     AT_CURVES,
@@ -457,6 +460,15 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
             return _law(grid, x, skew), lost
         if outcome == TOO_MUCH:
             return None, lost
+    elif not len(task.standing):
+        limits = AllLimits.of(task.active, grid.joint_path.dof)
+        if limits is not None:
+            rules = _rules(task, most)
+            x, skew, lost, outcome = limits.plan(grid.joint_path, grid, *_coarse(grid), rules)
+            if outcome == FOUND:
+                return _law(grid, x, skew), lost
+            if outcome == TOO_MUCH:
+                return None, lost
     n = len(grid)
     steady, dips, left = (np.zeros(n, dtype=np.bool_) for _ in range(3))  # steady: without skew
     bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
@@ -494,6 +506,28 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
                 return bracket.better(law), lost
             bracket.close_in(x, law)
     return bracket.found, np.maximum(lost, most)
+
+
+def _rules(task: _Task, most: float) -> Rules:
+    """The rules of a plan with margins up to the share `most` of a limit."""
+    return Rules(
+        start=float(task.start_speed**2),
+        end=float(task.end_speed**2),
+        most=most,
+        fine_margin=LARGEST_MARGIN,
+        no_way=4 * LARGEST_MARGIN,
+        fine_enough=FINE_ENOUGH,
+        safety=MARGIN,
+        headroom=HEADROOM,
+        close=CLOSE,
+        wider=WIDER,
+        least_gain=LEAST_GAIN,
+        largest_dip=LARGEST_DIP,
+        near_tangent=NEAR_TANGENT,
+        tries=MOST_TRIES,
+        tangents=MOST_TANGENTS,
+        moves=MOST_MOVES,
+    )
 
 
 def _is_fixed(x: Constraint) -> TypeGuard[ToolSpeed | CentripetalAcceleration]:

@@ -73,7 +73,7 @@ def add_up(values: FloatArray, n: int) -> float:
         sizes[depth], second[depth] = sizes[depth - 1] - sizes[depth], True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def write_weights(
     s: FloatArray, q: FloatArray, pace: FloatArray, memory: FloatArray, out: FloatArray
 ) -> None:
@@ -102,7 +102,7 @@ def write_weights(
         out[i] = 1.0 / math.sqrt(share)
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def find_cost(
     q: FloatArray,
     pace: FloatArray,

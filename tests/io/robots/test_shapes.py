@@ -52,7 +52,7 @@ def test_hulls_are_small_and_carry_their_licenses(name: str) -> None:
     assert len(content) <= 100_000
     data = json.loads(content)
     assert max(x["excess"] for x in data["hulls"]) <= 0.0003
-    found = shapes.read_hulls(content)
+    found = shapes.read_hulls(name)
     notice = found.source.split("see ")[1].rstrip(".")
     text = (FOLDER / notice).read_text(encoding="utf-8")
     assert f"{name}.json" in text and found.source.split(":")[0].split(". ")[-1] in (

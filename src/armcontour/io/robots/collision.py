@@ -7,14 +7,13 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from urllib.parse import unquote, urlsplit
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some, show
 from armcontour._xacro.packages import find_near
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.mesh_file import read_mesh
+from armcontour.io.mesh_file import MESHES, read_mesh
 from armcontour.io.robots.description import attribute, origin_of, three
 from armcontour.io.robots.tree import Tree
 from armcontour.scene import Box, Capsule, Cylinder, LinkShape, Shape, Sphere
@@ -109,6 +108,8 @@ def shape_of(
     scale: FloatArray | None = None
     if "scale" in element.attrib:
         scale = three(where, "scale", element.get("scale", ""))
+        # Many programs write factors of 1, which say nothing of the unit.
+        scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
     place = find_mesh(tree, name, packages)
     if place is None or not place.is_file():
@@ -128,24 +129,23 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
         packages: As in `link_shapes`.
     """
     folder = FilePath(tree.file).absolute().parent
-    parts = urlsplit(name)
-    if not name or parts.scheme not in ("", "package", "file"):
+    scheme, _, path = name.rpartition("://")
+    if not path or scheme not in ("", "package", "file"):
         return None
-    if parts.scheme != "package":
-        return folder / unquote(parts.path)
-    given = (packages or {}).get(parts.netloc)
-    root = find_near(folder, parts.netloc) if given is None else FilePath(given)
-    return None if root is None else root / unquote(parts.path).lstrip("/")
+    if scheme != "package":
+        return folder / path
+    package, _, path = path.partition("/")
+    given = (packages or {}).get(package)
+    root = find_near(folder, package) if given is None else FilePath(given)
+    return None if root is None else root / path
 
 
-def missing_meshes(
-    tree: Tree, carried: Mapping[str, tuple[int, Frame]], packages: Packages | None
-) -> str:
+def missing_meshes(tree: Tree, packages: Packages | None) -> str:
     """A note of the meshes of collision elements that are not there; empty if all are."""
     names = [
         mesh.get("filename", "")
-        for link in carried
-        for mesh in tree.links[link].iterfind("collision/geometry/mesh")
+        for link in tree.links.values()
+        for mesh in link.iterfind("collision/geometry/mesh")
     ]
     lacking = []
     # Packages are looked for once: the first mesh of each folder tells of the others.
@@ -156,20 +156,23 @@ def missing_meshes(
             place = find_mesh(tree, name, packages)
             roots[folder] = None if place is None else place.parent
         root = roots[folder]
-        if root is None or not (root / os.path.basename(name)).is_file():
+        there = root is not None and (root / os.path.basename(name)).is_file()
+        if not there or not name.lower().endswith(MESHES):
             lacking.append(name)
     if not lacking:
         return ""
     return (
-        f"meshes are not there, so nothing can be said of clearance: "
-        f"{list_some(lacking, MOST_FILES)}; {_mend(lacking[0])}"
+        f"meshes are not there, or of no known format, so nothing can be said of clearance: "
+        f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
     )
 
 
 def _mend(name: str) -> str:
-    """What would help with a mesh that is not there."""
+    """What would help with a mesh that is not there, or not read."""
+    if not name.lower().endswith(MESHES):
+        return f"give it as {' or '.join(MESHES)}"
     if name.startswith("package://"):
-        package = urlsplit(name).netloc
+        package = name.split("/")[2]
         return (
             f"say where its package is, packages={{{package!r}: FOLDER}} (in a job, arm.packages)"
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import partial
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -24,17 +25,16 @@ def with_hulls(arm: Arm, name: str) -> Arm:
         arm: The arm.
         name: Its built-in name.
     """
-    file = resources.files("armcontour.io.robots") / "library" / "hulls" / f"{name}.json"
-    return arm.with_shapes(partial(read_hulls, file.read_bytes())) if file.is_file() else arm
+    return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
 
 
-def read_hulls(content: bytes) -> ArmShapes:
-    """Read a file of hulls: convex bodies that hold the links of an arm.
+def read_hulls(name: str) -> ArmShapes:
+    """Read the hulls of a built-in arm: convex bodies that hold its links.
 
     Args:
-        content: The content of the file.
+        name: Its built-in name.
     """
-    data = json.loads(content)
+    data = json.loads(_file(name).read_bytes())
     return ArmShapes(
         shapes=tuple(
             LinkShape(
@@ -46,6 +46,11 @@ def read_hulls(content: bytes) -> ArmShapes:
         ),
         source=f"{data['source']} {data['license']}",
     )
+
+
+def _file(name: str) -> Traversable:
+    """The file of the hulls of a built-in arm, which need not be there."""
+    return resources.files("armcontour.io.robots") / "library" / "hulls" / f"{name}.json"
 
 
 def with_more_shapes(

@@ -13,7 +13,6 @@ from armcontour._xacro.expanding import Value, expand_xacro
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
 from armcontour.io.robots.collision import Packages, link_shapes, missing_meshes
 from armcontour.io.robots.description import Description
 from armcontour.io.robots.joint_limits import KINDS, Table, limits_of, override
@@ -71,8 +70,7 @@ def arm_of_tree(
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
     limits, lacking = _limits(tree, moving, joint_limits, heavy=chain.masses is not None)
-    carried = description.carried()
-    missing = missing_meshes(tree, carried, packages)
+    missing = missing_meshes(tree, packages)
     notes = (chosen, *description.notes, lacking, missing)
     arm = SerialArm(
         name=tree.name,
@@ -82,23 +80,23 @@ def arm_of_tree(
         limits_hint=_hint(limits, heavy=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
-    if not any(tree.links[name].find("collision") is not None for name in carried):
+    if all(x.find("collision") is None for x in tree.links.values()):
         return arm
-    return arm.with_shapes(partial(_shapes, arm, tree, carried, packages, moving[-1].child))
+    return arm.with_shapes(partial(_shapes, arm, description, packages))
 
 
-def _shapes(
-    arm: SerialArm,
-    tree: Tree,
-    carried: Mapping[str, tuple[int, Frame]],
-    packages: Packages | None,
-    last: str,
-) -> ArmShapes:
+def _shapes(arm: SerialArm, description: Description, packages: Packages | None) -> ArmShapes:
     """The shapes of the links of a description; what hangs on its last link is the tool's."""
     # Loaded with the compiled code of motions, which an arm alone does not need.
     from armcontour.clearance.touching import leave_out_touching
 
-    shapes = link_shapes(tree, carried, packages, last)
+    tree, carried = description.tree, description.carried()
+    # Links that the base does not carry stand still, with all joints locked.
+    others = Description(tree, (), (), description.locked, tree.root).carried()
+    back = others[description.base][1].inverse
+    still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
+    last = description.moving[-1].child
+    shapes = link_shapes(tree, {**still, **carried}, packages, last)
     source = f"collision elements of {FilePath(tree.file).name}"
     return leave_out_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 

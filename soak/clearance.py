@@ -1,0 +1,342 @@
+"""`python -m soak.clearance`: what is certified clear touches nothing, and MuJoCo agrees.
+
+Random motions of three arms between random obstacles are checked. Of those that are certified
+clear, the bodies are looked at 100 times as often as the certificate did, at random times: by other
+kinematics (rotations of scipy), and with triangles instead of hulls. With `--meshes`, the triangles
+of built-in arms are those of their makers' meshes, which their hulls hold:
+
+    python -m soak.clearance --meshes ur5e=ur5e.urdf@base_link_inertia --meshes panda=fer.urdf
+
+Then random postures are given to MuJoCo, which has kinematics and collisions of its own. Where one
+says that two bodies touch and the other does not, they are as near as EXCESS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.arms import Chain
+from armcontour.clearance.distances import Distances
+from armcontour.clearance.pairs import Body, Pair, pairs_of
+from armcontour.frames import Frame
+from armcontour.motion import LapLaw, Trajectory
+from armcontour.scene import (
+    Box,
+    Capsule,
+    Cylinder,
+    LinkShape,
+    Mesh,
+    Obstacle,
+    Scene,
+    Shape,
+    Sphere,
+)
+
+ARMS = ("ur5e", "ur10e", "panda")
+FINER = 100
+LAPS, LAP = 4, 0.3
+# How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
+EXCESS = 5e-6
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class Tally:
+    """What was found: motions, those certified clear, looks at those, touches among them."""
+
+    motions: int = 0
+    clear: int = 0
+    looks: int = 0
+    touches: int = 0
+
+
+def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
+    """Laps of random accelerations from a random posture."""
+    limits = arm.limits.for_joints(arm.dof)
+    assert limits.joint_velocity is not None
+    low, high = (np.clip(x, -np.pi, np.pi) for x in (limits.joint_lower, limits.joint_upper))
+    q, dq = [rng.uniform(low, high)], [np.zeros(arm.dof)]
+    ddq = rng.uniform(-1, 1, (LAPS, arm.dof)) * limits.joint_velocity / (2 * LAP)
+    for x in ddq:
+        q.append(q[-1] + LAP * dq[-1] + LAP**2 / 2 * x)
+        dq.append(dq[-1] + LAP * x)
+    breaks = LAP * np.arange(LAPS + 1)
+    law = LapLaw(breaks=breaks, q=np.array(q), dq=np.array(dq[:-1]), ddq=ddq)
+    return Trajectory(laws=(law,), method="random")
+
+
+def random_scene(rng: np.random.Generator) -> Scene:
+    """Some bodies around an arm."""
+    obstacles = []
+    for k in range(int(rng.integers(1, 5))):
+        way = rng.normal(size=3)
+        place = Frame(
+            position=way / np.linalg.norm(way) * rng.uniform(0.4, 1.1),
+            rotation=Rotation.random(rng=rng).as_matrix(),
+        )
+        obstacles.append(Obstacle(name=f"body {k}", shape=random_shape(rng), place=place))
+    return Scene(obstacles=tuple(obstacles))
+
+
+def random_shape(rng: np.random.Generator) -> Shape:
+    """A body of a random kind and size; thin plates, too."""
+    a, b, c = rng.uniform(0.02, 0.2, 3)
+    match int(rng.integers(6)):
+        case 0:
+            return Sphere(radius=a)
+        case 1:
+            return Capsule(radius=a / 2, length=b)
+        case 2:
+            return Cylinder(radius=a / 2, length=b)
+        case 3:
+            return Box(size=np.array([a, b, c]))
+        case 4:
+            return Box(size=np.array([2 * a, 2 * b, 0.001]))
+    points = rng.normal(size=(12, 3)) * [a, b, c]
+    return Mesh(points=points, triangles=ConvexHull(points).simplices)
+
+
+class Judge:
+    """Touches of pairs by triangles and by other kinematics.
+
+    Args:
+        chain: The chain of the arm.
+        pairs: The pairs.
+        exact: Triangles of links in the frames of the links, by their names; else the hulls.
+    """
+
+    def __init__(
+        self, chain: Chain, pairs: tuple[Pair, ...], exact: dict[str, LinkShape] | None = None
+    ) -> None:
+        self._chain = chain
+        self._pairs = [
+            tuple((x.link, *_body(x, exact or {})) for x in (pair.first, pair.second))
+            for pair in pairs
+        ]
+
+    def touches(self, q: FloatArray) -> int:
+        """How many pairs touch at joint positions, (dof,)."""
+        poses = self.poses(q)
+        request, count = coal.CollisionRequest(), 0
+        for pair in self._pairs:
+            shapes, places = [], []
+            for link, shape, place in pair:
+                pose = poses[link] @ place
+                shapes.append(shape)
+                places.append(coal.Transform3s(pose[:3, :3], pose[:3, 3]))
+            found = coal.CollisionResult()
+            coal.collide(shapes[0], places[0], shapes[1], places[1], request, found)
+            count += found.isCollision()
+        return count
+
+    def poses(self, q: FloatArray) -> list[FloatArray]:
+        """Places of all links, (4, 4) each."""
+        chain = self._chain
+        found = [_matrix(chain.base.rotation, chain.base.position)]
+        turns = Rotation.from_rotvec(q[:, None] * chain.axes).as_matrix()
+        for k, turn in enumerate(turns):
+            found.append(found[-1] @ _matrix(chain.rotations[k] @ turn, chain.positions[k]))
+        return found
+
+
+def _body(x: Body, exact: dict[str, LinkShape]) -> tuple[object, FloatArray]:
+    """A body of the library, of triangles where it is a mesh, and its place in its link."""
+    shape, place = x.exact or x.shape, x.place
+    if x.name in exact and not x.obstacle:
+        given = exact[x.name]
+        shape, place = given.exact or given.shape, given.place
+    made: object
+    match shape:
+        case Mesh():
+            triangles = shape.triangles
+            if triangles is None:
+                triangles = ConvexHull(shape.points).simplices.astype(np.intp)
+            made = coal.BVHModelOBBRSS()
+            made.beginModel(len(triangles), len(shape.points))
+            made.addVertices(np.ascontiguousarray(shape.points))
+            made.addTriangles(np.ascontiguousarray(triangles, dtype=np.int64))
+            made.endModel()
+        case Sphere():
+            made = coal.Sphere(shape.radius)
+        case Capsule():
+            made = coal.Capsule(shape.radius, shape.length)
+        case Cylinder():
+            made = coal.Cylinder(shape.radius, shape.length)
+        case Box():
+            made = coal.Box(*shape.size.tolist())
+        case _:
+            raise TypeError(type(shape))
+    return made, _matrix(place.rotation, place.position)
+
+
+def _matrix(rotation: FloatArray, position: FloatArray) -> FloatArray:
+    """A frame as a matrix, (4, 4)."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation, position
+    return found
+
+
+def judge_motion(
+    arm: ac.Arm,
+    rng: np.random.Generator,
+    tally: Tally,
+    exact: dict[str, LinkShape] | None = None,
+    finer: int = FINER,
+) -> None:
+    """Check a random motion in a random scene; if it is clear, look at it at random times.
+
+    Args:
+        arm: The arm.
+        rng: Random numbers.
+        tally: What was found is added to it.
+        exact: Triangles of links, by their names; else those of the hulls.
+        finer: How many times as often the judge looks at a pair as the certificate did.
+    """
+    motion, scene = random_motion(arm, rng), random_scene(rng)
+    found = ac.check_clearance(motion, arm, scene)
+    tally.motions += 1
+    if not found.kept:
+        return
+    tally.clear += 1
+    pairs, _ = pairs_of(arm, scene)
+    assert arm.chain is not None
+    judge = Judge(arm.chain, pairs, exact)
+    times = rng.uniform(0, motion.duration, finer * found.evaluations // len(pairs))
+    tally.looks += len(times) * len(pairs)
+    tally.touches += sum(judge.touches(q) for q in motion(times))
+
+
+def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
+    """MuJoCo's answer which links of an arm touch at joint positions.
+
+    Args:
+        arm: An arm whose shapes are meshes.
+    """
+    import mujoco
+
+    assert arm.chain is not None and arm.shapes is not None
+    chain, depth = arm.chain, 0
+    assets, geoms = [], {k: "" for k in range(arm.dof + 1)}
+    for k, x in enumerate(arm.shapes.shapes):
+        assert isinstance(x.shape, Mesh)
+        points = x.place.position + x.shape.points @ x.place.rotation.T
+        assets.append(f'<mesh name="m{k}" vertex="{_words(points)}"/>')
+        geoms[x.link] += f'<geom type="mesh" mesh="m{k}" name="{x.name}"/>'
+    text = geoms[0]
+    for k in range(arm.dof):
+        turn = Rotation.from_matrix(chain.rotations[k]).as_quat()[[3, 0, 1, 2]]
+        text += (
+            f'<body pos="{_words(chain.positions[k])}" quat="{_words(turn)}">'
+            f'<joint type="hinge" axis="{_words(chain.axes[k])}"/>{geoms[k + 1]}'
+        )
+        depth += 1
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><asset>{''.join(assets)}</asset><worldbody><body>{text}{'</body>' * depth}"
+        "</body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+
+    def contacts(q: FloatArray) -> set[frozenset[str]]:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        return {
+            frozenset(model.geom(i).name for i in contact.geom)
+            for contact in data.contact
+            if contact.dist <= 0
+        }
+
+    return contacts
+
+
+def _words(values: FloatArray) -> str:
+    """Numbers as the text of an attribute."""
+    return " ".join(repr(float(x)) for x in np.ravel(values))
+
+
+def compare_contacts(
+    arm: ac.Arm, rng: np.random.Generator, count: int
+) -> tuple[int, int, float, int]:
+    """Compare contacts at random postures.
+
+    Returns:
+        How many pairs were looked at, how many touch, the largest distance or depth of those that
+        touch for one program only [m], and how many these are.
+    """
+    contacts = mujoco_contacts(arm)
+    pairs, _ = pairs_of(arm, Scene())
+    assert arm.chain is not None
+    every = np.arange(len(pairs))
+    distances, limits = Distances(arm.chain, pairs), arm.limits.for_joints(arm.dof)
+    touching, worst, different = 0, 0.0, 0
+    for q in rng.uniform(limits.joint_lower, limits.joint_upper, (count, arm.dof)):
+        theirs = contacts(q)
+        ours = distances.measure(q[None], 0 * every, every)
+        for pair, distance in zip(pairs, ours.tolist(), strict=True):
+            touch = frozenset((pair.first.name, pair.second.name)) in theirs
+            touching += touch
+            if touch != (distance <= 0):
+                different += 1
+                worst = max(worst, abs(distance))
+    return count * len(pairs), touching, worst, different
+
+
+def exact_of(given: str, built_in: ac.Arm) -> dict[str, LinkShape]:
+    """Meshes of the links of a description, by the names of the built-in arm's links.
+
+    Args:
+        given: The file of the description, with @ and its base if that is not the root.
+        built_in: The built-in arm.
+    """
+    file, _, base = given.partition("@")
+    shapes = ac.load_arm(file, base=base or None).shapes
+    assert shapes is not None and built_in.shapes is not None
+    names = {x.link: x.name for x in built_in.shapes.shapes}
+    return {names[x.link]: x for x in shapes.shapes}
+
+
+def main() -> int:
+    """Run the soak; returns the exit code."""
+    given = argparse.ArgumentParser(prog="python -m soak.clearance", description=__doc__)
+    given.add_argument("--count", type=int, default=10_000, help="how many motions, and postures")
+    given.add_argument("--seed", type=int, default=0, help="seed of the first one")
+    given.add_argument("--meshes", action="append", default=[], help="ARM=DESCRIPTION@BASE")
+    told = given.parse_args()
+    files = dict(x.split("=", 1) for x in told.meshes)
+    bad = 0
+    for name in ARMS:
+        arm = ac.load_arm(name)
+        exact = exact_of(files[name], arm) if name in files else None
+        tally = Tally()
+        for k in range(told.count // len(ARMS)):
+            judge_motion(arm, np.random.default_rng((told.seed, k)), tally, exact)
+        print(
+            f"{name}: {tally.motions} motions, {tally.clear} certified clear, {tally.looks:,} "
+            f"looks at pairs of those, {tally.touches} touches",
+            flush=True,
+        )
+        postures = told.count // len(ARMS)
+        looked, touching, worst, different = compare_contacts(
+            arm, np.random.default_rng(told.seed), postures
+        )
+        print(
+            f"{name}: {postures} postures, {looked:,} pairs, {touching} touch for MuJoCo; "
+            f"{different} differ, by up to {worst * 1e6:.2f} um",
+            flush=True,
+        )
+        bad += tally.touches + (worst > EXCESS)
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
