@@ -403,6 +403,9 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
+    "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
+    "--uncertainty": ("x: # m", "yaw: # deg"),
+    "--about": ("# m, 0 m, 0 m", "0 mm, # mm, 0 mm"),
     "--drive-cycle": ("# s", "# ms"),
     "--from": ("# s", "# ms"),
     "--to": ("# s", "# ms"),
@@ -410,12 +413,12 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--base", "--cell", "--color", "--columns", "--continuity", "--contour",
+    "--arm", "--arms", "--base", "--cell", "--color", "--columns", "--continuity", "--contour",
     "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--out", "--output", "--package", "--path", "--plant", "--run", "--shapes", "--skip",
-    "--taught",
-    "--template", "--tip", "--tool-positions", "--topic", "--units", "--xacro-arg",
+    "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
+    "--run", "--shapes", "--skip", "--taught",
+    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 
 

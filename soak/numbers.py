@@ -90,6 +90,7 @@ OF_FILES = ("--taught", "{log}", "--log", "{log}")
 BESIDE = {
     ("sweep", "--speeds"): ("--tolerances", "1 mm"),
     ("sweep", "--tolerances"): ("--speeds", "0.1 m/s"),
+    ("place", "--over"): (),
     ("learn", "--from"): OF_FILES,
     ("learn", "--to"): OF_FILES,
     ("learn", "--simulate"): (),
@@ -97,6 +98,7 @@ BESIDE = {
 BESIDE_ALL = {
     "sweep": ("--tolerances", "1 mm", "--speeds", "0.1 m/s"),
     "learn": ("--simulate", "1"),
+    "place": ("--over", "x: 0 mm .. 1 mm, 2"),
 }
 
 

@@ -63,6 +63,7 @@ if TYPE_CHECKING:
         transfer,
     )
     from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
+    from armcontour.placement import Placement, place
     from armcontour.program import (
         Analog,
         Contour,
@@ -134,6 +135,7 @@ _HOME = {
         "transfer",
     ),
     "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
+    "placement": ("Placement", "place"),
     "program": (
         "Analog",
         "Contour",
@@ -194,6 +196,7 @@ __all__ = [
     "Orientation",
     "Path",
     "Payload",
+    "Placement",
     "PlanarTwoLink",
     "Plant",
     "Process",
@@ -231,6 +234,7 @@ __all__ = [
     "identify",
     "learn",
     "load_arm",
+    "place",
     "plan",
     "prepare",
     "read_job",

@@ -20,6 +20,7 @@ from armcontour.cli.options import (
     LearnOptions,
     Open,
     Out,
+    PlaceOptions,
     RunOptions,
     ShowOptions,
     StoredExportOptions,
@@ -173,6 +174,20 @@ def sweep(
     from armcontour.cli.sweeping import sweep_file
 
     sweep_file(job, out, job_options, options)
+
+
+@app.command()
+@grouped
+def place(
+    job: JobOrDrawing,
+    out: Out,
+    job_options: JobOptions,
+    options: PlaceOptions,
+) -> None:
+    """Find where the part lies best: writes maps, a table, and the job in the best place."""
+    from armcontour.cli.placing import place_file
+
+    place_file(job, out, job_options, options)
 
 
 @app.command()

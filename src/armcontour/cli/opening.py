@@ -55,13 +55,16 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     )
 
 
-def open_job(file: FilePath, x: JobOptions, progress: Progress) -> Job:
+def open_job(
+    file: FilePath, x: JobOptions, progress: Progress, overrides: JobOverrides | None = None
+) -> Job:
     """Read the job in a job file, or combine a drawing with a cell.
 
     Args:
         file: A job file, or a drawing.
         x: Options that replace values of the job; --cell is for a drawing only.
         progress: Called with the progress of reading the drawing.
+        overrides: Values to replace; by default those of the options.
 
     Raises:
         InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
@@ -70,7 +73,7 @@ def open_job(file: FilePath, x: JobOptions, progress: Progress) -> Job:
     from armcontour.io import read_job
     from armcontour.io.cell import YAML, cell_names, read_cell
 
-    overrides = read_overrides(x)
+    overrides = read_overrides(x) if overrides is None else overrides
     if file.suffix.lower() in YAML or not file.suffix:
         if x.cell is not None:
             raise InvalidInput(

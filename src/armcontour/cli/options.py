@@ -478,6 +478,81 @@ class SweepOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceOptions:
+    """Options of the command `place`."""
+
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="Axis, range and number of places: 'x: -300 mm .. 300 mm, 25'; also y, z, yaw and "
+            "tilt, in the coordinates of the path; may be repeated.",
+        ),
+    ] = None
+    objective: Annotated[
+        str,
+        typer.Option(
+            "--objective",
+            help="What is best: cycle, manipulability, clearance or torque (the margin).",
+        ),
+    ] = "cycle"
+    uncertainty: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--uncertainty",
+            help="By how much the part may be off: 'x: 2 mm'; the worst corner counts; may be "
+            "repeated.",
+        ),
+    ] = None
+    move: Annotated[
+        str, typer.Option("--move", help="What is moved: the part, or the base of the arm.")
+    ] = "part"
+    absolute: Annotated[
+        bool,
+        typer.Option(
+            "--absolute", help="Values of x, y and z are coordinates, not distances from here."
+        ),
+    ] = False
+    about: Annotated[
+        str,
+        typer.Option(
+            "--about",
+            help="Point that is placed and turned about: middle of the path, origin of its "
+            "coordinates, or '400 mm, 0 mm, 0 mm'.",
+        ),
+    ] = "middle"
+    arms: Annotated[
+        str | None,
+        typer.Option(
+            "--arms", help="Arms to compare: names and files, such as 'ur5e, ur10e, mine.urdf'."
+        ),
+    ] = None
+    tools: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--tools",
+            help="Tools to compare: a YAML file of tool frames by their names, as arm.tool.",
+        ),
+    ] = None
+    every: Annotated[
+        bool, typer.Option("--every", help="Plan every place, for a map without bounds; slow.")
+    ] = False
+    refined: Annotated[
+        bool,
+        typer.Option(
+            "--refine/--no-refine", help="Look for a better place between those of the grid, too."
+        ),
+    ] = True
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", min=1, max=1024, help="Number of processes; all processors."),
+    ] = None
+    run_name: Name = None
+    force: Force = False
+    open_report: Open = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LearnOptions:
     """Options of the command `learn`."""
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from armcontour.io.limits_file import read_limits
     from armcontour.io.mesh_file import read_mesh
     from armcontour.io.motion_csv import write_planned, write_taught, write_torque
+    from armcontour.io.placement import placed_job_text, placement_csv, placement_json
     from armcontour.io.results import ResultFolder
     from armcontour.io.scene_files import read_scene_file
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
@@ -31,6 +32,7 @@ _HOME = {
     "limits_file": ("read_limits",),
     "mesh_file": ("read_mesh",),
     "motion_csv": ("write_planned", "write_taught", "write_torque"),
+    "placement": ("placed_job_text", "placement_csv", "placement_json"),
     "results": ("ResultFolder",),
     "scene_files": ("read_scene_file",),
     "trajectory_file": ("parse_trajectory", "read_trajectory"),
@@ -45,6 +47,9 @@ __all__ = [
     "json_schema",
     "parse_job",
     "parse_trajectory",
+    "placed_job_text",
+    "placement_csv",
+    "placement_json",
     "write_planned",
     "read_job",
     "read_limits",

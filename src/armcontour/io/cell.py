@@ -88,6 +88,19 @@ def read_cell(
         return job_of(override(model, overrides), folder, reading, trust_xacro)
 
 
+def open_text(cell: str) -> tuple[str, FilePath]:
+    """The text of a built-in cell or a job file, and the folder of its relative files.
+
+    Args:
+        cell: Name of a built-in cell, or a job file.
+
+    Raises:
+        InvalidInput: No such cell or file.
+    """
+    text, _, folder = _text(cell)
+    return text, folder
+
+
 def _text(cell: str) -> tuple[str, str, FilePath]:
     """The text of a cell, its name for messages, and the folder of its relative files."""
     file = FilePath(cell)

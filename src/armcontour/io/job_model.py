@@ -244,7 +244,7 @@ class PathModel:
         units: Unit of the file's lengths, such as mm, if the file gives none; replaces the unit
             that a drawing gives.
         scale: Factor of the file's lengths.
-        frame: Position and rotation of the file's origin.
+        frame: Position and rotation of the origin of the file, or of points and segments.
         layers: Layers to run. Or a mapping from layers to speed and tolerance of their contours,
             for segments without values of their own; a drawing need not have all these layers.
         names: Names of contours to run; the report lists all names.

@@ -9,7 +9,16 @@ from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
-from armcontour.io.job_model import FrameModel, JobModel, PathModel, RunModel, SkipModel
+from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.job_model import (
+    ArmModel,
+    FrameModel,
+    JobModel,
+    PathModel,
+    RunModel,
+    SkipModel,
+    ToolModel,
+)
 from armcontour.jobs import Rounding
 from armcontour.jobs.job import ARC, OF_FREE, SHAPES
 from armcontour.motion import Method
@@ -46,6 +55,9 @@ class JobOverrides:
             round them with arcs: "tangent" or "curvature".
         from_s: Position at which to resume, as arc length over all contours [m].
         memory: Largest memory of the calculation [bytes].
+        arm: Name of a built-in arm, or an arm file, in the place of the job's arm; tool, work frame
+            and payload stay.
+        arm_tool: The tool of the arm.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
@@ -69,6 +81,8 @@ class JobOverrides:
     continuity: str | None = None
     from_s: float | None = None
     memory: float | None = None
+    arm: str | None = None
+    arm_tool: ToolModel | None = None
     ignore_collisions: bool = False
 
 
@@ -101,7 +115,22 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         changes["ignore_collisions"] = True
     if x.memory is not None:
         changes["memory"] = x.memory
+    if x.arm is not None or x.arm_tool is not None:
+        changes["arm"] = _arm(model.arm, x)
     return replace(model, **changes)
+
+
+def _arm(arm: str | ArmModel, x: JobOverrides) -> ArmModel:
+    """Replace the arm or its tool; an arm is a file if it has an ending."""
+    own = arm if isinstance(arm, ArmModel) else _named(arm)
+    if x.arm is not None:
+        own = replace(_named(x.arm), tool=own.tool, work=own.work, payload=own.payload)
+    return own if x.arm_tool is None else replace(own, tool=x.arm_tool)
+
+
+def _named(arm: str) -> ArmModel:
+    """An arm by its name, or by its file."""
+    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)
 
 
 def _run(run: RunModel, x: JobOverrides) -> RunModel:

@@ -13,7 +13,7 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.geometry.placing import keeps_plane, lift_path
+from armcontour.geometry.placing import keeps_plane, lift_path, place_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of
@@ -34,6 +34,10 @@ READING = (
     *("units", "scale", "layers", "names", "colors", "flat"),
     *("chord_tolerance", "join_tolerance", "mend_vertices", "unknown", "texts", "offsets", "tools"),
 )
+LIFTED = (
+    "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "
+    "it z = 0, and turn it about z alone, by the last angle of rpy."
+)
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
@@ -53,12 +57,25 @@ def path_of(
     """
     if model.file is not None:
         return _drawn(model, model.file, folder, dimension, progress)
+    written = any(x is not None for x in (model.points, model.segments, model.spline))
+    options = (*READING, "repeat", *(() if written else ("frame",)))
     for x in dataclasses.fields(model):
-        if x.name in (*READING, "repeat", "frame") and getattr(model, x.name) != x.default:
+        if x.name in options and getattr(model, x.name) != x.default:
             raise InvalidInput(
                 f"path.{x.name} is an option for reading a file and needs path.file; if this job "
                 "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
             )
+    path = _oriented(model)
+    if model.frame is None:
+        return path
+    frame = frame_of("path.frame", model.frame)
+    if dimension == 2 and path.dimension == 2 and not keeps_plane(frame):
+        raise InvalidInput(LIFTED)
+    return place_path(path, frame)
+
+
+def _oriented(model: PathModel) -> Path:
+    """The path of a job without a file, with the tool orientation if the job gives one."""
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -86,10 +103,7 @@ def _refuse_space(model: PathModel, program: Program, frame: Frame) -> None:
     if model.orientation is not None:
         raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
     if not keeps_plane(frame):
-        raise InvalidInput(
-            "path.frame lifts or tilts the drawing out of the plane in which the arm moves its "
-            "tool: give it z = 0, and turn it about z alone, by the last angle of rpy."
-        )
+        raise InvalidInput(LIFTED)
 
 
 def _drawn(

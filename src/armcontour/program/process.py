@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -306,6 +307,12 @@ class Process:
                 made[layer] = replace(self, by_layer={}, **given)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
         object.__setattr__(self, "_of_layers", MappingProxyType(made))
+
+    def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
+        """How it is copied to other processes, where mappings that do not change cannot go."""
+        given = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
+        given |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
+        return partial(type(self), **given), ()
 
     def of_layer(self, layer: str) -> Process:
         """The process of the contours of a layer, without `by_layer`.

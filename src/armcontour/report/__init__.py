@@ -3,9 +3,17 @@
 from armcontour.report.report import (
     render_drawing,
     render_learning,
+    render_placement,
     render_report,
     render_sweep,
     write_report,
 )
 
-__all__ = ["render_drawing", "render_learning", "render_report", "render_sweep", "write_report"]
+__all__ = [
+    "render_drawing",
+    "render_learning",
+    "render_placement",
+    "render_report",
+    "render_sweep",
+    "write_report",
+]

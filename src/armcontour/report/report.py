@@ -19,6 +19,7 @@ from armcontour.report.section import Section
 if TYPE_CHECKING:
     from armcontour.certification import Certificate, Sweep
     from armcontour.jobs.learning import LearningStudy
+    from armcontour.placement import Case, Placement
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
@@ -73,6 +74,17 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
 def render_sweep(sweep: Sweep) -> str:
     """Render the report of a sweep as one HTML page without other files."""
     return _page(sweep.job, [sections.sweep(sweep)])
+
+
+def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str:
+    """Render the report of a placement as one HTML page without other files.
+
+    Args:
+        placement: The placement.
+        compared: Arms or tools that were compared, if there were several.
+    """
+    source = "Everything on this page was computed from the job."
+    return _page(placement.job, [sections.placement(placement, compared)], source=source)
 
 
 def render_drawing(program: Program, title: str) -> str:

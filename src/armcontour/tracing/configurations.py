@@ -103,7 +103,7 @@ def find_solutions(
     Raises:
         Unreachable: There is no solution; gives the reason for the one that comes farthest.
     """
-    fine, at = _subdivide(path, knots, knot_poses)
+    fine, at = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, start)
     if len(starts) == 0:
@@ -245,7 +245,7 @@ def _outside(w: FloatArray, difference: FloatArray) -> tuple[float, float]:
     return float(np.abs(rest).max()), float(np.abs(near).max())
 
 
-def _subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
+def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
     """Subintervals whose chords are close to the path.
 
     Args:

@@ -15,6 +15,7 @@ from armcontour.report.sections.motion import (
 )
 from armcontour.report.sections.overview import overview
 from armcontour.report.sections.paths import joint_space, paths
+from armcontour.report.sections.placement import placement
 from armcontour.report.sections.program import program
 from armcontour.report.sections.published import published
 from armcontour.report.sections.robustness import robustness
@@ -35,6 +36,7 @@ __all__ = [
     "learning",
     "overview",
     "paths",
+    "placement",
     "program",
     "published",
     "robustness",

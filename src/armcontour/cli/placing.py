@@ -1,0 +1,293 @@
+"""The command `place`: where the part of a job lies best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour._progress import under
+from armcontour.cli.console import Console, open_page
+from armcontour.cli.quantities import read_option, read_option_list
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import JobOptions, PlaceOptions
+    from armcontour.io.job_overrides import JobOverrides
+    from armcontour.placement import Case, Placement
+
+# The job in its best place.
+JOB = "job.yaml"
+OVER = "--over takes an axis, a range and a number of places, such as 'x: -300 mm .. 300 mm, 25'"
+OFF = "--uncertainty takes an axis and a distance or angle, such as 'x: 2 mm'"
+
+
+def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceOptions) -> None:
+    """Place a job, print the best place, and write maps, a table and the job in that place.
+
+    Args:
+        file: A job file, or a drawing.
+        out: Folder for summary.json, placement.csv, report.html and job.yaml.
+        job_options: Options that replace values of the job.
+        x: Options of the command.
+
+    Raises:
+        ArmContourError: An invalid job, or no feasible place; then nothing is written.
+    """
+    from armcontour.cli.opening import open_job
+    from armcontour.cli.progress import share_progress
+    from armcontour.errors import InvalidInput
+    from armcontour.io import ResultFolder, placement_csv, placement_json
+    from armcontour.placement import best_case, place
+
+    over = dict(read_axis(text) for text in x.over or ())
+    if len(over) < len(x.over or ()):
+        raise InvalidInput("--over names an axis twice: give each axis once.")
+    off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
+    about = _read_about(x.about)
+    variants = _variants(job_options, x)
+    with ResultFolder(out, force=x.force) as folder:
+        from armcontour.report import render_placement
+
+        with share_progress() as progress:
+
+            def find(name: str, overrides: JobOverrides) -> Placement:
+                tell = under(progress, name) if name else progress
+                return place(
+                    open_job(file, job_options, under(tell, "reading"), overrides),
+                    x.run_name,
+                    over=over,
+                    objective=x.objective,
+                    uncertainty=off,
+                    what=x.move,
+                    absolute=x.absolute,
+                    about=about,
+                    every=x.every,
+                    refined=x.refined,
+                    processes=x.processes,
+                    progress=tell,
+                )
+
+            cases = _each(variants, find)
+        found = best_case(cases)
+        assert found is not None
+        overrides = next(
+            y for y, case in zip(variants.values(), cases, strict=True) if case.placement is found
+        )
+        compared = cases if len(cases) > 1 else []
+        folder.write("report.html", render_placement(found, compared))
+        folder.write("placement.csv", placement_csv(found))
+        unwritten = ""
+        try:
+            folder.write(JOB, _job_text(found, file, out, job_options, overrides))
+        except InvalidInput as error:
+            unwritten = str(error)
+        files = [*folder.files, "summary.json"]
+        folder.write("summary.json", placement_json(found, files, compared))
+    report = (out / "report.html").resolve()
+    _print_cases(compared)
+    _print(found, report, None if unwritten else out / JOB, unwritten)
+    if x.open_report:
+        open_page(report)
+
+
+def _variants(job_options: JobOptions, x: PlaceOptions) -> dict[str, JobOverrides]:
+    """The values that replace those of the job, for every arm and tool to compare, by names.
+
+    Raises:
+        InvalidInput: A file of tools that holds none.
+    """
+    from dataclasses import replace
+
+    from armcontour.cli.opening import read_overrides
+    from armcontour.io.job_arm import ARM_FILES
+    from armcontour.io.placement import read_tools
+
+    found = {"": read_overrides(job_options)}
+    if x.arms is not None:
+        names = dict.fromkeys(y.strip() for y in x.arms.split(",") if y.strip())
+        files = {y: str(FilePath(y).absolute()) for y in names if y.lower().endswith(ARM_FILES)}
+        found = {y: replace(found[""], arm=files.get(y, y)) for y in names}
+    if x.tools is not None:
+        frames = read_tools(x.tools)
+        found = {
+            ", ".join(filter(None, (name, tool))): replace(of, arm_tool=frame)
+            for name, of in found.items()
+            for tool, frame in frames.items()
+        }
+    return found
+
+
+def _each(
+    variants: dict[str, JobOverrides], find: Callable[[str, JobOverrides], Placement]
+) -> list[Case]:
+    """The placement of every variant; a variant without a feasible place has a reason.
+
+    Raises:
+        ArmContourError: No variant has one.
+    """
+    from armcontour.errors import NotRealizable, Unreachable
+    from armcontour.placement import Case
+
+    cases, refusals = [], []
+    for name, overrides in variants.items():
+        try:
+            cases.append(Case(name=name, placement=find(name, overrides)))
+        except (Unreachable, NotRealizable) as error:
+            if len(variants) == 1:
+                raise
+            refusals.append(error)
+            cases.append(Case(name=name, refusal=str(error)))
+    if len(refusals) == len(cases):
+        reasons = " ".join(f"{x.name}: {x.refusal}" for x in cases)
+        raise Unreachable(f"None of {', '.join(variants)} has a feasible place. {reasons}")
+    return cases
+
+
+def read_axis(text: str) -> tuple[str, tuple[float, float, int]]:
+    """An axis with its range and number of places, from text such as 'x: 0 mm .. 90 mm, 10'.
+
+    Args:
+        text: The value of an option.
+
+    Raises:
+        InvalidInput: Another form, an unknown axis, or no such quantities.
+    """
+    from armcontour.errors import InvalidInput
+
+    name, _, rest = text.partition(":")
+    span, comma, count = rest.rpartition(",")
+    low, dots, high = span.partition("..")
+    if not (comma and dots) or not count.strip().isascii() or not _is_whole(count):
+        raise InvalidInput(f"{OVER}, not {text!r}.")
+    kind = _kind("--over", name.strip())
+    option = f"--over {name.strip()}"
+    ends = [read_option(option, x.strip(), kind) for x in (low, high)]
+    assert ends[0] is not None and ends[1] is not None
+    return name.strip(), (ends[0], ends[1], int(count))
+
+
+def _is_whole(text: str) -> bool:
+    """Whether a text is a whole number of a few digits."""
+    digits = text.strip().removeprefix("-")
+    return digits.isdigit() and len(digits) <= 9
+
+
+def _read_uncertainty(text: str) -> tuple[str, float]:
+    """An axis and by how much the part may be off along it.
+
+    Raises:
+        InvalidInput: Another form, an unknown axis, or no such quantity.
+    """
+    from armcontour.errors import InvalidInput
+
+    name, colon, size = (x.strip() for x in text.partition(":"))
+    if not colon:
+        raise InvalidInput(f"{OFF}, not {text!r}.")
+    found = read_option(f"--uncertainty {name}", size, _kind("--uncertainty", name))
+    assert found is not None
+    return name, found
+
+
+def _kind(option: str, name: str) -> object:
+    """The kind of quantity of an axis.
+
+    Raises:
+        InvalidInput: There is no such axis.
+    """
+    from armcontour._quantities import Angle, Length
+    from armcontour.errors import InvalidInput
+    from armcontour.placement import UNITS
+
+    if name not in UNITS:
+        raise InvalidInput(f"{option} has no axis {name!r}: axes are {', '.join(UNITS)}.")
+    return Length if UNITS[name] == "m" else Angle
+
+
+def _read_about(text: str) -> str | tuple[float, ...]:
+    """The point that is placed: its name, or its coordinates [m].
+
+    Raises:
+        InvalidInput: No such point.
+    """
+    from armcontour._quantities import Length
+
+    if "," not in text:
+        return text
+    example = "400 mm, 0 mm, 0 mm"
+    found = read_option_list("--about", text, Length, counts=(3,), example=example)
+    assert found is not None
+    return found
+
+
+def _job_text(
+    found: Placement, file: FilePath, out: FilePath, options: JobOptions, overrides: JobOverrides
+) -> str:
+    """The text of the job in its best place.
+
+    Raises:
+        InvalidInput: It cannot be written with keys of a job.
+    """
+    from armcontour.io import placed_job_text
+    from armcontour.io.cell import YAML, open_text
+
+    is_job = file.suffix.lower() in YAML or not file.suffix
+    text, folder = open_text(str(file if is_job else options.cell))
+    return placed_job_text(
+        found,
+        text,
+        folder=folder,
+        to=out,
+        drawing=None if is_job else file,
+        overrides=overrides,
+    )
+
+
+def _print_cases(cases: Sequence[Case]) -> None:
+    """Print what each arm or tool comes to, if several are compared."""
+    from armcontour.placement import shown
+
+    if not cases:
+        return
+    console, rows = Console(), []
+    for x in cases:
+        if x.placement is None:
+            rows.append([x.name, "refused", ""])
+            console.say(f"{x.name}: {x.refusal}")
+            continue
+        objective, best = x.placement.objective, x.placement.refined
+        rows.append([x.name, shown(best.verdict.score(objective), objective), str(best)])
+    console.show_table(["", "best", "place"], rows, title="Which is enough")
+
+
+def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
+    """Print the best place, what it gains, and how places were refused."""
+    from armcontour.placement import shown
+
+    console = Console()
+    rows = [("best of the grid", str(found.best), found.best.verdict)]
+    if found.refined.values != found.best.values:
+        rows.append(("refined", str(found.refined), found.refined.verdict))
+    rows.append(("the job's own place", "", found.own))
+    console.show_table(
+        ["", "place", found.objective, "duration [s]"],
+        [
+            [
+                name,
+                at,
+                f"refused by {x.refusal}"
+                if x.refusal
+                else shown(x.score(found.objective), found.objective),
+                "" if x.refusal else f"{x.duration:.4f}",
+            ]
+            for name, at, x in rows
+        ],
+        title=f"{found.job.title}, run {found.run.name}",
+    )
+    refused = "".join(f", {n} refused by {kind}" for kind, n in found.refusals.items())
+    console.say(f"{len(found.verdicts)} places, {found.planned} planned{refused}.")
+    notes = [*found.notes, *found.job.arm.notes, *([unwritten] if unwritten else [])]
+    for note in notes:
+        console.say(f"Note: {note}")
+    if job is not None:
+        console.say(f"Job: {job}")
+    console.say(f"Report: {report.as_uri()}")

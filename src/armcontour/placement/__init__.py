@@ -1,0 +1,31 @@
+"""Placement: where on the table a part, or the base of an arm, lies best."""
+
+from armcontour.placement.axes import AXES, UNITS, Axis, Moves
+from armcontour.placement.judging import KINDS, OBJECTIVES, Verdict
+from armcontour.placement.moving import WHAT, place_job
+from armcontour.placement.placement import Case, Place, Placement, best_case
+from armcontour.placement.placing import MIDDLE, ORIGIN, place
+from armcontour.placement.searching import shown
+from armcontour.placement.variants import with_arm, with_tool
+
+__all__ = [
+    "AXES",
+    "KINDS",
+    "MIDDLE",
+    "OBJECTIVES",
+    "ORIGIN",
+    "UNITS",
+    "WHAT",
+    "Axis",
+    "Case",
+    "Moves",
+    "Place",
+    "Placement",
+    "Verdict",
+    "best_case",
+    "place",
+    "place_job",
+    "shown",
+    "with_arm",
+    "with_tool",
+]

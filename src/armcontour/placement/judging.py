@@ -1,0 +1,274 @@
+"""What a job is like at a place: its duration, how well the arm moves, and what refuses it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from armcontour.arms import Arm, SerialArm
+from armcontour.clearance import Clearance
+from armcontour.errors import ArmContourError, NotRealizable
+from armcontour.jobs.avoiding import keep_clear
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.programs import time_run, trace_run
+from armcontour.jobs.quantities import torques_at
+from armcontour.motion import Method, Trajectory
+from armcontour.placement.axes import Moves, corners_of
+from armcontour.placement.manipulability import least_singular_value
+from armcontour.placement.moving import place_arm, place_job
+from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
+from armcontour.program import Contour, Dwell
+from armcontour.scene import Scene
+from armcontour.scene.scene import PART
+from armcontour.timing import Tracing, with_reserve
+from armcontour.timing.fastest_configuration import SURE, bound_duration
+from armcontour.tracing.poses import task_dimension
+
+CYCLE, MANIPULABILITY, CLEARANCE, TORQUE = "cycle", "manipulability", "clearance", "torque"
+OBJECTIVES = (CYCLE, MANIPULABILITY, CLEARANCE, TORQUE)
+# Kinds of refusals, those of a screen first.
+LIMITS, OTHER = "limits", "other"
+KINDS = (REACH, RANGE, SINGULAR_ARM, CLEARANCE, LIMITS, OTHER)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What is known of a place; with an uncertainty, of the worst place around it.
+
+    Values are not numbers where they are not known.
+
+    Args:
+        bound: No plan is shorter than this [s].
+        duration: Duration of the plan [s].
+        singular: Least singular value along the path; without a plan that of the configuration with
+            the least bound. `docs/guides/placement.md` says of what.
+        clearance: Least distance of the arm from anything in the cell or, without obstacles, from
+            itself [m].
+        torque_margin: Share of the limits of torque that the plan leaves free at least.
+        refusal: Kind of the refusal, one of `KINDS`; empty for a place that is not refused.
+        reason: The refusal as a sentence, if it was asked for.
+        beyond: How far the tool stays from the path [m], where the reach refuses with a sentence.
+    """
+
+    bound: float = 0.0
+    duration: float = np.nan
+    singular: float = np.nan
+    clearance: float = np.nan
+    torque_margin: float = np.nan
+    refusal: str = ""
+    reason: str = ""
+    beyond: float = np.nan
+
+    @property
+    def planned(self) -> bool:
+        """Whether there is a plan."""
+        return not np.isnan(self.duration)
+
+    def score(self, objective: str) -> float:
+        """What the search makes small, one of `OBJECTIVES`; infinite without a plan."""
+        if not self.planned:
+            return np.inf
+        return {
+            CYCLE: self.duration,
+            MANIPULABILITY: -self.singular,
+            CLEARANCE: -self.clearance,
+            TORQUE: -self.torque_margin,
+        }[objective]
+
+    def worse(self, other: Verdict) -> Verdict:
+        """The worse values of two places that are not refused."""
+        return Verdict(
+            bound=max(self.bound, other.bound),
+            duration=float(np.maximum(self.duration, other.duration)),
+            singular=float(np.minimum(self.singular, other.singular)),
+            clearance=float(np.minimum(self.clearance, other.clearance)),
+            torque_margin=float(np.minimum(self.torque_margin, other.torque_margin)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judge:
+    """Judges places of a job.
+
+    Args:
+        job: The job in its own place: its path is the program that the tool follows in its only
+            run, with rounded corners.
+        moves: What coordinates of a place mean.
+        what: What they move, "part" or "base".
+        objective: One of `OBJECTIVES`.
+        uncertainty: By how much the part may be off its place [m, rad].
+    """
+
+    job: Job
+    moves: Moves
+    what: str = PART
+    objective: str = CYCLE
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, object]:
+        """What it was made of; its screen is made anew."""
+        return {x.name: getattr(self, x.name) for x in dataclasses.fields(self)}
+
+    @property
+    def run(self) -> Run:
+        """The run."""
+        return self.job.runs[0]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether plans keep the limits that bounds on durations assume."""
+        return self.run.timing == Method.OPTIMAL
+
+    @cached_property
+    def screen(self) -> Screen | None:
+        """Bounds without plans; None if there are none for this job."""
+        arm, program = self._limited, self.job.program
+        if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
+            return None
+        limits = with_reserve(self.run.limits, self.run.reserve)
+        of_all = self.objective == MANIPULABILITY
+        return Screen(program, arm, limits, self.job.start, of_all=of_all)
+
+    @cached_property
+    def _limited(self) -> Arm:
+        """The arm with the joint ranges of the run, as tracing has it."""
+        return self.job.arm.with_limits(self.run.limits)
+
+    def look(self, place: Mapping[str, float]) -> Screened:
+        """What is known of a place without a plan, and without its uncertainty.
+
+        Args:
+            place: Values of the axes [m, rad].
+        """
+        if self.screen is None:
+            return Screened()
+        arm = place_arm(self._limited, self.moves.frame(place), self.what)
+        assert isinstance(arm, SerialArm)
+        found = self.screen.look(arm)
+        return found if self.bounded else dataclasses.replace(found, duration=0.0)
+
+    def least_score(self, seen: Screened) -> float:
+        """No place of which this is known has a smaller score."""
+        if self.objective == CYCLE:
+            return SURE * seen.duration
+        known = self.objective == MANIPULABILITY and not np.isnan(seen.singular)
+        return -seen.singular if known else -np.inf
+
+    def judge(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
+        """What a place is like; with an uncertainty the worst of place and corners counts.
+
+        Args:
+            place: Values of the axes [m, rad].
+            cutoff: A score; a place that cannot have it is not planned.
+        """
+        corners = corners_of(self.uncertainty)
+        around = [place, *({**place, **_shifted(place, x)} for x in corners)]
+        bound = 0.0
+        for x in around:
+            seen = self.look(x)
+            bound = max(bound, SURE * seen.duration)
+            if seen.refusal or self.least_score(seen) > cutoff:
+                return Verdict(bound=bound, singular=seen.singular, refusal=seen.refusal)
+        found: list[Verdict] = []
+        for x in around:
+            found.append(self.plan(x, cutoff))
+            if not found[-1].planned:
+                return found[-1]
+        worst = found[0]
+        for other in found[1:]:
+            worst = worst.worse(other)
+        return worst
+
+    def plan(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
+        """Plan the job at a place, without its uncertainty, unless a bound is above the cutoff.
+
+        Args:
+            place: Values of the axes [m, rad].
+            cutoff: As in `judge`.
+        """
+        here, run, bound = place_job(self.job, self.moves.frame(place), self.what), self.run, 0.0
+        try:
+            traced = trace_run(here, run, here.program)
+            bound = SURE * self._bound(traced) if self.bounded else 0.0
+            if self.objective == CYCLE and bound > cutoff:
+                return Verdict(bound=bound)
+            found = time_run(here, run, traced)
+            clear = keep_clear(here, run, traced, found, lambda step: None)
+        except ArmContourError as error:
+            return _refused(error, bound)
+        return Verdict(
+            bound=bound,
+            duration=clear.trajectory.duration,
+            singular=_singular(here.arm, clear.traced),
+            clearance=_least_distance(clear.clearance, here.scene),
+            torque_margin=_torque_margin(here.arm, run, clear.trajectory),
+        )
+
+    def _bound(self, traced: Tracing) -> float:
+        """A lower bound on the duration of a traced program [s]."""
+        limits = with_reserve(self.run.limits, self.run.reserve).without_jerk
+        moves = traced.program.moves
+        total = float(sum(x.duration for x in moves if isinstance(x, Dwell)))
+        for x in traced.steps:
+            if x.joint_path is not None:
+                contour = x.move is not None and isinstance(moves[x.move], Contour)
+                total += bound_duration(x.joint_path, limits if contour else limits.of_joints)
+        return total
+
+
+def _shifted(place: Mapping[str, float], by: Mapping[str, float]) -> dict[str, float]:
+    """Some values of a place, shifted; what the place does not name is 0."""
+    return {name: place.get(name, 0.0) + x for name, x in by.items()}
+
+
+def _refused(error: ArmContourError, bound: float) -> Verdict:
+    """The verdict of a place at which an error was raised."""
+    kinds = {"reach": REACH, "singularity": SINGULAR_ARM, "clearance": CLEARANCE}
+    kind = kinds.get(error.limit or "", OTHER)
+    if error.limit in ("joint_lower", "joint_upper"):
+        kind = RANGE
+    elif kind == OTHER and isinstance(error, NotRealizable):
+        kind = LIMITS
+    beyond = np.nan if kind != REACH or error.needed is None else error.needed
+    return Verdict(bound=bound, refusal=kind, reason=str(error), beyond=beyond)
+
+
+def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
+    """The least distance from obstacles, or of the arm from itself [m]; nan if it is unknown."""
+    if clearance is None:
+        return np.nan
+    names = set() if scene is None else {x.name for x in scene.obstacles}
+    pairs = [x for x in clearance.pairs if not names or {x.first, x.second} & names]
+    return min((x.low for x in pairs), default=np.inf)
+
+
+def _singular(arm: Arm, traced: Tracing) -> float:
+    """The least singular value along all contours: at knots and midway between them."""
+    moves, found = traced.program.moves, []
+    for x in traced.steps:
+        if x.joint_path is None or x.move is None:
+            continue
+        move = moves[x.move]
+        if isinstance(move, Contour):
+            s = x.joint_path.breaks
+            places = np.sort(np.concatenate([s, (s[:-1] + s[1:]) / 2]))
+            task = task_dimension(move.path, arm) if isinstance(arm, SerialArm) else 2
+            found.append(least_singular_value(arm, x.joint_path(places), task))
+    return min(found)
+
+
+def _torque_margin(arm: Arm, run: Run, found: Trajectory) -> float:
+    """The share of the limits of torque that a plan leaves free at its breaks; nan without any."""
+    limit = run.limits.joint_torque
+    if limit is None or not arm.has_bodies:
+        return np.nan
+    t = found.breaks
+    used = [
+        np.abs(torques_at(arm, found, x, side=y)) / limit
+        for x, y in ((t[1:], "left"), (t[:-1], "right"))
+    ]
+    return float(1 - max(x.max() for x in used))

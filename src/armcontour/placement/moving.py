@@ -1,0 +1,87 @@
+"""A job with its part, or the base of its arm, in another place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from armcontour.arms import Arm, SerialArm
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.jobs.job import Job
+from armcontour.program import Program
+from armcontour.scene import Obstacle, Scene
+from armcontour.scene.scene import BASE, PART
+
+# What can be moved.
+WHAT = (PART, BASE)
+
+
+def place_job(job: Job, frame: Frame, what: str = PART) -> Job:
+    """A job with its part, or the base of its arm, moved.
+
+    For an arm in space the part moves with the arm's work frame; in the plane its path moves.
+
+    Args:
+        job: The job.
+        frame: Where the part or base is taken from its own place, in the coordinates of the path.
+        what: "part": obstacles that are fixed to the part move with it. Or "base": all obstacles
+            stay in the cell.
+    """
+    arm = place_arm(job.arm, frame, what)
+    scene = place_scene(job.scene, job.arm, frame, what)
+    path = job.path
+    if not isinstance(arm, SerialArm):
+        path = Program.of(path).placed(_of_part(frame, what))
+        path = path.single_path or path
+    return replace(job, arm=arm, path=path, scene=scene)
+
+
+def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:
+    """The arm with its work frame moved; arms in the plane have none and stay as they are."""
+    if not isinstance(arm, SerialArm):
+        return arm
+    return arm.with_work(arm.chain.base.inverse @ _of_part(frame, what))
+
+
+def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:
+    """The scene as the arm has it with its part or base moved.
+
+    Args:
+        scene: The scene.
+        arm: The arm in its own place.
+        frame: As in `place_job`.
+        what: As in `place_job`.
+    """
+    if scene is None:
+        return None
+    return replace(scene, obstacles=tuple(_placed(x, arm, frame, what) for x in scene.obstacles))
+
+
+def _placed(x: Obstacle, arm: Arm, frame: Frame, what: str) -> Obstacle:
+    """An obstacle where the arm has it."""
+    if x.fixed_to == PART:
+        # The work frame of an arm in space moves with the part.
+        moves = not isinstance(arm, SerialArm)
+        return replace(x, place=_of_part(frame, what) @ x.place) if moves else x
+    if what == PART:
+        return x
+    base = Frame() if arm.chain is None else arm.chain.base
+    return replace(x, place=(frame @ base).inverse @ base @ x.place)
+
+
+def _of_part(frame: Frame, what: str) -> Frame:
+    """Where the part is as the base has it: a base that goes one way sees it go the other."""
+    return frame if what == PART else frame.inverse
+
+
+def refuse_tilted_base(axes: tuple[str, ...], what: str) -> None:
+    """Refuse to tilt a base: gravity is given in the frame of the base.
+
+    Raises:
+        InvalidInput: The base is to be tilted.
+    """
+    if what == BASE and "tilt" in axes:
+        raise InvalidInput(
+            "A base is not tilted: describe the arm with its base as it stands, with the direction "
+            "of gravity."
+        )

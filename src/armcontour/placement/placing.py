@@ -1,0 +1,259 @@
+"""Entry point `place`: where on the table a part, or the base of an arm, lies best."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress, under
+from armcontour.arms import SerialArm
+from armcontour.clearance import Cell
+from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.programs import programs_of
+from armcontour.motion import Method
+from armcontour.placement.axes import FARTHEST, LENGTHS, Axis, Moves, read_axes, read_uncertainty
+from armcontour.placement.judging import CLEARANCE, CYCLE, OBJECTIVES, TORQUE, Judge, Verdict
+from armcontour.placement.moving import WHAT, refuse_tilted_base
+from armcontour.placement.placement import Place, Placement, all_places
+from armcontour.placement.refining import refine
+from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
+from armcontour.placement.searching import best_of, search
+from armcontour.program import Process, Program
+from armcontour.scene import Scene
+from armcontour.scene.scene import BASE, PART
+
+# Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
+MIDDLE, ORIGIN = "middle", "origin"
+# Places of each contour at which the extent of a path is looked at.
+SAMPLES = 200
+# So many refused places are looked at for the one that is the least out of reach.
+MOST_EXPLAINED = 40
+
+
+def place(
+    job: Job,
+    run: str | None = None,
+    *,
+    over: Mapping[str, Sequence[Any]],
+    objective: str = CYCLE,
+    uncertainty: Mapping[str, float] | None = None,
+    what: str = PART,
+    absolute: bool = False,
+    about: str | npt.ArrayLike = MIDDLE,
+    every: bool = False,
+    refined: bool = True,
+    processes: int | None = None,
+    progress: Progress | None = None,
+) -> Placement:
+    """Find where a job's part lies best: the best place of a grid, and a better one beside it.
+
+    A place is feasible if a run of the job goes there: within reach in one configuration, within
+    all limits and, if the shapes of the arm are known, clear of its cell and of itself. Places that
+    a lower bound on the duration rules out are not planned, so the best of the grid is that of
+    planning all of it. In a job with corners of the shape free, arcs stand for them.
+
+    Args:
+        job: The job.
+        run: Name of the run; by default the only one, or the only one with the timing optimal.
+        over: The axes, each with its first value, its last value and the number of values: "x",
+            "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad], along the
+            coordinates of the job's path.
+        objective: What is best: "cycle", the shortest duration; "manipulability", the largest of
+            the least singular values along the path; "clearance", the largest of the least
+            distances; or "torque", the largest share of the torque limits that is left free.
+        uncertainty: By how much the part may be off its place, of some axes [m, rad]: every place
+            then counts as the worst of it and of the corners of this box, planned for each.
+        what: What is moved: the "part", with the obstacles that are fixed to it; or the "base" of
+            the arm, whose cell stays.
+        absolute: Whether x, y and z are coordinates of the point that they move; by default they
+            are added to it.
+        about: The point that they move, and that angles turn about: the "middle" of the path, the
+            "origin" of its coordinates, or a point [m], (3,). A base turns about its own origin.
+        every: Whether to plan every place, for a map without bounds; this takes far longer.
+        refined: Whether to look for a better place between those of the grid.
+        processes: Number of processes; by default that of processors for 100 places or more.
+        progress: Called with the share that is done.
+
+    Raises:
+        InvalidInput: No such run, axis or objective, or an empty range.
+        Unreachable: No place is within reach, or none in one configuration.
+        NotRealizable: No place has a plan that keeps limits and margins.
+    """
+    _checks.choice("objective", objective, OBJECTIVES)
+    _checks.choice("what", what, WHAT)
+    this, notes = _run_of(job, run, objective)
+    axes = read_axes(over, job.arm.dimension)
+    off = read_uncertainty(uncertainty, job.arm.dimension)
+    refuse_tilted_base((*(x.name for x in axes), *off), what)
+    with locate_errors(f"Run {this.name}"):
+        program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
+    judge = Judge(
+        job=dataclasses.replace(job, path=program, process=Process(), runs=(this,)),
+        moves=_moves(job, program, axes, what, absolute, about),
+        what=what,
+        objective=objective,
+        uncertainty=off,
+    )
+    _refuse_objective(judge)
+    if job.objective is None:
+        notes.append("Leads of automatic length are those of the job's own place.")
+    if processes is not None:
+        _checks.whole("processes", processes, 1, 1024)
+    tell = under(progress, "placing")
+    places = all_places(axes)
+    verdicts = search(judge, places, every=every, processes=processes, progress=tell)
+    k = best_of(verdicts, objective)
+    if k is None:
+        _refuse_all(judge, places, verdicts)
+    best = better = Place(values=places[k], verdict=verdicts[k])
+    if refined:
+        values, verdict = refine(judge, axes, places[k], verdicts[k], tell)
+        better = Place(values=values, verdict=verdict)
+    return Placement(
+        job=job,
+        run=this,
+        axes=axes,
+        moves=judge.moves,
+        what=what,
+        objective=objective,
+        uncertainty=judge.uncertainty,
+        verdicts=tuple(verdicts),
+        best=best,
+        refined=better,
+        own=judge.judge(_own_place(judge.moves, axes)),
+        notes=tuple(notes),
+    )
+
+
+def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
+    """The run of a name, with arcs in the place of corners of the shape free, and notes.
+
+    Raises:
+        InvalidInput: No such run, or one of a given duration.
+    """
+    names = ", ".join(x.name for x in job.runs)
+    able = [x for x in job.runs if x.timing == Method.OPTIMAL] or list(job.runs)
+    if name is not None:
+        able = [x for x in job.runs if x.name == name]
+        if not able:
+            raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+    if len(able) > 1:
+        raise InvalidInput(f"Say which run of the job {job.name} is to be placed: {names}.")
+    this = able[0]
+    if this.duration is not None and objective == CYCLE:
+        raise InvalidInput(
+            f"The run {this.name} has a given duration of {this.duration:g} s, which is the same "
+            "in every place: leave duration out, or take another objective."
+        )
+    if this.rounding is None or not this.rounding.free:
+        return this, []
+    arcs = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+    return arcs, ["Places are compared with arcs in place of corners of the shape free."]
+
+
+def _refuse_objective(judge: Judge) -> None:
+    """Refuse an objective that the job has no figures for, and a scene that is not one.
+
+    Raises:
+        InvalidInput: No shapes for the clearance, or no masses or limits for torques.
+    """
+    arm, scene = judge.job.arm, judge.job.scene
+    if arm.shapes is not None or scene is not None:
+        # Refuses a scene without shapes of the arm, and what is wrong in it.
+        Cell(arm, scene or Scene())
+    if judge.objective == CLEARANCE and arm.shapes is None:
+        raise InvalidInput(
+            f"The shapes of the arm {arm.name} are not known, so no place has the largest "
+            "clearance: give a description (URDF) with collision geometry, or arm.with_shapes(...)."
+        )
+    if judge.objective == TORQUE and (judge.run.limits.joint_torque is None or not arm.has_bodies):
+        raise InvalidInput(
+            f"The arm {arm.name} has no masses or no limits of torque, so no place leaves the "
+            "largest share of them: take another objective."
+        )
+
+
+def _moves(
+    job: Job,
+    program: Program,
+    axes: Sequence[Axis],
+    what: str,
+    absolute: bool,
+    about: str | npt.ArrayLike,
+) -> Moves:
+    """What coordinates of a place mean.
+
+    Raises:
+        InvalidInput: `about` is no such point, or one is given for a base.
+    """
+    if what == BASE:
+        if not (isinstance(about, str) and about == MIDDLE):
+            raise InvalidInput("A base turns about its own origin: leave about out.")
+        arm = job.arm
+        anchor = arm.chain.base.position if isinstance(arm, SerialArm) else np.zeros(3)
+    elif isinstance(about, str):
+        _checks.choice("about", about, (MIDDLE, ORIGIN))
+        anchor = _middle(program) if about == MIDDLE else np.zeros(3)
+    else:
+        anchor = _checks.numbers("about", about, "m")
+        if anchor.shape != (3,):
+            raise InvalidInput(f"about is a point of 3 coordinates in m, not {anchor.size}.")
+        for x in anchor:
+            _checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+    lengths = tuple(x.name for x in axes if x.name in LENGTHS)
+    return Moves(anchor=_checks.lock_floats(anchor), absolute=lengths if absolute else ())
+
+
+def _middle(program: Program) -> FloatArray:
+    """The middle of the box around all contours [m], (3,)."""
+    points = np.concatenate(
+        [x.path(np.linspace(0, x.path.length, SAMPLES)) for x in program.contours]
+        + [x.path.vertices for x in program.contours]
+    )
+    found = np.zeros(3)
+    found[: points.shape[1]] = (points.min(axis=0) + points.max(axis=0)) / 2
+    return found
+
+
+def _own_place(moves: Moves, axes: Sequence[Axis]) -> dict[str, float]:
+    """The values of the axes in the job's own place."""
+    return {
+        x.name: float(moves.anchor[LENGTHS.index(x.name)]) if x.name in moves.absolute else 0.0
+        for x in axes
+    }
+
+
+def _refuse_all(
+    judge: Judge, places: Sequence[Mapping[str, float]], verdicts: Sequence[Verdict]
+) -> NoReturn:
+    """Raise an error for a grid in which every place is refused, with what is nearest to one.
+
+    Raises:
+        Unreachable: Most places are out of reach, or cannot be traced in one configuration.
+        NotRealizable: Most places have no plan, or none that keeps its margins.
+    """
+    counts = Counter(x.refusal for x in verdicts)
+    # Others than those out of reach are nearer to a feasible place.
+    kind = next((x for x, _ in counts.most_common() if x != REACH), REACH)
+    which = [k for k, x in enumerate(verdicts) if x.refusal == kind]
+    few = np.unique(np.linspace(0, len(which) - 1, min(len(which), MOST_EXPLAINED)).astype(int))
+    found = [Place(values=places[which[i]], verdict=judge.plan(places[which[i]])) for i in few]
+    near = min(found, key=lambda x: np.nan_to_num(x.verdict.beyond, nan=np.inf))
+    reason = near.verdict.reason or f"a corner of its uncertainty is refused by {kind}."
+    if len(places) == 1:
+        what = f"The place {near} is refused"
+    else:
+        kinds = ", ".join(f"{n} by {name}" for name, n in counts.most_common())
+        where = f"{near} is the least far of those looked at" if kind == REACH else f"at {near}"
+        what = f"None of {len(places)} places is feasible ({kinds}); {where}"
+    error = Unreachable if kind in (REACH, RANGE, SINGULAR_ARM) else NotRealizable
+    needed = None if np.isnan(near.verdict.beyond) else near.verdict.beyond
+    raise error(f"{what}: {reason}", limit=kind, needed=needed)

@@ -1,0 +1,292 @@
+"""The section on a placement: maps of what every place is worth, and of what refuses it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.report.figure import Figure, make_trace
+from armcontour.report.section import Section, Table, Tile
+from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
+
+if TYPE_CHECKING:
+    from armcontour.placement import Axis, Case, Placement, Verdict
+
+# Grey tones of refused places, by the kinds of refusals.
+GREYS = {
+    "reach": "#4d4d4d",
+    "joint range": "#737373",
+    "singularity": "#8f8f8f",
+    "clearance": "#a8a8a8",
+    "limits": "#c2c2c2",
+    "other": "#d9d9d9",
+}
+# A scale that readers of all kinds of colour vision read in the same order.
+SCALE = "Viridis"
+OBJECTIVES = {
+    "cycle": "shortest cycle",
+    "manipulability": "largest manipulability",
+    "clearance": "largest clearance",
+    "torque": "largest torque margin",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """A value of a map: its name, title, factor from SI, and whether small values are good."""
+
+    name: str
+    title: str
+    factor: float = 1.0
+    small: bool = False
+
+
+MAPS = (
+    Shown(name="duration", title="duration [s]", small=True),
+    Shown(name="singular", title="least singular value [m/rad]"),
+    Shown(name="clearance", title="clearance [mm]", factor=1e3),
+    Shown(name="torque_margin", title="torque margin [%]", factor=1e2),
+)
+
+
+def placement(found: Placement, compared: Sequence[Case] = ()) -> Section:
+    """Maps over two axes, the best place, and how the others were refused.
+
+    Args:
+        found: The placement.
+        compared: Arms or tools that were compared, if there were several.
+    """
+    choices = []
+    for x in MAPS:
+        values = _values(found, x)
+        if np.isfinite(values).any():
+            choices.append((x.title.split(" [")[0], (_figure(found, x, values),)))
+    return Section(
+        key="placement",
+        title="Placement",
+        text=_text(found),
+        tiles=(("", _tiles(found)),),
+        choices=tuple(choices),
+        tables=(*_compared(compared), _table(found), *_refusals(found)),
+        notes=found.notes,
+    )
+
+
+def _text(found: Placement) -> str:
+    """What the maps show."""
+    best = OBJECTIVES[found.objective]
+    parts = [
+        f"Every point is a place of the {found.what}; sought is the {best}. Refused places are "
+        "grey, with a tone per reason; the cross is the best place."
+    ]
+    if found.planned < len(found.verdicts) - sum(found.refusals.values()):
+        parts.append(
+            "Most places were not planned, as a lower bound on the duration already rules them "
+            "out: for them the map has that bound."
+        )
+    if len(_varied(found)) > 2:
+        parts.append("Each point shows the best over the other axes.")
+    if found.uncertainty:
+        parts.append("All figures are those of the worst of a place and of the corners around it.")
+    return " ".join(parts)
+
+
+def _tiles(found: Placement) -> tuple[Tile, ...]:
+    """Best place, its value and that of the job's own place."""
+    from armcontour.placement import shown
+
+    objective = found.objective
+    verdict, own = found.refined.verdict, found.own
+    before = f"refused by {own.refusal}" if own.refusal else shown(own.score(objective), objective)
+    return (
+        Tile(label=OBJECTIVES[objective], value=shown(verdict.score(objective), objective)),
+        Tile(label="in the job's own place", value=before),
+        Tile(label="best place", value=str(found.refined)),
+    )
+
+
+def _compared(cases: Sequence[Case]) -> tuple[Table, ...]:
+    """What each arm or tool comes to; nothing without several."""
+    from armcontour.placement import shown
+
+    if not cases:
+        return ()
+    rows = []
+    for x in cases:
+        if x.placement is None:
+            rows.append((x.name, "refused", x.refusal))
+        else:
+            objective, best = x.placement.objective, x.placement.refined
+            rows.append((x.name, shown(best.verdict.score(objective), objective), str(best)))
+    caption = "Which is enough; the maps are those of the best"
+    return (Table(header=("arm, tool", "best", "place"), rows=tuple(rows), caption=caption),)
+
+
+def _table(found: Placement) -> Table:
+    """Values of the best places and of the job's own one."""
+    header = ("place", "duration", "least singular value", "clearance", "torque margin")
+    rows = [("best of the grid", found.best.verdict, str(found.best))]
+    if found.refined is not found.best and found.refined.values != found.best.values:
+        rows.append(("refined", found.refined.verdict, str(found.refined)))
+    rows.append(("the job's own", found.own, ""))
+    return Table(
+        header=header,
+        rows=tuple((f"{name} ({at})" if at else name, *_cells(x)) for name, x, at in rows),
+        caption=f"{len(found.verdicts)} places, {found.planned} of them planned",
+    )
+
+
+def _cells(x: Verdict) -> tuple[str, ...]:
+    """A verdict as cells; empty where nothing is known."""
+    if x.refusal:
+        return (f"refused by {x.refusal}", "", "", "")
+    values = ((x.duration, 1.0, "s"), (x.singular, 1.0, "m/rad"), (x.clearance, 1e3, "mm"))
+    parts = [f"{v * factor:.5g} {unit}" if np.isfinite(v) else "" for v, factor, unit in values]
+    return (*parts, f"{x.torque_margin * 100:.3g} %" if np.isfinite(x.torque_margin) else "")
+
+
+def _refusals(found: Placement) -> tuple[Table, ...]:
+    """How many places were refused, by kind; nothing without any."""
+    if not found.refusals:
+        return ()
+    rows = tuple((kind, str(n)) for kind, n in found.refusals.items())
+    return (Table(header=("refused by", "places"), rows=rows),)
+
+
+def _varied(found: Placement) -> list[Axis]:
+    """The axes along which there is more than one place, at least one."""
+    return [x for x in found.axes if len(x.values) > 1] or [found.axes[0]]
+
+
+def _values(found: Placement, x: Shown) -> FloatArray:
+    """Values of a map, not a number where a place is refused or nothing is known."""
+    values = found.values(x.name)
+    if x.name == "duration":
+        bounds = found.values("bound")
+        values = np.where(np.isnan(values) & (bounds > 0), bounds, values)
+    refused = np.array([bool(v.refusal) for v in found.verdicts]).reshape(found.shape)
+    values[refused | np.isinf(values)] = np.nan
+    return values * x.factor
+
+
+def _figure(found: Placement, x: Shown, values: FloatArray) -> Any:
+    """A heat map over the first two axes that vary, or a line over the only one."""
+    axes = _varied(found)[:2]
+    kept = [k for k, a in enumerate(found.axes) if any(a is b for b in axes)]
+    others = tuple(k for k in range(len(found.axes)) if k not in kept)
+    worst = np.inf if x.small else -np.inf
+    filled = np.where(np.isnan(values), worst, values)
+    best = filled.min(axis=others) if x.small else filled.max(axis=others)
+    best = np.where(np.isinf(best), np.nan, best)
+    numbers = {kind: k for k, kind in enumerate(GREYS)}
+    kinds = np.array([numbers.get(v.refusal, -1) for v in found.verdicts])
+    # A place that is refused in all other values of the axes: by the last kind in the list.
+    refused = kinds.reshape(found.shape)
+    refused = np.where((refused >= 0).all(axis=others), refused.max(axis=others), -1)
+    return (_map if len(axes) == 2 else _line)(found, x, axes, best, refused)
+
+
+def _map(
+    found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
+) -> Any:
+    """A heat map; refused places in tones of grey, with a legend."""
+    at = [_scaled(a) for a in axes]
+    figure = Figure()
+    for k, kind in enumerate(GREYS):
+        if (refused == k).any():
+            grey = GREYS[kind]
+            figure.add_trace(
+                make_trace(
+                    "heatmap",
+                    x=at[0],
+                    y=at[1],
+                    z=np.where(refused == k, 1.0, np.nan).T,
+                    colorscale=[[0, grey], [1, grey]],
+                    showscale=False,
+                    hovertemplate=f"%{{x:.4g}}, %{{y:.4g}}<br>refused by {kind}<extra></extra>",
+                )
+            )
+            figure.add_trace(_key(kind, grey))
+    figure.add_trace(
+        make_trace(
+            "heatmap",
+            x=at[0],
+            y=at[1],
+            z=values.T,
+            colorscale=SCALE,
+            reversescale=x.small,
+            colorbar={"title": {"text": x.title, "side": "right"}},
+            hovertemplate="%{x:.4g}, %{y:.4g}<br>%{z:.5g}<extra></extra>",
+        )
+    )
+    best = [found.refined.values[a.name] * _factor(a) for a in axes]
+    figure.add_trace(
+        make_trace(
+            "scatter",
+            x=best[:1],
+            y=best[1:],
+            mode="markers",
+            name="best place",
+            marker={"symbol": "x", "size": 12, "color": PLANNED_COLOUR},
+        )
+    )
+    figure.update_xaxes(title=_title(axes[0]))
+    figure.update_yaxes(title=_title(axes[1]))
+    if all(a.unit == "m" for a in axes):
+        figure.update_xaxes(constrain="domain")
+        figure.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
+    return finish(figure, title=f"Places by {x.title.split(' [')[0]}", height=620)
+
+
+def _key(kind: str, colour: str) -> Any:
+    """An entry of the legend for a kind of refusals."""
+    marker = {"symbol": "square", "size": 12, "color": colour}
+    return make_trace(
+        "scatter", x=[None], y=[None], mode="markers", name=f"refused by {kind}", marker=marker
+    )
+
+
+def _line(
+    found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
+) -> Any:
+    """Values along the only axis that varies; refused places as squares below."""
+    at, figure = _scaled(axes[0]), Figure()
+    figure.add_trace(
+        make_trace(
+            "scatter",
+            x=at,
+            y=values,
+            mode="lines+markers",
+            name=x.title,
+            line={"color": EXECUTED_COLOUR, "width": 1.5},
+        )
+    )
+    floor = float(np.nanmin(values))
+    for k, kind in enumerate(GREYS):
+        which = refused == k
+        if which.any():
+            entry = _key(kind, GREYS[kind])
+            entry.x, entry.y = at[which], np.full(which.sum(), floor)
+            figure.add_trace(entry)
+    figure.update_xaxes(title=_title(axes[0]))
+    figure.update_yaxes(title=x.title)
+    return finish(figure, title=f"Places by {x.title.split(' [')[0]}", height=420)
+
+
+def _factor(axis: Axis) -> float:
+    """From SI to the unit of figures."""
+    return 1e3 if axis.unit == "m" else float(np.degrees(1.0))
+
+
+def _scaled(axis: Axis) -> FloatArray:
+    """The places on an axis, in mm or degrees."""
+    return axis.values * _factor(axis)
+
+
+def _title(axis: Axis) -> str:
+    """Name and unit of an axis in figures."""
+    return f"{axis.name} [{'mm' if axis.unit == 'm' else '°'}]"

@@ -1,0 +1,245 @@
+"""The best place of a grid is that of planning every place, which these tests do by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
+from armcontour.jobs import Job
+from armcontour.placement import Moves, Placement
+from armcontour.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
+
+GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
+# Plans of a path that is moved differ by this from those in a moved frame: by rounding, which
+# decides where grids are refined.
+SAME = 1e-5
+MIDDLE = np.array([0.53, 0.03, 0.2])
+
+
+def moved(job: Job, frame: ac.Frame) -> Job:
+    """The job with its path moved, where `place` moves the frame that the path is given in."""
+    path = ac.Program.of(job.path).placed(frame).single_path
+    return replace(job, path=path)
+
+
+def plan(job: Job) -> ac.Trajectory:
+    (run,) = job.runs
+    path = ac.round_corners(job.path, tolerance=run.rounding.tolerance)
+    return ac.plan(path, job.arm, run.limits, start=job.start, **run.plan_options)
+
+
+def durations(found: Placement, job: Job, anchor: np.ndarray) -> np.ndarray:
+    """Durations of all places by brute force; infinite where there is no plan."""
+    known = []
+    for k in range(len(found.verdicts)):
+        frame = Moves(anchor=anchor).frame(found.place(k))
+        try:
+            known.append(plan(moved(job, frame)).duration)
+        except ArmContourError:
+            known.append(np.inf)
+    return np.array(known)
+
+
+@pytest.fixture(scope="module")
+def placed(square: Job) -> Placement:
+    return ac.place(square, over=GRID)
+
+
+@pytest.fixture(scope="module")
+def brute(square: Job, placed: Placement) -> np.ndarray:
+    return durations(placed, square, MIDDLE)
+
+
+def test_the_best_of_the_grid_is_that_of_all_plans(placed: Placement, brute: np.ndarray) -> None:
+    k = int(np.argmin(brute))
+    assert placed.best.values == placed.place(k)
+    assert placed.best.verdict.duration == pytest.approx(brute[k], rel=SAME)
+    # The bounds spare most plans, hold everywhere, and are no empty ones.
+    assert placed.planned < np.isfinite(brute).sum() / 2
+    bounds = placed.values("bound").ravel()
+    finite = np.isfinite(brute)
+    assert (bounds[finite] <= brute[finite]).all() and (bounds[finite] > 0.9 * brute[finite]).all()
+
+
+def test_places_are_refused_where_there_is_no_plan(placed: Placement, brute: np.ndarray) -> None:
+    refused = np.array([bool(x.refusal) for x in placed.verdicts])
+    assert refused.any() and not refused.all()
+    assert (refused == np.isinf(brute)).all()
+    assert placed.refusals == {"reach": int(refused.sum())}
+
+
+def test_a_refined_place_is_better_and_planned_in_full(placed: Placement, square: Job) -> None:
+    refined, best = placed.refined, placed.best
+    assert refined.verdict.duration < best.verdict.duration < placed.own.duration
+    assert placed.own.duration == pytest.approx(plan(square).duration, rel=1e-12)
+    for name, (low, high, _) in GRID.items():
+        assert low <= refined.values[name] <= high
+    again = plan(moved(square, Moves(anchor=MIDDLE).frame(refined.values)))
+    assert refined.verdict.duration == pytest.approx(again.duration, rel=SAME)
+    # The job with its part there has that plan.
+    assert plan(placed.placed()).duration == refined.verdict.duration
+    assert "x " in str(refined) and "mm" in str(refined) and "planned)" in repr(placed)
+
+
+def test_every_place_can_be_planned(square: Job) -> None:
+    over = {"z": (0.0, 0.1, 2), "tilt": (-0.2, 0.2, 2)}
+    found = ac.place(square, over=over, every=True, refined=False)
+    assert found.planned == 4 and found.refined is found.best
+    known = durations(found, square, MIDDLE)
+    np.testing.assert_allclose(found.values("duration").ravel(), known, rtol=SAME)
+    # Torques at random times leave at least that margin, and some leave little more.
+    trajectory = plan(found.placed())
+    t = np.linspace(0, trajectory.duration, 2000)
+    limits = found.run.limits.joint_torque
+    used = np.abs(square.arm.torque(*(trajectory(t, k) for k in range(3)))) / limits
+    assert found.best.verdict.torque_margin == pytest.approx(1 - used.max(), abs=2e-3)
+
+
+def test_the_worst_corner_counts(square: Job) -> None:
+    off = {"x": 0.02, "yaw": 0.1}
+    found = ac.place(square, over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
+    plain = ac.place(square, over={"x": (0.0, 0.1, 2)}, refined=False)
+
+    def worst(x: float) -> float:
+        frames = [
+            Moves(anchor=MIDDLE).frame({"x": x + a, "yaw": b})
+            for a, b in [(0, 0), *((a, b) for a in (-0.02, 0.02) for b in (-0.1, 0.1))]
+        ]
+        return max(plan(moved(square, frame)).duration for frame in frames)
+
+    known = [worst(0.0), worst(0.1)]
+    assert found.best.verdict.duration == pytest.approx(min(known), rel=SAME)
+    assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
+    assert found.best.verdict.duration > plain.best.verdict.duration
+
+
+def test_a_place_is_refused_if_a_corner_is(square: Job) -> None:
+    over = {"x": (0.0, 0.2, 2)}
+    found = ac.place(square, over=over, uncertainty={"x": 0.2}, every=True, refined=False)
+    assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
+
+
+def test_the_largest_manipulability_is_found(square: Job) -> None:
+    found = ac.place(square, over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False)
+    values = []
+    for k in range(3):
+        job = moved(square, Moves(anchor=MIDDLE).frame(found.place(k)))
+        trajectory = plan(job)
+        q = trajectory(np.linspace(0, trajectory.duration, 500))
+        point, turned = job.arm.pose(q)
+        # The Jacobian by differences of poses.
+        columns = []
+        for j in range(6):
+            step = 1e-6 * np.eye(6)[j]
+            after, turned_after = job.arm.pose(q + step)
+            spin = (turned_after @ np.swapaxes(turned, 1, 2))[:, [2, 0, 1], [1, 2, 0]] / 1e-6
+            columns.append(np.concatenate([(after - point) / 1e-6, spin], axis=1))
+        jacobian = np.stack(columns, axis=2)
+        values.append(np.linalg.svd(jacobian, compute_uv=False)[:, -1].min())
+    k = int(np.argmax(values))
+    assert found.best.values == found.place(k)
+    assert found.best.verdict.singular == pytest.approx(values[k], rel=1e-3)
+
+
+def with_ball(job: Job, *obstacles: Obstacle) -> Job:
+    """The job with a ball as the arm's tool, among obstacles."""
+    ball = LinkShape(name="ball", link=6, shape=Sphere(radius=0.02), tool=True)
+    arm = job.arm.with_shapes(ArmShapes(shapes=(ball,)))
+    return replace(job, arm=arm, scene=Scene(obstacles=obstacles))
+
+
+def post(fixed_to: str, x: float) -> Obstacle:
+    """A post beside the path, whose end at the start of the path is at (0.5, 0.0)."""
+    size, place = Box(size=[0.01, 0.01, 1.0]), ac.Frame(position=[x, -0.05, 0.0])
+    return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
+
+
+def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(
+    square: Job,
+) -> None:
+    options = {"over": {"y": (-0.05, 0.0, 2)}, "refined": False}
+    cell = ac.place(with_ball(square, post("base", 0.53)), every=True, **options)
+    assert [x.refusal for x in cell.verdicts] == ["clearance", ""]
+    assert "post" in cell.verdicts[0].reason
+    # The ball runs along y = 0: 50 mm from the post's middle, less 5 and 20 mm.
+    assert cell.best.verdict.clearance == pytest.approx(0.025, abs=1.1e-3)
+    part = ac.place(with_ball(square, post("part", 0.53)), objective="clearance", **options)
+    np.testing.assert_allclose(part.values("clearance"), 0.025, atol=1.1e-3)
+    # A base that moves leaves both behind.
+    base = ac.place(with_ball(square, post("base", 0.53)), what="base", every=True, **options)
+    np.testing.assert_allclose(base.values("clearance"), 0.025, atol=1.1e-3)
+
+
+def test_a_base_that_moves_sees_the_part_move_back(square: Job) -> None:
+    one = {"x": (0.1, 0.1, 1), "yaw": (0.3, 0.3, 1)}
+    found = ac.place(square, over=one, what="base", refined=False)
+    frame = Moves(anchor=np.zeros(3)).frame({"x": 0.1, "yaw": 0.3})
+    expected = plan(moved(square, frame.inverse)).duration
+    assert found.best.verdict.duration == pytest.approx(expected, rel=SAME)
+    assert plan(found.placed()).duration == found.best.verdict.duration
+
+
+def test_an_arm_in_the_plane_is_placed_too(plane: Job) -> None:
+    over = {"x": (-0.04, 0.04, 3), "yaw": (-0.5, 0.5, 2)}
+    found = ac.place(plane, over=over, refined=False)
+    known = durations(found, plane, np.array([0.33, 0.22, 0.0]))
+    assert found.best.values == found.place(int(np.argmin(known)))
+    assert found.best.verdict.duration == pytest.approx(known.min(), rel=SAME)
+    assert plan(found.placed()).duration == pytest.approx(known.min(), rel=SAME)
+
+
+def test_other_processes_find_the_same(plane: Job) -> None:
+    over = {"x": (-0.04, 0.04, 3)}
+    told: list[float] = []
+    alone = ac.place(plane, over=over, refined=False)
+    both = ac.place(
+        plane, over=over, refined=False, processes=2, progress=lambda x: told.append(x.done or 0.0)
+    )
+    assert both.best.values == alone.best.values
+    assert both.best.verdict.duration == alone.best.verdict.duration
+    assert both.best.verdict.singular == alone.best.verdict.singular
+    assert told[-1] == 1.0
+
+
+def test_no_feasible_place_says_how_far_out_of_reach_it_is(square: Job) -> None:
+    with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
+        ac.place(square, over={"x": (1.0, 2.0, 4)})
+    assert "x 1000 mm" in str(caught.value)
+    # The corner of the path that is the farthest from the base.
+    assert 0.5 < caught.value.needed < 1.0
+    with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
+        ac.place(square, over={"x": (1.0, 1.0, 1)})
+    with pytest.raises(Unreachable, match="a corner of its uncertainty is refused by reach"):
+        ac.place(square, over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3})
+    with pytest.raises(NotRealizable, match="by clearance.*post"):
+        ac.place(with_ball(square, post("base", 0.5)), over={"y": (-0.06, -0.04, 2)})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"objective": "beauty"}, "objective must be one of cycle, manipulability"),
+        ({"objective": "clearance"}, "shapes of the arm UR5e are not known"),
+        ({"what": "table"}, "what must be one of part, base"),
+        ({"run": "first"}, "no run 'first': its runs are taught"),
+        ({"about": "corner"}, "about must be one of middle, origin"),
+        ({"about": [1.0, 2.0]}, "about is a point of 3 coordinates"),
+        ({"what": "base", "about": "origin"}, "A base turns about its own origin"),
+        ({"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
+        ({"processes": 0}, "processes"),
+    ],
+)
+def test_wrong_wishes_are_refused(square: Job, wrong, words: str) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        ac.place(square, **{"over": {"x": (0, 0.1, 2)}, **wrong})
+
+
+def test_a_given_duration_has_no_shortest_cycle(square: Job) -> None:
+    (run,) = square.runs
+    slow = replace(square, runs=(replace(run, duration=5.0),))
+    with pytest.raises(InvalidInput, match="given duration of 5 s"):
+        ac.place(slow, over={"x": (0, 0.1, 2)})
