@@ -74,13 +74,13 @@ def keep_clear(
             ignore this.
         InvalidInput: The job has a scene, but the shapes of the arm are not known.
     """
+    progress(Step(("clearance",)))
     if job.scene is None and not (job.arm.knows_shapes and can_measure()):
         # Nobody asked for it; notes of the arm say which meshes are lacking.
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
     cell = Cell(job.arm, job.scene or Scene())
     if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
-    progress(Step(("clearance",)))
     found = cell.check(trajectory)
     notes: tuple[str, ...] = ()
     if not found.kept and not job.ignore_collisions:

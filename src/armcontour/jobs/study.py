@@ -44,10 +44,16 @@ from armcontour.timing import (
     with_reserve,
 )
 
-STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
-TEACHING = STEPS[:4]
-# Comes after timing where the shapes of the arm are known.
-CLEARANCE = "clearance"
+STEPS = (
+    "rounding",
+    "tracing",
+    "timing",
+    "clearance",
+    "compensation",
+    "execution",
+    "evaluation",
+)
+TEACHING = STEPS[:5]
 EXPERIMENT = "experiment"
 # Takes the place of rounding where corners have the shape free.
 SHAPING = "shaping"
