@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         PlanarTwoLink,
         SerialArm,
     )
+    from armcontour.batches import Batch, Tally, batch
     from armcontour.certification import Certificate, Sweep, certify, sweep
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
@@ -90,6 +91,7 @@ _HOME = {
         "PlanarTwoLink",
         "SerialArm",
     ),
+    "batches": ("Batch", "Tally", "batch"),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
@@ -157,6 +159,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "Batch",
     "Certificate",
     "Check",
     "CompensationError",
@@ -202,6 +205,7 @@ __all__ = [
     "Sweep",
     "Switch",
     "Tabs",
+    "Tally",
     "TaughtData",
     "Trajectory",
     "TransferredData",
@@ -209,6 +213,7 @@ __all__ = [
     "Weave",
     "__version__",
     "arm_names",
+    "batch",
     "certify",
     "check",
     "compensate",

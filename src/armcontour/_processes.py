@@ -13,8 +13,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from functools import cached_property
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from functools import cached_property, partial
+from queue import SimpleQueue
 from threading import Condition, Lock, Thread
 from typing import IO, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
@@ -37,6 +38,16 @@ MOST_AHEAD = 7
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
+class ProcessEnded(ExecutionError):
+    """Another process ended before its work did.
+
+    Attributes:
+        after: How long it had worked [s]; None if unknown.
+    """
+
+    after: float | None = None
+
+
 def map_in_processes(
     work: Callable[[T], R],
     items: Sequence[T],
@@ -49,7 +60,8 @@ def map_in_processes(
     Args:
         work: The work; it can be pickled, as items and results can.
         items: The items.
-        processes: Number of processes; by default that of processors. 1 works in this process.
+        processes: Number of processes; by default that of processors. 1 works in this process, and
+            so does one of the other processes itself.
         done: Called with the number of items that are done, from time to time.
 
     Raises:
@@ -59,7 +71,7 @@ def map_in_processes(
     count = min(processes or os.cpu_count() or 1, len(items))
     tell = done or (lambda number: None)
     found: list[Any] = [None] * len(items)
-    if count < 2 or len(items) < FEWEST or not _can_start():
+    if count < 2 or len(items) < FEWEST or serving() or not _can_start():
         for k, item in enumerate(items):
             tell(k)
             found[k] = work(item)
@@ -189,6 +201,93 @@ class _Serving:
     """Whether this process is one of the others, which start no further ones."""
 
     here = False
+
+
+def serving() -> bool:
+    """Whether this process is one of the others, which work for one that has started them."""
+    return _Serving.here
+
+
+class ProcessPool(Executor):
+    """Other processes that do one piece of work after the other.
+
+    A process that ends costs what it was working on: that raises `ProcessEnded`, and another
+    process takes its place. Other errors of the work come as a RuntimeError with their text. Where
+    no process can be started, threads of this one work.
+
+    Args:
+        processes: Number of processes; by default that of processors.
+    """
+
+    def __init__(self, processes: int | None = None) -> None:
+        self.processes = processes or processors()
+        self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
+        self._lock, self._open = Lock(), True
+        # A thread that ends has ended its process; so the threads do not outlive the program.
+        self._threads = [
+            Thread(target=self._feed, name="pool", daemon=True) for _ in range(self.processes)
+        ]
+        for x in self._threads:
+            x.start()
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Have a process call a function; function, arguments and result can be pickled."""
+        future: Future[R] = Future()
+        with self._lock:
+            if not self._open:
+                raise RuntimeError("The pool is shut down, and takes no more work.")
+            self._given.put((future, partial(fn, *args, **kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes after the work that is given, or after what they are at."""
+        with self._lock:
+            if self._open:
+                self._open = False
+                while cancel_futures and not self._given.empty():
+                    left = self._given.get()
+                    assert left is not None
+                    left[0].cancel()
+                for _ in self._threads:
+                    self._given.put(None)
+        if wait:
+            for x in self._threads:
+                x.join()
+
+    def _feed(self) -> None:
+        """Give work to one process, and to another if it ends."""
+        child: subprocess.Popen[bytes] | None = None
+        while (given := self._given.get()) is not None:
+            future, work = given
+            if not future.set_running_or_notify_cancel():
+                continue
+            begin = time.monotonic()
+            try:
+                if not _can_start():
+                    future.set_result(work())
+                    continue
+                if child is None:
+                    child = _start()
+                    assert child.stdin is not None
+                    _send(child.stdin, _call)
+                assert child.stdin is not None and child.stdout is not None
+                _send(child.stdin, work)
+                future.set_result(_receive(child.stdout))
+            except BaseException as error:
+                if isinstance(error, ProcessEnded) and child is not None:
+                    error.after = time.monotonic() - begin
+                    child.kill()
+                    _end(child)
+                    child = None
+                future.set_exception(error)
+        if child is not None:
+            child.kill()
+            _end(child)
+
+
+def _call(work: Callable[[], R]) -> R:
+    """Do a piece of work of a pool."""
+    return work()
 
 
 class _Team(Generic[T, R]):
@@ -388,26 +487,26 @@ def _send(pipe: IO[bytes], value: Any) -> None:
     """Write a value to a pipe.
 
     Raises:
-        ExecutionError: The other process has ended.
+        ProcessEnded: The other process has ended.
     """
     data = pickle.dumps(value)
     try:
         pipe.write(data)
         pipe.flush()
     except OSError as error:
-        raise ExecutionError(f"Another process of this work has ended: {error}.") from None
+        raise ProcessEnded(f"Another process of this work has ended: {error}.") from None
 
 
 def _receive(pipe: IO[bytes]) -> Any:
     """Read an answer from a pipe.
 
     Raises:
-        ExecutionError: The other process has ended.
+        ProcessEnded: The other process has ended.
     """
     try:
         worked, value = pickle.load(pipe)
     except (EOFError, OSError, pickle.UnpicklingError):
-        raise ExecutionError(
+        raise ProcessEnded(
             "Another process of this work has ended before it gave an answer, as when memory "
             "runs out: take fewer processes, or free some memory."
         ) from None

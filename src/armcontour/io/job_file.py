@@ -15,6 +15,7 @@ from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import (
     CompensationModel,
@@ -28,6 +29,7 @@ from armcontour.io.job_path import path_of
 from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
+from armcontour.program import Program
 from armcontour.servo import ServoModel
 
 Model = TypeVar("Model", bound=JobModel)
@@ -141,9 +143,21 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         InvalidInput: Values that do not make a job.
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
-    path, process = add_process(
-        path_of(model.path, folder, arm.dimension, reading), model.process, model.path
-    )
+    return job_on(model, arm, path_of(model.path, folder, arm.dimension, reading))
+
+
+def job_on(model: JobModel, arm: Arm, drawn: Path | Program) -> Job:
+    """Make the job of a job file, whose arm and path are made already.
+
+    Args:
+        model: The keys of the file.
+        arm: The arm of its key `arm`.
+        drawn: The path of its key `path`.
+
+    Raises:
+        InvalidInput: Values that do not make a job.
+    """
+    path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)

@@ -1,6 +1,7 @@
 """The report of a study: the only package that plots."""
 
 from armcontour.report.report import (
+    render_batch,
     render_drawing,
     render_learning,
     render_report,
@@ -8,4 +9,11 @@ from armcontour.report.report import (
     write_report,
 )
 
-__all__ = ["render_drawing", "render_learning", "render_report", "render_sweep", "write_report"]
+__all__ = [
+    "render_batch",
+    "render_drawing",
+    "render_learning",
+    "render_report",
+    "render_sweep",
+    "write_report",
+]
