@@ -86,6 +86,13 @@ def test_packed_arrays_are_read_only():
     assert np.array_equal(found, values) and not found.flags.writeable
 
 
+class Unpackable:
+    """What can be packed, but not unpacked."""
+
+    def __reduce__(self):
+        return int, ("x",)
+
+
 class Halves:
     """Numbers, of which each comes after its half."""
 
@@ -157,6 +164,11 @@ def test_a_pool_is_an_executor_of_other_processes():
         assert len(set(pool.submit(map_in_processes, eval, [PID] * 20).result())) == 1
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             pool.submit(eval, "1 / 0").result()
+        # What cannot be sent back, and what the other process cannot unpack.
+        with pytest.raises(RuntimeError, match="pickle"):
+            pool.submit(eval, "lambda: 1").result()
+        with pytest.raises(RuntimeError, match="ValueError"):
+            pool.submit(abs, Unpackable()).result()
     with pytest.raises(RuntimeError, match="shut down"):
         pool.submit(abs, 1)
 

@@ -271,7 +271,8 @@ class ProcessPool(Executor):
                     assert child.stdin is not None
                     _send(child.stdin, _call)
                 assert child.stdin is not None and child.stdout is not None
-                _send(child.stdin, work)
+                # As bytes in bytes: what the other process cannot unpack is an error of the work.
+                _send(child.stdin, pickle.dumps(work))
                 future.set_result(_receive(child.stdout))
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
@@ -285,9 +286,9 @@ class ProcessPool(Executor):
             _end(child)
 
 
-def _call(work: Callable[[], R]) -> R:
+def _call(work: bytes) -> Any:
     """Do a piece of work of a pool."""
-    return work()
+    return pickle.loads(work)()
 
 
 class _Team(Generic[T, R]):
@@ -435,10 +436,10 @@ def serve() -> None:
         while True:
             item = pickle.load(sys.stdin.buffer)
             try:
-                answer = True, work(item)
+                answer = pickle.dumps((True, work(item)))
             except Exception as error:
-                answer = False, f"{type(error).__name__}: {error}"
-            _send(answers, answer)
+                answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+            _write(answers, answer)
     except (EOFError, OSError):
         return
 
@@ -489,7 +490,15 @@ def _send(pipe: IO[bytes], value: Any) -> None:
     Raises:
         ProcessEnded: The other process has ended.
     """
-    data = pickle.dumps(value)
+    _write(pipe, pickle.dumps(value))
+
+
+def _write(pipe: IO[bytes], data: bytes) -> None:
+    """Write bytes to a pipe.
+
+    Raises:
+        ProcessEnded: The other process has ended.
+    """
     try:
         pipe.write(data)
         pipe.flush()

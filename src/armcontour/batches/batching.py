@@ -162,7 +162,7 @@ def batch(
                     conduct(
                         engine.executor,
                         work_on(found, engine, dimensions),
-                        ((k, (found.base(k), found.values(k))) for k in todo.tolist()),
+                        ((k, (found.base(k), found.values(k))) for k in map(int, todo)),
                         workers=engine.workers,
                         take=recorder.take,
                         tick=recorder.tick,

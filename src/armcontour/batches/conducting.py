@@ -12,11 +12,11 @@ from typing import Any
 
 from armcontour._processes import ProcessEnded
 from armcontour.batches.working import (
-    OUT_OF_MEMORY,
     RETRIED,
     Item,
     Outcome,
     killed,
+    out_of_memory,
     timed_out,
 )
 from armcontour.errors import ExecutionError
@@ -160,7 +160,7 @@ def _split(
     outcome = killed()
     after = error.after if isinstance(error, ProcessEnded) else None
     if isinstance(error, MemoryError):
-        outcome = Outcome(OUT_OF_MEMORY, "MemoryError", "The memory of the process is used up.")
+        outcome = out_of_memory()
     elif time is not None and after is not None and after >= time:
         outcome = timed_out(time)._replace(seconds=after)
     return _settle(chunk, [outcome], take)

@@ -121,7 +121,7 @@ class BatchFolder:
             return
         with alone:
             extremes = Extremes(self._plan)
-            if self._ledger.in_order:
+            if self._ledger.in_order(self.folder / f"{RESULTS}{ending()}"):
                 for block in self.blocks():
                     extremes.add(block)
             else:

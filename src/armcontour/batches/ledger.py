@@ -47,8 +47,7 @@ class Ledger:
         self.keys = np.empty(count, dtype="S32")
         for k, digest in enumerate(plan.digests()):
             self.keys[k] = digest
-        self._order = np.argsort(self.keys, kind="stable")
-        self._sorted = self.keys[self._order]
+        self._order = np.argsort(self.keys, kind="stable").astype(np.int32)
         self._refuse_twins()
         self._errors: list[str] = []
         self.stride = max(1, -(-count // MOST_SHOWN))
@@ -68,7 +67,8 @@ class Ledger:
 
     def _refuse_twins(self) -> None:
         """Refuse a plan with two jobs that are the same."""
-        twin = np.flatnonzero(self._sorted[1:] == self._sorted[:-1])
+        ordered = self.keys[self._order]
+        twin = np.flatnonzero(ordered[1:] == ordered[:-1])
         if len(twin):
             first, second = sorted(self._order[twin[0] : twin[0] + 2].tolist())
             raise InvalidInput(
@@ -118,11 +118,12 @@ class Ledger:
             values = [rows[name][i] for i in shown]
             self.figures[at[shown] // self.stride, j] = np.array(values, dtype=float)
 
-    def _find(self, keys: Sequence[str]) -> tuple[IntArray, Any]:
+    def _find(self, keys: Sequence[str]) -> tuple[Any, Any]:
         """Indices of jobs by their keys, and which of the keys belong to the plan."""
         wanted = np.array([bytes.fromhex(x) for x in keys], dtype="S32")
-        place = np.minimum(np.searchsorted(self._sorted, wanted), len(self._sorted) - 1)
-        return self._order[place], self._sorted[place] == wanted
+        place = np.searchsorted(self.keys, wanted, sorter=self._order)
+        at = self._order[np.minimum(place, len(self.keys) - 1)]
+        return at, self.keys[at] == wanted
 
     def _number(self, error: str | None) -> int:
         """The number of an error's name; -1 for none."""
@@ -158,12 +159,18 @@ class Ledger:
         found = Counter(self._error[self._error >= 0].tolist())
         return {self._errors[k]: n for k, n in found.most_common()}
 
-    @property
-    def in_order(self) -> bool:
-        """Whether all results stand in one file, in the order of the jobs."""
-        files = {x.file for x in self._blocks}
+    def in_order(self, file: FilePath) -> bool:
+        """Whether all results stand in one file and nowhere else, in the order of the jobs.
+
+        Args:
+            file: The file.
+        """
         starts = np.cumsum([0, *(x.count for x in self._blocks)])
-        if len(files) != 1 or self.done < len(self.status) or starts[-1] != len(self.status):
+        if (
+            {x.file for x in self._blocks} != {file}
+            or self.done < len(self.status)
+            or starts[-1] != len(self.status)
+        ):
             return False
         return bool(np.array_equal(starts[self._block] + self._row, np.arange(len(self.status))))
 
@@ -222,7 +229,8 @@ def described(plan: Plan, indices: Sequence[int]) -> dict[str, list[Any]]:
     }
     values = [plan.values(k) for k in indices]
     for j, x in enumerate(plan.parameters):
-        found[x.key] = [y[j] if x.numeric else _as_text(y[j]) for y in values]
+        column = [y[j] for y in values]
+        found[x.key] = column if x.numeric else list(map(_as_text, column))
     return found
 
 

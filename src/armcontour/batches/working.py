@@ -19,7 +19,6 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
-from armcontour._memory import describe_memory_error
 from armcontour._processes import serving
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, TEACH, figures_of
@@ -104,7 +103,7 @@ class Work:
         except ArmContourError as error:
             found = Outcome(REFUSED, type(error).__name__, str(error))
         except MemoryError:
-            found = Outcome(OUT_OF_MEMORY, "MemoryError", describe_memory_error())
+            found = out_of_memory()
         except TimeUp:
             found = timed_out(plan.time)
         except SystemExit:
@@ -124,6 +123,16 @@ def timed_out(seconds: float | None) -> Outcome:
         TIMED_OUT,
         "TimeUp",
         f"The job did not end within {seconds:g} s: give it more with limits.time of the plan.",
+    )
+
+
+def out_of_memory() -> Outcome:
+    """The outcome of a job that wants more memory than it may take."""
+    return Outcome(
+        OUT_OF_MEMORY,
+        "MemoryError",
+        "The job wants more memory than it may take: give it more with limits.memory of the plan, "
+        "or work in fewer processes.",
     )
 
 
