@@ -1,13 +1,14 @@
 """Batches of many jobs: speed, engines, kills, poison and a million rows.
 
     python -m soak.batch speed [--jobs 10000]     one worker against one for each processor
-    python -m soak.batch engines [--jobs 10000]   process, pool, LocalCluster, 8 shards: the same rows
-    python -m soak.batch kills [--times 20] [--jobs 1500]   kill -9 of a worker and of the parent, at random
+    python -m soak.batch engines [--jobs 10000]   process, pool, LocalCluster, 8 shards: same rows
+    python -m soak.batch kills [--times 20]       kill -9 of a worker and of the parent
     python -m soak.batch poison                   jobs that exit, eat memory, never end
     python -m soak.batch rows [--jobs 1000000]    memory of the parent
 
-The jobs are the paper's, of corner tolerance by assigned velocity. Exit code 1 if something is not as it must be.
-Speed needs a quiet machine: beside the clock it prints the processor's time, which other work changes less.
+The jobs are the paper's, of corner tolerance by assigned velocity. Exit code 1 if something is not
+as it must be. Speed needs a quiet machine: beside the clock it prints the processor's time, which
+other work changes less.
 """
 
 from __future__ import annotations
@@ -92,8 +93,8 @@ def speed(folder: FilePath, options: argparse.Namespace) -> bool:
         own, others = (b - a for a, b in zip((own, others), spent(), strict=True))
         ideal = loop * len(found.plan)
         say(
-            f"{workers} workers: {len(found.plan)} jobs in {took[workers]:.1f} s by the clock; processor: "
-            f"{own:.1f} s here, {others:.1f} s in workers; the same jobs in a loop {ideal:.1f} s; the "
+            f"{workers} workers: {len(found.plan)} jobs in {took[workers]:.1f} s by the clock; "
+            f"processor: {own:.1f} s here, {others:.1f} s in workers; in a loop {ideal:.1f} s; the "
             f"engine adds {(own + others) / ideal - 1:.1%} (bar {SHARE:.0%})"
         )
     ratio = took[1] / took[processors()]
@@ -307,9 +308,8 @@ def poison(folder: FilePath, options: argparse.Namespace) -> bool:
         if kind is not None:
             say(f"a job that {kind}: {x.status} after {x.tries} tries; {x.sentence}")
         good &= x.status == want
-    say(
-        f"{sum(x.status == 'done' for x in found.values())} of {len(jobs) - len(kinds)} others are done"
-    )
+    done = sum(x.status == "done" for x in found.values())
+    say(f"{done} of {len(jobs) - len(kinds)} others are done")
     return good
 
 
@@ -334,8 +334,8 @@ def million(folder: FilePath, options: argparse.Namespace) -> bool:
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     size = (folder / "rows" / "results.parquet").stat().st_size
     say(
-        f"{len(found.plan)} rows: the parent took {most / 1e6:.0f} MB (bar {MEMORY / 1e6:.0f}), and "
-        f"{(spent()[0] - own) / len(found.plan) * 1e3:.3f} ms of processor a row; "
+        f"{len(found.plan)} rows: the parent took {most / 1e6:.0f} MB (bar {MEMORY / 1e6:.0f}), "
+        f"and {(spent()[0] - own) / len(found.plan) * 1e3:.3f} ms of processor a row; "
         f"{time.perf_counter() - begin:.0f} s by the clock; results.parquet has {size / 1e6:.0f} MB"
     )
     return most < MEMORY and found.complete

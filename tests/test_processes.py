@@ -173,6 +173,15 @@ def test_a_pool_is_an_executor_of_other_processes():
         pool.submit(abs, 1)
 
 
+def test_an_executor_does_work_on_many_items():
+    with ProcessPool(1) as pool:
+        told = []
+        items = list(range(1, 101))
+        found = map_in_processes(halve, items, executor=pool, done=told.append)
+        assert found == [1 / x for x in items] and told[-1] < 100 and len(told) > 10
+        assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
+
+
 def test_a_process_of_a_pool_that_ends_costs_its_work_only():
     with ProcessPool(1) as pool:
         found = [pool.submit(eval, x) for x in ("1", "__import__('os')._exit(3)", "2")]

@@ -6,17 +6,19 @@ imported, and end when this process ends, however it does: their input ends then
 
 from __future__ import annotations
 
+import copyreg
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from functools import cached_property, partial
 from queue import SimpleQueue
 from threading import Condition, Lock, Thread
+from types import MappingProxyType
 from typing import IO, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
 from armcontour.errors import ExecutionError
@@ -29,6 +31,8 @@ Packed: TypeAlias = tuple[bytes, list[bytes]]
 # Starting a process takes as long as some items, so that fewer of them are not given away.
 FEWEST = 12
 SERVE = "from armcontour._processes import serve; serve()"
+# Parts of the items that an executor gets, each with the work: more would send it too often.
+CHUNKS = 32
 # Work ahead begins when this process has worked so long on its own [s of processor time], if twice
 # as much is left for each of the others: a start takes about as long.
 ALONE = 1.0
@@ -36,6 +40,15 @@ ALONE = 1.0
 MOST_AHEAD = 7
 # Every process computes in one thread.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+    """A mapping that does not change."""
+    return MappingProxyType(dict(mapping))
+
+
+# Values have such mappings, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
 
 
 class ProcessEnded(ExecutionError):
@@ -53,6 +66,7 @@ def map_in_processes(
     items: Sequence[T],
     *,
     processes: int | None = None,
+    executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Do some work on all items; results are in the order of the items.
@@ -62,14 +76,17 @@ def map_in_processes(
         items: The items.
         processes: Number of processes; by default that of processors. 1 works in this process, and
             so does one of the other processes itself.
+        executor: An executor that does the work in place of processes of its own.
         done: Called with the number of items that are done, from time to time.
 
     Raises:
         ExecutionError: A process ended before its work did.
         Exception: As the work raises, or a RuntimeError with its text from another process.
     """
-    count = min(processes or os.cpu_count() or 1, len(items))
     tell = done or (lambda number: None)
+    if executor is not None:
+        return _map_on(executor, work, items, tell)
+    count = min(processes or os.cpu_count() or 1, len(items))
     found: list[Any] = [None] * len(items)
     if count < 2 or len(items) < FEWEST or serving() or not _can_start():
         for k, item in enumerate(items):
@@ -91,6 +108,25 @@ def map_in_processes(
                 tell(len(finished))
 
     _feed_all(children, feed)
+    return found
+
+
+def _map_on(
+    executor: Executor,
+    work: Callable[[T], R],
+    items: Sequence[T],
+    tell: Callable[[int], None],
+) -> list[R]:
+    """Have an executor do some work on all items, some at a time."""
+    step = max(1, len(items) // CHUNKS)
+    unpacked = _Several(pack(work))
+    away = [
+        executor.submit(unpacked, pack(items[k : k + step])) for k in range(0, len(items), step)
+    ]
+    found: list[R] = []
+    for x in away:
+        tell(len(found))
+        found += x.result()
     return found
 
 
@@ -405,6 +441,14 @@ class _Unpacked:
     def __call__(self, item: Packed) -> Any:
         """Do the work on an item."""
         return self.work(unpack(item))
+
+
+class _Several(_Unpacked):
+    """Work on several items that come packed together."""
+
+    def __call__(self, item: Packed) -> list[Any]:
+        """Do the work on each of the items."""
+        return [self.work(x) for x in unpack(item)]
 
 
 def pack(value: Any) -> Packed:

@@ -92,9 +92,11 @@ def open_engine(
         pool = ProcessPool(workers)
         try:
             yield Engine(pool, pool.processes, True, False, _processes(pool.processes))
-        finally:
+        except BaseException:
             # After an error nobody waits for jobs that are under way.
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        pool.shutdown()
 
 
 def _processes(count: int) -> str:
