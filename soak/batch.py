@@ -150,33 +150,25 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
     want = rows(ac.batch(plan, folder / "whole"))
     whole = time.perf_counter() - begin
     good = True
-    for name in ("worker", "parent"):
+    for name in [options.only] if options.only else ["worker", "parent"]:
         out = folder / name
         done, lost = 0, []
         while done < options.times:
-            if not out.exists():
-                say(f"{name}: a new batch, after {done} kills")
             with _started(plan, out) as process:
-                try:
-                    process.wait(draw.uniform(0.0, min(whole, 8.0)) + 3.0)
-                    # It has ended before: once more from the start, until there were enough kills.
-                    good &= _same(rows(ac.batch(plan, out, workers=0)), want)
-                    shutil.rmtree(out)
-                    continue
-                except subprocess.TimeoutExpired:
-                    pass
+                _wait_for_work(process, out)
                 if name == "worker":
-                    children = _children(process.pid)
-                    if children:
-                        os.kill(draw.choice(children), signal.SIGKILL)
-                        done += 1
-                        process.wait(draw.uniform(0.0, 1.0) + 600.0)
-                        good &= _same(rows(ac.batch(plan, out, workers=0)), want)
-                        shutil.rmtree(out)
+                    done += _kill_workers(process, draw, options.times - done)
                 else:
-                    process.kill()
-                    done += 1
-                    lost.append(_age(out))
+                    try:
+                        process.wait(draw.uniform(0.0, min(whole, 10.0)))
+                    except subprocess.TimeoutExpired:
+                        process.kill()
+                        done += 1
+                        lost.append(_age(out))
+                        continue
+            good &= _same(rows(ac.batch(plan, out, workers=0)), want)
+            say(f"{name}: complete after {done} kills")
+            shutil.rmtree(out)
         if out.exists():
             good &= _same(rows(ac.batch(plan, out, workers=0)), want)
         say(f"{name}: killed {done} times, {'the same rows' if good else 'OTHER ROWS'}")
@@ -189,6 +181,29 @@ def _started(plan: FilePath, out: FilePath) -> subprocess.Popen[bytes]:
     """A batch of its own."""
     call = [sys.executable, "-m", "armcontour", "batch", str(plan), "--out", str(out)]
     return subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def _wait_for_work(process: subprocess.Popen[bytes], out: FilePath) -> None:
+    """Wait until a batch has begun, which it says by writing its plan again."""
+    begin = time.time()
+    plan = out / "plan.json"
+    while process.poll() is None and not (plan.exists() and plan.stat().st_mtime >= begin):
+        time.sleep(0.02)
+
+
+def _kill_workers(process: subprocess.Popen[bytes], draw: random.Random, most: int) -> int:
+    """Kill workers of a batch at random moments, until it ends; returns how many."""
+    done = 0
+    while done < most:
+        try:
+            process.wait(draw.uniform(0.0, 6.0))
+            break
+        except subprocess.TimeoutExpired:
+            children = _children(process.pid)
+            if children:
+                os.kill(draw.choice(children), signal.SIGKILL)
+                done += 1
+    return done
 
 
 def _children(pid: int) -> list[int]:
@@ -353,6 +368,7 @@ def main() -> None:
     parser.add_argument("kind", nargs="?", choices=KINDS)
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--times", type=int, default=20)
+    parser.add_argument("--only", choices=("worker", "parent"), help="whom kills are for")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     jobs = options.jobs

@@ -1,8 +1,16 @@
 """Compiled functions that only compiled functions may call."""
 
+import ast
+import importlib
+import inspect
+import re
+import textwrap
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import armcontour as ac
 from armcontour._kernels import KERNELS, compiled
 from armcontour._progress import hear_compiling
 
@@ -44,3 +52,32 @@ def test_who_wants_to_hears_what_is_compiled(monkeypatch):
         again.compile("(float64, float64, float64[:, ::1])")
     again.compile("(float64, float64, float64[:, :])")
     assert names == ["armcontour.program._inside.winding"]
+
+
+MAKES_ARRAYS = re.compile(
+    r"np\.(empty|zeros|ones|full|arange|array|concatenate|copy|linspace|argsort|sort|stack|append"
+    r"|diff|cumsum)\(|\.copy\("
+)
+
+
+def test_inner_functions_that_make_or_return_arrays_count_references():
+    # Without references counted, arrays that they make would never be freed, and those that they
+    # return freed too early.
+    for file in Path(ac.__file__).parent.rglob("_*.py"):
+        if "@compiled(" in file.read_text(encoding="utf-8"):
+            place = file.relative_to(Path(ac.__file__).parents[1]).with_suffix("")
+            importlib.import_module(".".join(place.parts))
+    judged = 0
+    for (module, name), kernel in KERNELS.items():
+        options, function = kernel.targetoptions, kernel.py_func
+        if not module.startswith("armcontour.") or options.get("_nrt", True):
+            continue
+        judged += 1
+        (text,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+        body = "\n".join(ast.unparse(x) for x in text.body)
+        callees = [function.__globals__.get(x) for x in function.__code__.co_names]
+        given = [x.py_func for x in callees if hasattr(x, "py_func")]
+        assert not MAKES_ARRAYS.search(body), f"{module}.{name} makes arrays"
+        for x in (function, *given):
+            assert "Array" not in x.__annotations__["return"], f"{module}.{name}: {x.__name__}"
+    assert judged > 100

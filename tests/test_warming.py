@@ -95,6 +95,39 @@ def test_a_process_that_ends_ends_the_work():
     assert order.take() is None
 
 
+@pytest.mark.parametrize("ends", [True, False])
+def test_what_somebody_waits_for_comes_next_and_is_waited_for(kernels, ends):
+    steps = []
+    order = Order(read_list("usual"), steps.append, always=False)
+    first = order.take()
+    order.finish(first, 1)
+    assert not steps
+    wanted = kernels["armcontour.evaluation._following", "follow"].py_func
+    other = Thread(target=order.wait, args=(wanted,))
+    other.start()
+    while not order.waits:
+        other.join(0.01)
+    taken = [order.take()]
+    if not ends:
+        order.give_up()
+    while ends and taken[-1].name != wanted.__name__:
+        assert other.is_alive()
+        order.finish(taken[-1], 1)
+        taken.append(order.take())
+    if ends:
+        order.finish(taken[-1], 1)
+        # Nothing else came before it but what it calls.
+        assert {x.module for x in taken} <= {
+            "armcontour.evaluation._following",
+            "armcontour.geometry._nearest",
+        }
+        assert len(steps) == len(taken)
+    other.join(10.0)
+    assert not other.is_alive() and not order.waits
+    # Nobody waits for others.
+    order.wait(len)
+
+
 WARM = """
 import sys
 from pathlib import Path

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     )
     from armcontour.batches import Batch, Tally, batch
     from armcontour.certification import Certificate, Sweep, certify, sweep
+    from armcontour.clearance import Clearance, check_clearance
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
         ArmContourError,
+        Collision,
         CompensationError,
         ExecutionError,
         InvalidInput,
@@ -79,6 +81,7 @@ if TYPE_CHECKING:
         smooth_curvature,
     )
     from armcontour.report import write_report
+    from armcontour.scene import Obstacle, Scene
     from armcontour.servo import ServoModel
     from armcontour.timing import Explanation, explain, plan, shape
     from armcontour.tracing import trace
@@ -93,10 +96,12 @@ _HOME = {
     ),
     "batches": ("Batch", "Tally", "batch"),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
+    "clearance": ("Clearance", "check_clearance"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
     "errors": (
         "ArmContourError",
+        "Collision",
         "CompensationError",
         "ExecutionError",
         "InvalidInput",
@@ -148,6 +153,7 @@ _HOME = {
         "smooth_curvature",
     ),
     "report": ("write_report",),
+    "scene": ("Obstacle", "Scene"),
     "servo": ("ServoModel",),
     "timing": ("Explanation", "explain", "plan", "shape"),
     "tracing": ("trace",),
@@ -162,6 +168,8 @@ __all__ = [
     "Batch",
     "Certificate",
     "Check",
+    "Clearance",
+    "Collision",
     "CompensationError",
     "Contour",
     "Demand",
@@ -185,6 +193,7 @@ __all__ = [
     "Line",
     "Log",
     "NotRealizable",
+    "Obstacle",
     "Orientation",
     "Path",
     "Payload",
@@ -197,6 +206,7 @@ __all__ = [
     "RigidBodyPlant",
     "RobotIdentification",
     "RoundedPath",
+    "Scene",
     "SerialArm",
     "ServoModel",
     "ServoPlant",
@@ -216,6 +226,7 @@ __all__ = [
     "batch",
     "certify",
     "check",
+    "check_clearance",
     "compensate",
     "evaluate",
     "execute",

@@ -143,9 +143,9 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         # The first sentence of numpy's message is the reason.
         reason = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
-    bad = ~(np.abs(array) <= LARGEST)
-    if bad.any():
-        where = np.argwhere(bad)[0]
+    sound = np.abs(array) <= LARGEST
+    if not sound.all():
+        where = np.argwhere(~sound)[0]
         place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
         value = float(array[tuple(where)] if array.ndim else array)
         range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
@@ -180,6 +180,9 @@ def number(name: str, value: Any, unit: str = "") -> float:
     Raises:
         InvalidInput: The value is not one finite number.
     """
+    # Most are such numbers. NaN fails the comparison.
+    if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
+        return float(value)
     array = numbers(name, value, unit)
     if array.ndim:
         raise InvalidInput(f"{name} must be one number{in_unit(unit)}, not {array.size}.")

@@ -6,11 +6,13 @@ answers signals while the work is done in another.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NoReturn, TypeVar
 
 from numba import njit
 from numba.core import event
+from numba.core.caching import FunctionCache
 
 from armcontour import _progress
 
@@ -19,24 +21,35 @@ from armcontour import _progress
 FUSED = {"contract"}
 # All compiled functions of modules that are imported, by module and name.
 KERNELS: dict[tuple[str, str], Any] = {}
+# Called with a function before its code is looked for on disk: others may be compiling it.
+_waiting: list[Callable[[Any], None]] = []
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(*, inner: bool = False, **options: Any) -> Callable[[Function], Function]:
+def compiled(
+    *, inner: bool = False, allocates: bool = False, **options: Any
+) -> Callable[[Function], Function]:
     """A decorator that compiles a function at its first call, and keeps the result on disk.
 
     Args:
         inner: Whether only compiled functions call the function: half of the time to compile a
             small function goes into what Python needs to call it.
+        allocates: Whether an inner function makes arrays. If not, references to arrays are counted
+            by those who call it, which is faster.
         options: More options of `numba.njit`, such as `inline="always"`.
     """
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
-    decorate = njit(cache=True, error_model="numpy", nogil=True, **options)
+    if inner and not allocates:
+        options["_nrt"] = False
+    decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:
         kernel: Function = decorate(function)
+        # Typing does not see that the decorator makes an object of numba.
+        made: Any = kernel
+        made._cache = _Files(function)
         if inner:
             _refuse_calls(kernel, function.__name__)
         KERNELS[function.__module__, function.__name__] = kernel
@@ -56,6 +69,30 @@ def _refuse_calls(kernel: Any, name: str) -> None:
     kernel._insert = lambda *args: None
 
 
+@contextmanager
+def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
+    """Call something with each function that has to be loaded or compiled meanwhile, before it.
+
+    Args:
+        wait: Called with the function; it returns when nobody else is compiling the function.
+    """
+    _waiting.append(wait)
+    try:
+        yield
+    finally:
+        _waiting.remove(wait)
+
+
+class _Files(FunctionCache):
+    """Compiled functions on disk, as numba keeps them."""
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The compiled function that is kept, as soon as nobody is compiling it; else None."""
+        for wait in tuple(_waiting):
+            wait(self._py_func)
+        return super().load_overload(signature, target)
+
+
 class _Listener(event.Listener):
     """Tells who wants to know it that a function is being compiled."""
 
@@ -69,4 +106,4 @@ class _Listener(event.Listener):
         """Nothing."""
 
 
-event.register("numba:compile", _Listener())  # type: ignore[no-untyped-call]
+event.register("numba:compile", _Listener())

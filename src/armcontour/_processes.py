@@ -88,7 +88,7 @@ def map_in_processes(
         return _map_on(executor, work, items, tell)
     count = min(processes or os.cpu_count() or 1, len(items))
     found: list[Any] = [None] * len(items)
-    if count < 2 or len(items) < FEWEST or serving() or not _can_start():
+    if count < 2 or len(items) < FEWEST or is_other() or not can_start():
         for k, item in enumerate(items):
             tell(k)
             found[k] = work(item)
@@ -157,7 +157,7 @@ def share_work(work: Callable[[T], R], order: Order[T, R], *, processes: int) ->
         ExecutionError: A process ended before its work did.
         RuntimeError: An error of the work, as text.
     """
-    if not _can_start():
+    if not can_start():
         while (item := order.take()) is not None:
             order.finish(item, work(item))
         return
@@ -221,7 +221,7 @@ def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
 
 def _worth(spent: float, done: int, left: int) -> int:
     """Number of other processes that are worth their start, after some work [s] on some items."""
-    if spent < ALONE or _Serving.here or not _can_start():
+    if spent < ALONE or is_other() or not can_start():
         return 0
     return min(processors() - 1, MOST_AHEAD, int(spent / done * left / (2 * ALONE)))
 
@@ -237,11 +237,6 @@ class _Serving:
     """Whether this process is one of the others, which start no further ones."""
 
     here = False
-
-
-def serving() -> bool:
-    """Whether this process is one of the others, which work for one that has started them."""
-    return _Serving.here
 
 
 class ProcessPool(Executor):
@@ -299,7 +294,7 @@ class ProcessPool(Executor):
                 continue
             begin = time.monotonic()
             try:
-                if not _can_start():
+                if not can_start():
                     future.set_result(work())
                     continue
                 if child is None:
@@ -488,9 +483,14 @@ def serve() -> None:
         return
 
 
-def _can_start() -> bool:
+def can_start() -> bool:
     """Whether other processes can be started: a frozen application is no Python to start."""
     return bool(sys.executable) and not getattr(sys, "frozen", False)
+
+
+def is_other() -> bool:
+    """Whether this process only works for another one."""
+    return _Serving.here
 
 
 def _start() -> subprocess.Popen[bytes]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
 
 # Rounding error of positions from inverse kinematics, relative to 1 or to their size.
 ROUNDING = 2e-15
@@ -29,22 +31,50 @@ def quintic(
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    h = width[:, None]
-    a0, a1, a2 = begin[0], begin[1] * h, begin[2] * h**2 / 2
-    value = end[0] - a0 - a1 - a2
-    slope = end[1] * h - a1 - 2 * a2
-    bend = end[2] * h**2 - 2 * a2
-    a3 = 10 * value - 4 * slope + bend / 2
-    a4 = -15 * value + 7 * slope - bend
-    a5 = 6 * value - 3 * slope + bend / 2
-    # On a very short interval `value` consists of rounding errors of positions, which the
-    # derivatives of the quintic would magnify. The quartic with the given derivatives then ends at
-    # the given value up to rounding errors, and is used instead.
-    cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
-    rounding = ROUNDING * (1 + np.abs(begin[0]) + np.abs(end[0])) + play * np.abs(begin[1])
-    short = np.abs(value - cubic - quartic) <= rounding
-    a3, a4, a5 = (np.where(short, x, y) for x, y in ((cubic, a3), (quartic, a4), (0.0, a5)))
-    return np.stack([a0, a1, a2, a3, a4, a5], axis=1)
+    own: Any = map(_own, (width, *begin, *end))
+    kernel: Any = _fill
+    return np.asarray(kernel(*own, play))
+
+
+def _own(values: FloatArray) -> FloatArray:
+    """The values, or a copy where compiled code would take them for another kind of array."""
+    array = np.asarray(values, dtype=np.float64)
+    flags = array.flags
+    return array if flags.c_contiguous and flags.writeable else np.array(array, order="C")
+
+
+@compiled()
+def _fill(
+    width: FloatArray,
+    q0: FloatArray,
+    d0: FloatArray,
+    c0: FloatArray,
+    q1: FloatArray,
+    d1: FloatArray,
+    c1: FloatArray,
+    play: float,
+) -> FloatArray:
+    """What `quintic` returns."""
+    n, dof = q0.shape
+    found = np.empty((n, 6, dof))
+    for i in range(n):
+        h = width[i]
+        for j in range(dof):
+            a0, a1, a2 = q0[i, j], d0[i, j] * h, c0[i, j] * (h * h) / 2
+            value = q1[i, j] - a0 - a1 - a2
+            slope = d1[i, j] * h - a1 - 2 * a2
+            bend = c1[i, j] * (h * h) - 2 * a2
+            # On a very short interval `value` consists of rounding errors of positions, which the
+            # derivatives of the quintic would magnify. The quartic with the given derivatives then
+            # ends at the given value up to rounding errors, and is used instead.
+            cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
+            rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + play * abs(d0[i, j])
+            short = abs(value - cubic - quartic) <= rounding
+            found[i, 0, j], found[i, 1, j], found[i, 2, j] = a0, a1, a2
+            found[i, 3, j] = cubic if short else 10 * value - 4 * slope + bend / 2
+            found[i, 4, j] = quartic if short else -15 * value + 7 * slope - bend
+            found[i, 5, j] = 0.0 if short else 6 * value - 3 * slope + bend / 2
+    return found
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:

@@ -6,21 +6,22 @@ Functions that others call come first: those load them, where they would compile
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path as FilePath
-from threading import Condition
+from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias
 
 from armcontour import _signatures
-from armcontour._kernels import KERNELS, compiled
-from armcontour._processes import processors, share_work
+from armcontour._kernels import KERNELS, compiled, waiting
+from armcontour._processes import can_start, is_other, processors, share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
 
@@ -36,6 +37,8 @@ HOLDERS: dict[Which, tuple[Which, ...]] = {
 # Names of a module and a function.
 Key: TypeAlias = tuple[str, str]
 LIST = FilePath(__file__).with_name("_kernels.txt")
+# What a run goes on after: it compiles what it needs.
+FAILURES = (ArmContourError, RuntimeError, OSError)
 # Memory of a process that compiles [bytes].
 EACH = 0.4e9
 
@@ -99,28 +102,51 @@ def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
     listed = read_list(which)
     stamp = _Stamp(which)
     compiled = 0
-    if not any(_Stamp(x).holds() for x in (which, *HOLDERS[which])):
-        compiled = _compile(listed, progress)
+    if not _is_warm(which):
+        order = _order(listed, progress)
+        share_work(compile_kernel, order, processes=_processes())
+        compiled = order.compiled
         stamp.set()
     return Warmed(len(listed), compiled, stamp.folder)
 
 
-def warm_for_run(dimension: int, progress: Progress) -> None:
-    """Compile what a usual run needs, if it is not compiled yet; what fails, the run compiles.
+@contextmanager
+def warm_for_run(dimension: int, progress: Progress) -> Iterator[None]:
+    """Compile what a usual run needs, if it is not compiled yet, in other processes meanwhile.
+
+    What is called inside waits for the functions that it needs, which are compiled first then.
+    What fails here is compiled where it is called.
 
     Args:
         dimension: Dimension of the arm's work space.
-        progress: Called as by `warm`.
+        progress: Called as by `warm`, while something is waited for.
     """
+    which: Which = "plane" if dimension == 2 else "space"
 
     def tell(step: Step) -> None:
         if step.done == 0.0:
             tell_compiling(step.names[-1])
         progress(step)
 
-    which: Which = "plane" if dimension == 2 else "space"
-    with suppress(ArmContourError, RuntimeError, OSError):
-        warm(which, tell)
+    if _is_warm(which) or not can_start():
+        # One process cannot compile and wait for it.
+        with suppress(*FAILURES):
+            warm(which, tell)
+        yield
+        return
+    order = _order(read_list(which), tell, always=False)
+    helpers = Thread(target=_share, args=(order,), name="compiling")
+    helpers.start()
+    try:
+        with waiting(order.wait):
+            yield
+    except BaseException:
+        order.give_up()
+        raise
+    finally:
+        helpers.join()
+    if order.is_done:
+        _Stamp(which).set()
 
 
 def read_list(which: Which) -> list[Kernel]:
@@ -135,20 +161,34 @@ def read_list(which: Which) -> list[Kernel]:
     return [Kernel(module, name, tuple(x)) for (module, name), x in found.items()]
 
 
-def _compile(kernels: Sequence[Kernel], progress: Progress | None) -> int:
-    """Compile functions in several processes; returns how many were not compiled before."""
-    processes = _processes()
-    tell = under(progress, COMPILING, f"{len(kernels)} functions in {processes} processes")
+def _is_warm(which: Which) -> bool:
+    """Whether all functions of some runs have been compiled."""
+    return any(_Stamp(x).holds() for x in (which, *HOLDERS[which]))
+
+
+def _order(kernels: Sequence[Kernel], progress: Progress | None, *, always: bool = True) -> Order:
+    """The order of functions, which tells what it is about at once."""
+    tell = under(progress, COMPILING, f"{len(kernels)} functions in {_processes()} processes")
     tell(Step((), 0.0))
-    order = Order(kernels, tell)
-    share_work(compile_kernel, order, processes=processes)
-    return order.compiled
+    return Order(kernels, tell, always=always)
+
+
+def _share(order: Order) -> None:
+    """Compile functions in other processes, as far as they come."""
+    try:
+        with suppress(*FAILURES):
+            share_work(compile_kernel, order, processes=_processes())
+    finally:
+        order.give_up()
 
 
 def compile_kernel(kernel: Kernel) -> int:
     """Compile a function, or load it where it is compiled; returns how often it was compiled."""
     from numba.core.errors import NumbaError
 
+    if is_other():
+        # Numba makes so much that looking for garbage in it takes a tenth of the time.
+        gc.disable()
     dispatcher = kernel.dispatcher
     for text in kernel.arguments:
         # A list that is not up to date: the function is compiled where it is called.
@@ -163,10 +203,11 @@ class Order:
     Args:
         kernels: The functions.
         tell: Called after each function.
+        always: Whether it is called even if nobody waits for a function.
     """
 
-    def __init__(self, kernels: Sequence[Kernel], tell: Progress) -> None:
-        self._tell, self._news = tell, Condition()
+    def __init__(self, kernels: Sequence[Kernel], tell: Progress, *, always: bool = True) -> None:
+        self._tell, self._always, self._news = tell, always, Condition()
         self.compiled = 0
         self._left = {x.key: x for x in kernels if x.dispatcher is not None}
         needs = {key: _callees(key) - {key} for key in self._left}
@@ -180,6 +221,14 @@ class Order:
                 self._rank[x] += self._size[caller]
         self._whole, self._done = sum(self._size.values()), 0
         self._away = set[Key]()
+        # What somebody waits for, with what that calls; and how many wait.
+        self._wanted = set[Key]()
+        self.waits = 0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all functions are done."""
+        return self._done == self._whole
 
     def take(self) -> Kernel | None:
         """The next function, as soon as there is one; None at the end."""
@@ -188,7 +237,7 @@ class Order:
                 undone = self._left.keys() | self._away
                 ready = [x for x in self._left if not self._needs[x] & undone]
                 if ready:
-                    key = max(ready, key=self._rank.__getitem__)
+                    key = max(ready, key=lambda x: (x in self._wanted, self._rank[x]))
                     self._away.add(key)
                     return self._left.pop(key)
                 self._news.wait()
@@ -200,14 +249,25 @@ class Order:
             self._away.discard(item.key)
             self._done += self._size[item.key]
             self.compiled += result > 0
-            share = self._done / self._whole
+            if self._always or self.waits:
+                self._tell(Step((str(item),), self._done / self._whole))
             self._news.notify_all()
-        self._tell(Step((str(item),), share))
+
+    def wait(self, function: Any) -> None:
+        """Wait until a function is compiled, if it is one of these; it comes next."""
+        key = function.__module__, function.__name__
+        with self._news:
+            self._wanted |= {key, *self._needs.get(key, ())}
+            self.waits += 1
+            while key in self._left or key in self._away:
+                self._news.wait()
+            self.waits -= 1
 
     def give_up(self) -> None:
         """Have no functions any more."""
         with self._news:
             self._left.clear()
+            self._away.clear()
             self._news.notify_all()
 
 

@@ -6,12 +6,13 @@ ArmContourError
 ├── Unreachable                        the tool cannot reach a position or pose
 ├── NotRealizable                      no timing of this method keeps the limits
 ├── CompensationError                  the servo's delay cannot be compensated by this method
-└── ExecutionError                     the simulated servo did not complete the motion
+├── ExecutionError                     the simulated servo did not complete the motion
+└── Collision                          the arm comes too near to itself or to its cell
 ```
 
-Each has its exit code of the command line, 2 to 6 in this order. 0 and 1 are answers (`check`: all
-limits kept, a limit violated; `identify`: determined, not determined), and 7 is the answer of
-`check` that the samples cannot tell.
+Each has its exit code of the command line, 2 to 6 in this order, and 8 for a collision. 0 and 1 are
+answers (`check`: all limits kept, a limit violated; `identify`: determined, not determined), and 7
+is the answer of `check` that the samples cannot tell.
 
 A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
 facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
@@ -123,3 +124,9 @@ class ExecutionError(ArmContourError):
     """The simulated servo did not complete the motion."""
 
     exit_code = 6
+
+
+class Collision(ArmContourError):
+    """The arm comes nearer to itself or to something in its cell than it may."""
+
+    exit_code = 8

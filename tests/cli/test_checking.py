@@ -379,3 +379,31 @@ def test_a_file_without_titles(folder: FilePath, check: Check) -> None:
     bare = check(folder, "bare.csv", "--arm", "pmk3s", "--columns", "t,q1,q2,-", "--json")
     titled = check(folder, "planned.csv", "--arm", "pmk3s", "--json")
     assert json.loads(bare.out) == json.loads(titled.out)
+
+
+SWEEP = """t,q1,q2,q3,q4,q5,q6
+1,-0.3,-1.2,1.5,-1.8,-1.57,0
+1.5,0.4,-1.2,1.5,-1.8,-1.57,0
+2,0.5,-1.2,1.5,-1.8,-1.57,0
+"""
+
+
+def test_a_cell_is_checked_between_samples_too(folder: FilePath, check: Check) -> None:
+    (folder / "sweep.csv").write_text(SWEEP)
+    arm = ac.load_arm("ur5e")
+    x, y, z = arm.forward([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    (folder / "cell.scene").write_text(
+        f"(noname)+\n* wall\n1\nbox\n0.001 0.3 0.3\n{x} {y} {z}\n0 0 0 1\n0 0 0 0\n.\n"
+    )
+    options = ["sweep.csv", "--arm", "ur5e", "--scene", "cell.scene"]
+    done = check(folder, *options)
+    assert done.code == 1
+    assert "touch, first at t = 1." in done.out and "wall" in done.out
+    assert "Between samples the joints count as moving evenly." in done.out
+    page = json.loads(check(folder, *options, "--json").out)["clearance"]
+    assert page["kept"] is False
+    touched = next(x for x in page["pairs"] if x["first"] == "wall" and x["first_too_near"])
+    assert 1.0 < touched["first_too_near"] < 1.5
+    (folder / "cell.scene").write_text("(noname)+\n.\n")
+    free = check(folder, *options)
+    assert "Clear: " in free.out

@@ -10,7 +10,7 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.execution import _mujoco, stability
+from armcontour.execution import _mujoco, rigid_body_plant, stability
 from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
@@ -582,6 +582,28 @@ def test_springs_keep_energy_and_dampers_take_it():
 
     assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
     assert share_left(stiffness * 1e-4) < 0.95
+
+
+def test_steps_in_blocks_are_the_same_steps(monkeypatch):
+    arm = two_link(coulomb=[0.5, 0.0])
+    whole = run(arm, swing([0.5, 0.3]), noise=1e-6)
+    monkeypatch.setattr(rigid_body_plant, "STEPS_AT_ONCE", 7)
+    parts = run(arm, swing([0.5, 0.3]), noise=1e-6)
+    np.testing.assert_array_equal(whole.q, parts.q)
+    np.testing.assert_array_equal(whole.torque, parts.torque)
+
+
+def test_errors_of_mujoco_are_exceptions(monkeypatch):
+    build = _mujoco.build
+
+    def broken(*args, **kwargs):
+        model = build(*args, **kwargs)
+        model.opt.integrator = 99
+        return model
+
+    monkeypatch.setattr(_mujoco, "build", broken)
+    with pytest.raises(_mujoco.load().FatalError, match="invalid integrator"):
+        run(two_link(), swing([0.5, 0.3]))
 
 
 def test_friction_acts_at_the_motor():

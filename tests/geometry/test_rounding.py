@@ -388,3 +388,21 @@ def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientatio
     ends = rounded.orientation([0, rounded.length])[:, :, 2]
     np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)
     np.testing.assert_array_equal(rounded.stops, [1.0])
+
+
+@pytest.mark.parametrize("continuity", ["tangent", "curvature"])
+def test_a_circle_stays_as_it_is(continuity):
+    flat = ac.Path.from_segments([ac.Arc(start=(0.1, 0.0), center=(0.0, 0.0), angle=2 * np.pi)])
+    spatial = ac.Path.polyline([(0, 0, 0), (1, 0, 0)])
+    for path in (flat, spatial, spatial.pointing([0, 0, -1]), spatial.oriented(np.eye(3))):
+        found = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
+        s = np.linspace(0, path.length, 9)
+        np.testing.assert_array_equal(found(s), path(s))
+        np.testing.assert_array_equal(found.place(s), s)
+        assert len(found.corners) == 0 and len(found) == len(path) == 1
+        assert not count_full_stops(found)
+        if path.orientation is not None:
+            np.testing.assert_array_equal(found.orientation(s), path.orientation(s))
+            assert found.orientation.axis_only == path.orientation.axis_only
+    with pytest.raises(ac.InvalidInput, match="corner error tolerance"):
+        ac.round_corners(flat, tolerance=-1.0)

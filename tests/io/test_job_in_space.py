@@ -147,7 +147,7 @@ def test_packages_and_arguments_of_a_xacro_file(folder: FilePath) -> None:
         lacking = {name: value for name, value in described.items() if name != key}
         with pytest.raises(InvalidInput, match=words):
             job(folder / "jobs", arm=lacking, trust_xacro=True)
-        with pytest.raises(InvalidInput, match="go with arm.file, a .xacro file"):
+        with pytest.raises(InvalidInput, match="go with arm.file, a description"):
             job(arm={"name": "ur5e", key: described[key]})
 
 

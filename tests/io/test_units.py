@@ -1,13 +1,15 @@
 """Quantities with units."""
 
+import itertools
 import math
 import subprocess
 import sys
 import time
 
+import pint
 import pytest
 
-from armcontour.io.units import MOST_CHARACTERS, PERCENT, QUANTITY, parse, share
+from armcontour.io.units import MOST_CHARACTERS, PERCENT, QUANTITY, USUAL, parse, share
 
 
 @pytest.mark.parametrize(
@@ -138,3 +140,19 @@ def test_no_text_above_the_bound_is_looked_at():
 )
 def test_products_quotients_and_powers(text, unit, expected):
     assert parse(text, unit) == pytest.approx(expected, rel=1e-15)
+
+
+def test_usual_units_are_those_of_pint():
+    registry = pint.UnitRegistry(cache_folder=None)
+    for unit, names in USUAL.items():
+        for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
+            text = f" {number}{' ' if name == '1/s' else ''}{name} "
+            assert parse(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
+
+
+def test_usual_quantities_do_not_start_pint():
+    code = (
+        "import sys; from armcontour.io.units import parse; parse('5 mm', 'm'); "
+        "assert 'pint' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

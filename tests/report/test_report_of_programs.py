@@ -228,7 +228,7 @@ def test_rapids_are_grey_where_all_runs_have_the_same(study: Study) -> None:
 def test_titles_of_scenes_are_above_their_buttons(in_space: Study) -> None:
     for figure in (sections.program(in_space).figures[0], *sections.space(in_space).figures):
         layout = figure.layout
-        if layout.scene.camera.eye.x is None:
+        if layout.scene is None:
             continue
         rows = layout.margin.t - max(x.pad.b for x in layout.updatemenus)
         # A button is 30 pixels high, and a title 20.

@@ -9,8 +9,10 @@ import armcontour as ac
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
 from armcontour.timing.constraints import Bounds, JointDerivatives, JointTorque
+from armcontour.timing.constraints._torque import terms_on_grid
 from armcontour.timing.constraints.sampled import Sampled, rise
 from armcontour.timing.grid import Grid, finer_at_rests, place_grid
+from armcontour.timing.optimal import plan_optimal
 
 pytest.importorskip("pinocchio")
 
@@ -222,3 +224,38 @@ def test_a_grid_is_finer_next_to_rests():
     assert np.isin(grid.s, finer.s).all() and len(finer) < 1.1 * len(grid)
     assert finer_at_rests(grid, np.empty(0)) is grid
     assert finer_at_rests(grid, path.breaks.repeat(100)) is grid
+
+
+class Described(JointTorque):
+    """A subclass, which may keep other limits: the planner asks it for rows in the general way."""
+
+
+@pytest.mark.parametrize("viscous", [0, 1])
+@pytest.mark.parametrize("coulomb", [0, 1])
+@pytest.mark.parametrize("speeds", [(0.0, 0.0), (0.2, 0.1)])
+def test_compiled_plans_are_those_of_the_general_way(viscous, coulomb, speeds):
+    arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+    path, own = ac.JointPath.spline(POINTS), np.full(6, 8.0)
+    limits = ac.Limits(joint_velocity=own / 4, joint_acceleration=own)
+    torque = np.asarray(arm.limits.joint_torque)
+    more = {"start_speed": speeds[0], "end_speed": speeds[1], "intervals": 500}
+    found = plan_optimal(path, arm, limits.replace(joint_torque=torque), **more)
+    expected = plan_optimal(path, arm, limits, constraints=[Described(arm, torque)], **more)
+    assert np.array_equal(found.laws[0].s, expected.laws[0].s)
+    assert np.allclose(found.laws[0].breaks, expected.laws[0].breaks, rtol=1e-12, atol=0)
+
+
+def test_terms_on_a_grid_are_those_of_all_its_places():
+    dynamics, path = ur5e().dynamics, ac.JointPath.spline(POINTS)
+    grid = place_grid(path, 90)
+    n = len(grid)
+    ends, middles = np.empty((3, 2, n, 6)), np.empty((3, n, 6))
+    own = path.breaks, path.coefficients, grid.piece, grid.s
+    terms_on_grid(*dynamics.numbers, *own, ends, middles)
+    starts = dynamics.path_terms(*path.motion(grid.piece, grid.s[:-1]))
+    last = dynamics.path_terms(*path.motion(grid.piece, grid.s[1:]))
+    inside = dynamics.path_terms(*path.motion(grid.piece, (grid.s[:-1] + grid.s[1:]) / 2))
+    for term in range(3):
+        assert np.allclose(ends[term, 0], starts[term], rtol=1e-12, atol=1e-12)
+        assert np.allclose(ends[term, 1], last[term], rtol=1e-12, atol=1e-12)
+        assert np.allclose(middles[term], inside[term], rtol=1e-12, atol=1e-12)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
+from armcontour.arms._newton import follow
 from armcontour.arms.inverse import configurations
 from armcontour.frames import Frame, exp, log
 from armcontour.tracing import trace_all
 from armcontour.tracing.knots import first_knots
-from armcontour.tracing.redundancy import Guide
+from armcontour.tracing.poses import row_of_poses
+from armcontour.tracing.redundancy import Guide, smooth
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
@@ -449,20 +452,78 @@ def test_ten_thousand_segments(panda):
     assert max(off_path(arm, path, traced, traced.breaks)) < 1e-11
 
 
-def test_a_guide_tells_the_sides_of_its_stops_apart(panda):
-    # Every interval asks the spline of its own stretch, at stops too.
-    s = np.linspace(0, 1, 13)
+def test_a_guide_goes_through_its_values_by_splines_from_stop_to_stop():
+    # Every interval asks the spline of its own stretch, at stops too; stretches of one and two
+    # intervals are a line and a parabola, and bases turn as little as possible.
     random = np.random.default_rng(0)
-    q, w = random.normal(size=(13, 7)), random.normal(size=(13, 2, 7))
-    guide = Guide.through(s, q, w, s[[3, 4, 9]])
-    some = np.array([0, 1, 3, 5, 8, 9, 11])  # none of the second stretch but its ends
-    for places in (s[:-1], s[1:]):
-        found_w, found_g = guide.at(places[some], ((s[:-1] + s[1:]) / 2)[some])
-        for k, i in enumerate(some):
-            spline = guide.splines[np.searchsorted([3, 4, 9], i, side="right")]
-            values = np.array([spline(places[i], order) for order in range(3)])
-            np.testing.assert_array_equal(found_g[k], values[:, :7])
-            np.testing.assert_array_equal(found_w[k].reshape(3, -1), values[:, 7:])
+    s = np.linspace(0, 1, 13) + random.uniform(-0.02, 0.02, 13)
+    stops = s[[3, 4, 6]]
+    for free in (1, 2, 3):
+        q = np.sin(s[:, None] + np.arange(7))
+        w = np.eye(7)[:free] + 0.1 * np.sin(2 * s[:, None, None] + np.arange(7))
+        w = np.linalg.qr(np.swapaxes(w, 1, 2))[0] * random.choice([-1.0, 1.0], (13, 1, free))
+        w = np.ascontiguousarray(np.swapaxes(w, 1, 2))
+        aligned = w.copy()
+        for k in range(1, 13):
+            u, _, v = np.linalg.svd(aligned[k - 1] @ w[k].T)
+            aligned[k] = u @ v @ w[k]
+        values = np.concatenate([q, aligned.reshape(13, -1)], axis=1)
+        guide = Guide.through(s, q, w, stops)
+        for i in range(12):
+            first, last = next(x for x in ((0, 3), (3, 4), (4, 6), (6, 12)) if i < x[1])
+            spline = CubicSpline(s[first : last + 1], values[first : last + 1])
+            middle = np.full(3, (s[i] + s[i + 1]) / 2)
+            places = np.array([s[i], s[i] + 0.3 * (s[i + 1] - s[i]), s[i + 1]])
+            found_w, found_g = guide.at(places, middle)
+            for order in range(3):
+                wanted = spline(places, order)
+                scale = {"rtol": 1e-9, "atol": 1e-9 * np.abs(wanted).max()}
+                np.testing.assert_allclose(found_g[:, order], wanted[:, :7], **scale)
+                np.testing.assert_allclose(found_w[:, order].reshape(3, -1), wanted[:, 7:], **scale)
+
+
+def test_a_guide_does_not_swing_beside_a_short_turn():
+    s = np.array([0.0, 1.0, 2.0, 2.01, 3.0, 4.0])
+    q = np.repeat([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]], 7, axis=1)
+    w = np.tile(np.eye(7)[:1], (6, 1, 1))
+    guide, places = Guide.through(s, q, w, s[:0]), np.linspace(0.05, 3.95, 40)
+    _, found = guide.at(places, places)
+    slopes = PchipInterpolator(s, q)(s, 1)
+    for at, middle in ((s[:-1], s[:-1] + 1e-3), (s[1:], s[1:] - 1e-3)):
+        _, ends = guide.at(at, middle)
+        k = np.searchsorted(s, at)
+        np.testing.assert_allclose(ends[:, :2], np.stack([q, slopes], axis=1)[k], atol=1e-9)
+        assert np.abs(ends[:, 2]).max() < 1e-7
+    assert found[:, 0].min() >= 0 and found[:, 0].max() <= 1
+
+
+def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
+    path = PATHS["axis per waypoint"]
+    knots = first_knots(path)
+    poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
+    starts = configurations(panda, poses[0], 5)
+    first = np.empty((len(poses), 7))
+    for start in starts:
+        first[0] = start
+        if follow(*panda.arrays, poses, 5, first) == len(poses):
+            break
+    costs = []
+    for rounds in (0, 1, 3, 25):
+        q, cost = smooth(panda, s, poses, 5, first, rounds=rounds)
+        np.testing.assert_allclose(panda.forward(q), poses[:, :, 3], atol=1e-9)
+        costs.append(cost)
+    assert costs == sorted(costs, reverse=True) and costs[-1] < 0.9 * costs[0]
+    held, _ = smooth(panda, s, poses, 5, first, start_stays=True)
+    np.testing.assert_allclose(held[0], first[0], atol=1e-12)
+    pace = panda.limits.joint_velocity.min() / panda.limits.joint_velocity
+    # The cost, by its definition.
+    steps = np.diff(first, axis=0) * pace
+    far = np.linalg.norm(steps, axis=1)
+    share = (np.diff(s) / (s[-1] - s[0]) + far / far.sum()) / 2
+    lower, upper = panda.limits.joint_range(7)
+    beyond = np.maximum(np.abs(2 * first - lower - upper) / (upper - lower) - 0.7, 0)
+    wanted = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
+    assert costs[0] == pytest.approx(wanted, rel=1e-12)
 
 
 def test_halving_knots_leaves_the_knots_as_they_were():

@@ -18,6 +18,9 @@ from armcontour.arms._blocks import B, write_sines
 # of force and moment of the motion with both, and of the first moment of all that the joint
 # carries; gravity along x and y.
 LINK_ROWS = 21
+FIRST, SECOND = 2, 3
+# Rows that `write_terms` leaves: moments about the joint axes.
+OF_U, OF_X, WEIGHT = 9, 15, 16
 # Rows of the motion that goes from link to link, three each: angular velocity, velocity, angular
 # acceleration, acceleration, gravity.
 MOTION_ROWS = 15
@@ -131,7 +134,39 @@ def go_inward(link: FloatArray, own: FloatArray, before: FloatArray) -> None:
         before[18 * B + i] += r20 * x + r21 * y + r22 * z + carried * p2
 
 
-@compiled(fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
+def write_terms(
+    links: FloatArray, gravity: FloatArray, rows: FloatArray, motion: FloatArray
+) -> None:
+    """Write the coefficients of a block: of dds, of ds², and the torque of gravity, for all links.
+
+    Args:
+        links: Numbers of the links, as `Dynamics` packs them, (dof, 24).
+        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
+        rows: Rows of the links, (dof, LINK_ROWS * B), with joint positions in row 0 and their
+            derivatives in FIRST and SECOND; the coefficients are written into OF_U, OF_X and
+            WEIGHT.
+        motion: Memory for the motion, (MOTION_ROWS * B,).
+    """
+    dof = len(links)
+    motion[: 12 * B] = 0.0
+    for k in range(3):
+        motion[(12 + k) * B : (13 + k) * B] = gravity[k]
+    for j in range(dof):
+        write_sines(rows[j])
+        go_outward(links[j], motion, rows[j])
+    for j in range(dof - 1, 0, -1):
+        go_inward(links[j], rows[j], rows[j - 1])
+    for j in range(dof):
+        own, armature = rows[j], links[j, 23]
+        for i in range(B):
+            own[OF_U * B + i] += armature * own[FIRST * B + i]
+            own[OF_X * B + i] += armature * own[SECOND * B + i]
+            weight = own[17 * B + i] * own[19 * B + i] - own[16 * B + i] * own[20 * B + i]
+            own[WEIGHT * B + i] = weight
+
+
+@compiled()
 def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -148,24 +183,17 @@ def path_terms(
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
     for begin in range(0, n, B):
-        motion[: 12 * B] = 0.0
-        for j in range(3):
-            motion[(12 + j) * B : (13 + j) * B] = gravity[j]
         for j in range(dof):
             own = rows[j]
             for i in range(B):
                 # The last block is filled up with the last state.
                 at = min(begin + i, n - 1)
-                own[i], own[2 * B + i], own[3 * B + i] = q[at, j], first[at, j], second[at, j]
-            write_sines(own)
-            go_outward(links[j], motion, own)
-        for j in range(dof - 1, 0, -1):
-            go_inward(links[j], rows[j], rows[j - 1])
+                own[i] = q[at, j]
+                own[FIRST * B + i], own[SECOND * B + i] = first[at, j], second[at, j]
+        write_terms(links, gravity, rows, motion)
         for j in range(dof):
-            own, armature = rows[j], links[j, 23]
+            own = rows[j]
             for i in range(min(B, n - begin)):
-                a[begin + i, j] = own[9 * B + i] + armature * own[2 * B + i]
-                b[begin + i, j] = own[15 * B + i] + armature * own[3 * B + i]
-                weight = own[17 * B + i] * own[19 * B + i] - own[16 * B + i] * own[20 * B + i]
-                c[begin + i, j] = weight
+                a[begin + i, j], b[begin + i, j] = own[OF_U * B + i], own[OF_X * B + i]
+                c[begin + i, j] = own[WEIGHT * B + i]
     return a, b, c

@@ -174,8 +174,9 @@ def newton(
         q: Initial guesses of the joint positions [rad], overwritten with the results, (n, dof).
         targets: Target poses, (n, 3, 4).
         task: Task dimension: 6, 5 or 3.
-        w: Rows of the guide equations, (n, dof - task, dof).
-        g: Joint positions of the guide [rad], (n, dof).
+        w: Rows of the guide equations in [:, 0], (n, 1 or 3, dof - task, dof); derivatives are
+            not used.
+        g: Joint positions of the guide in [:, 0] [rad], (n, 1 or 3, dof).
 
     Returns:
         Whether a solution was found for each pose, (n,), and the largest difference of a joint
@@ -200,8 +201,8 @@ def newton(
             for r in range(dof - task):
                 value = 0.0
                 for k in range(dof):
-                    a[task + r, k] = w[i, r, k]
-                    value += w[i, r, k] * (g[i, k] - q[i, k])
+                    a[task + r, k] = w[i, 0, r, k]
+                    value += w[i, 0, r, k] * (g[i, 0, k] - q[i, k])
                 b[task + r] = value
             if solve(a, b, dof) < SINGULAR:
                 break

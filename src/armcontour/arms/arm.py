@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -18,6 +19,7 @@ from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
     from armcontour.arms.dynamics import Dynamics
+    from armcontour.scene import ArmShapes
 
 # The step along the motion for the derivative of the rate of the Jacobian [rad]: truncation, its
 # fourth power over 30, and rounding, 1e-16 over it, are about equal.
@@ -65,6 +67,7 @@ class Arm(Locked, ABC):
     chain: Chain | None = None
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
+    _read_shapes: Callable[[], ArmShapes] | None = None
     _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
 
     @property
@@ -90,6 +93,43 @@ class Arm(Locked, ABC):
             name: For people.
         """
         return self._copy(name=name)
+
+    @cached_property
+    def shapes(self) -> ArmShapes | None:
+        """Shapes of the links and of the tool; None if they are not known.
+
+        They are read from their files when they are first asked for.
+
+        Raises:
+            InvalidInput: A file of a shape is not there, or cannot be read.
+        """
+        found = None if self._read_shapes is None else self._read_shapes()
+        self._refuse_shapes(found)
+        return found
+
+    def with_shapes(self, shapes: ArmShapes | Callable[[], ArmShapes] | None) -> Self:
+        """The same arm with other shapes of its links and tool.
+
+        Args:
+            shapes: The shapes, or what reads them when they are first asked for; None if they are
+                not known.
+
+        Raises:
+            InvalidInput: A shape belongs to a link that the arm does not have.
+        """
+        if callable(shapes):
+            return self._copy(_read_shapes=shapes)
+        self._refuse_shapes(shapes)
+        return self._copy(_read_shapes=None, shapes=shapes)
+
+    def _refuse_shapes(self, shapes: ArmShapes | None) -> None:
+        """Refuse shapes of links that the arm does not have."""
+        for x in () if shapes is None else shapes.shapes:
+            if not 0 <= x.link <= self.dof:
+                raise InvalidInput(
+                    f"The shape of {x.name} belongs to link {x.link}, but the links of the arm "
+                    f"{self.name} are 0 (the base) to {self.dof}."
+                )
 
     def with_dynamics(
         self,
@@ -135,6 +175,8 @@ class Arm(Locked, ABC):
 
     def _copy(self, **changes: Any) -> Self:
         other = copy.copy(self)
+        if "_read_shapes" in changes:
+            vars(other).pop("shapes", None)
         if "chain" in changes:
             # The dynamics of this arm may be computed already.
             vars(other).pop("dynamics", None)

@@ -12,7 +12,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, cross_matrix
 
 GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
 
@@ -144,6 +144,28 @@ class Chain:
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4).
+
+    Args:
+        chain: The chain.
+        q: Joint positions [rad], (n, dof).
+    """
+    at = np.asarray(q, dtype=np.float64)
+    found = np.empty((len(at), len(chain) + 1, 3, 4))
+    found[:, 0, :, :3], found[:, 0, :, 3] = chain.base.rotation, chain.base.position
+    # Rodrigues' formula: I + sin q K + (1 - cos q) K².
+    sines, rest = np.sin(at)[..., None, None], 1 - np.cos(at)[..., None, None]
+    turns = cross_matrix(chain.axes)
+    turned = np.stack([chain.rotations @ x for x in (np.eye(3), turns, turns @ turns)])
+    joints = turned[0] + sines * turned[1] + rest * turned[2]
+    for k in range(len(chain)):
+        before = found[:, k, :, :3]
+        found[:, k + 1, :, :3] = before @ joints[:, k]
+        found[:, k + 1, :, 3] = found[:, k, :, 3] + before @ chain.positions[k]
+    return found
 
 
 def joint_frames(chain: Chain) -> FloatArray:

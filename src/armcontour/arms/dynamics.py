@@ -31,6 +31,11 @@ class Dynamics:
         self._gravity = np.array(chain.gravity)
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
 
+    @property
+    def numbers(self) -> tuple[FloatArray, FloatArray]:
+        """What compiled dynamics take: numbers of the links, (dof, 24), and gravity, (3,)."""
+        return self._links, self._gravity
+
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of links, payload, drives and gravity, without friction."""
         _, moving, weight = self.path_terms(q, dq, ddq)

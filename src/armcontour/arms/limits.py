@@ -102,18 +102,19 @@ class Limits:
             if name == "joint_jerk":
                 finite = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
             array = _checks.numbers(name, finite, unit)
+            object.__setattr__(self, name, _checks.lock_floats(values))
+            if array.ndim <= 1 and (array >= _checks.SMALLEST).all():
+                continue
             if array.ndim > 1 or (array <= 0).any():
                 raise InvalidInput(
                     f"{name} must be above zero for every joint, but is {array.tolist()} {unit}.",
                     limit=name,
                 )
-            if (array < _checks.SMALLEST).any():
-                raise InvalidInput(
-                    f"{name} must be at least {_checks.SMALLEST:g} {unit} for every joint, but is "
-                    f"{array.tolist()} {unit}.",
-                    limit=name,
-                )
-            object.__setattr__(self, name, _checks.lock_floats(values))
+            raise InvalidInput(
+                f"{name} must be at least {_checks.SMALLEST:g} {unit} for every joint, but is "
+                f"{array.tolist()} {unit}.",
+                limit=name,
+            )
         for name in JOINT_RANGE:
             self._check_range(name)
         if self.joint_lower is not None and self.joint_upper is not None:
@@ -224,7 +225,9 @@ class Limits:
         """
         upper = or_unlimited(self.joint_acceleration, dof)
         lower = upper if self.joint_deceleration is None else self.joint_deceleration
-        return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
+        if not upper.shape == lower.shape == (dof,):
+            lower, upper = np.full(dof, lower), np.full(dof, upper)
+        return -lower, upper
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of every joint's range [rad], infinite without one.
@@ -232,9 +235,12 @@ class Limits:
         Args:
             dof: Number of joints.
         """
-        lower = np.inf if self.joint_lower is None else -self.joint_lower
-        upper = np.inf if self.joint_upper is None else self.joint_upper
-        return -np.broadcast_to(lower, (dof,)), np.broadcast_to(upper, (dof,))
+        lower, upper = np.full((2, dof), np.array([[-np.inf], [np.inf]]))
+        if self.joint_lower is not None:
+            lower[:] = self.joint_lower
+        if self.joint_upper is not None:
+            upper[:] = self.joint_upper
+        return lower, upper
 
     def middle(self, dof: int) -> FloatArray:
         """Middle of every joint's range [rad]; for an open range the position closest to 0.

@@ -13,6 +13,7 @@ from armcontour.arms.limits import Limits
 from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
+from armcontour.scene import ArmShapes, Capsule, LinkShape
 
 # Closer than this [m] to a limit of its reach the arm counts as singular: there sin(theta2) is
 # about 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits
@@ -34,7 +35,7 @@ class PlanarTwoLink(Arm):
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         joint_names: Names of the two joints.
-        tubes: The tubes that stand for the two links; None if the masses are not known.
+        tubes: The tubes that stand for the two links; None if neither masses nor shapes are known.
         payload: Load at the tool; its frame lies in the plane, with y along the second link.
         assumed: Which masses and inertias are assumed, and by which rule, for messages.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
@@ -67,6 +68,8 @@ class PlanarTwoLink(Arm):
         self.limits_hint = limits_hint
         self.joint_names = tuple(joint_names)
         self.chain = self._chain(tubes, payload, assumed)
+        if tubes is not None:
+            self.shapes = _capsules(tubes, (self.link1, self.link2))
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -283,3 +286,22 @@ class PlanarTwoLink(Arm):
             needed=at,
             allowed=far if at > (near + far) / 2 else near,
         )
+
+
+def _capsules(tubes: tuple[Tube, Tube], lengths: tuple[float, float]) -> ArmShapes:
+    """Round-ended tubes in the place of links; the second one ends at the tool.
+
+    Args:
+        tubes: The tubes.
+        lengths: Lengths of the links [m].
+    """
+    shapes = []
+    for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
+        radius = tube.outer_diameter / 2
+        # The end of a link that is thicker than long is left round.
+        stretch = length - radius if k == 2 and length > radius else length
+        shape = Capsule(radius=radius, length=stretch)
+        place = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))
+        shapes.append(LinkShape(name=f"link {k}", link=k, shape=shape, place=place))
+    source = "capsules in the place of links, with the assumed diameters of their tubes"
+    return ArmShapes(shapes=tuple(shapes), source=source)

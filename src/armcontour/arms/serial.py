@@ -202,7 +202,7 @@ class SerialArm(Arm):
 
     def _with(self, chain: Chain) -> SerialArm:
         """A copy of the arm with another chain."""
-        return SerialArm(
+        found = SerialArm(
             name=self.name,
             chain=chain,
             limits=self.limits,
@@ -210,6 +210,10 @@ class SerialArm(Arm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
+        # Shapes are those of this arm, read or not.
+        kept = {key: x for key, x in vars(self).items() if key in ("shapes", "_read_shapes")}
+        vars(found).update(kept)
+        return found
 
     def _motion(self, order: int, states: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Tool poses, or the derivatives up to an order; as the compiled `tool_motion` has them."""

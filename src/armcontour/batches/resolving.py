@@ -19,15 +19,18 @@ from armcontour.batches.columns import CERTIFY
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.cell import cell_data
-from armcontour.io.job_arm import ARM_FILES, arm_of
-from armcontour.io.job_file import job_on, job_text, read_model
+from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.job_file import job_on, job_text, parts_of, read_model
 from armcontour.io.job_model import JobModel
-from armcontour.io.job_path import path_of
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.si_data import in_si
 from armcontour.jobs import Job
 from armcontour.program import Program
+from armcontour.scene import Scene
 
+# Keys of a job that read files, and keys inside of these that name them.
+WITH_FILES = ("arm", "path", "scene")
+FILE_KEYS = ("file", "files", "joint_limits")
 # A leaf of data: the keys that lead there, and its value as text.
 Leaf = tuple[tuple[str, ...], str]
 
@@ -91,15 +94,11 @@ class Base:
         """
         model = self.model(data)
         with locate_errors(self.source):
-            arm, drawn = _made(
-                _text(data.get("arm")),
-                _text(data.get("path")),
-                _Made(model, self.folder, trust_xacro),
-            )
-            return job_on(model, arm, drawn)
+            text = _text([data.get(x) for x in WITH_FILES])
+            return job_on(model, *_made(text, _Made(model, self.folder, trust_xacro)))
 
     def heard(self, data: Mapping[str, Any], *, trust_xacro: bool) -> Base:
-        """The same with the digests of files that its arm and its path read, and its dimension.
+        """The same with its arm's dimension, and digests of files that arm, path and scene read.
 
         Args:
             data: Its data with values of all parameters.
@@ -114,7 +113,7 @@ class Base:
             found[file.resolve()] = hashlib.sha256(content).hexdigest()
 
         with _files.hear_reading(hear), locate_errors(self.source):
-            arm, _ = _Made(self.model(data), self.folder, trust_xacro).make()
+            arm, *_ = _Made(self.model(data), self.folder, trust_xacro).make()
         for x in named_files(data):
             found.pop((self.folder / x).resolve(), None)
         return replace(self, files=tuple(sorted(found.values())), dimension=arm.dimension)
@@ -122,21 +121,20 @@ class Base:
 
 @dataclass(frozen=True, slots=True)
 class _Made:
-    """Makes an arm and a path; equal to every other, so that a cache goes by their text."""
+    """Makes arm, path and scene; equal to every other, so that a cache goes by their text."""
 
     model: JobModel = field(compare=False)
     folder: FilePath
     trust_xacro: bool
 
-    def make(self) -> tuple[Arm, Path | Program]:
-        """The arm and the path."""
-        arm = arm_of(self.model.arm, self.folder, trust_xacro=self.trust_xacro)
-        return arm, path_of(self.model.path, self.folder, arm.dimension)
+    def make(self) -> tuple[Arm, Path | Program, Scene | None]:
+        """The arm, the path and the scene."""
+        return parts_of(self.model, self.folder, trust_xacro=self.trust_xacro)
 
 
 @lru_cache(maxsize=4)
-def _made(arm: str, path: str, made: _Made) -> tuple[Arm, Path | Program]:
-    """The arm and the path of some data; the last ones are kept."""
+def _made(text: str, made: _Made) -> tuple[Arm, Path | Program, Scene | None]:
+    """The arm, the path and the scene of some data; the last ones are kept."""
     return made.make()
 
 
@@ -250,12 +248,23 @@ def _put(data: dict[str, Any], parts: Sequence[str], value: Any) -> None:
 
 def named_files(data: Mapping[str, Any]) -> Iterator[str]:
     """The files that keys of a job name."""
-    arm, path = data.get("arm"), data.get("path")
+    arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
-    found = [arm.get(x) for x in ("file", "joint_limits")] if isinstance(arm, dict) else []
-    found += [path.get("file")] if isinstance(path, dict) else []
-    yield from (x for x in found if isinstance(x, str))
+    for x in WITH_FILES:
+        yield from _files_in(data.get(x))
+
+
+def _files_in(data: Any) -> Iterator[str]:
+    """The files that some data name."""
+    if isinstance(data, list):
+        for x in data:
+            yield from _files_in(x)
+    elif isinstance(data, Mapping):
+        for key, x in data.items():
+            if key in FILE_KEYS:
+                yield from (y for y in (x if isinstance(x, list) else [x]) if isinstance(y, str))
+            yield from _files_in(x)
 
 
 def flatten(data: Any, parts: tuple[str, ...] = ()) -> Iterator[Leaf]:
@@ -287,8 +296,7 @@ class Identity:
     def __init__(self, base: Base, keys: Sequence[tuple[str, ...]], asked: Sequence[str]) -> None:
         self._base, self._keys = base, tuple(keys)
         self._digests: dict[str, str] = {}
-        # Files change with parameters of arm and path only.
-        self._own = [k for k, parts in enumerate(keys) if parts[0] in ("arm", "path")]
+        self._own = [k for k, parts in enumerate(keys) if parts[0] in WITH_FILES]
         self._known: dict[str, str] = {}
         self._order = sorted(range(len(keys)), key=lambda k: keys[k])
         fixed = sorted(x for x in flatten(base.data) if not any(_meet(x[0], y) for y in keys))

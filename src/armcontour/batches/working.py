@@ -19,7 +19,7 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
-from armcontour._processes import serving
+from armcontour._processes import is_other
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, TEACH, figures_of
 from armcontour.batches.executors import Engine
@@ -219,7 +219,7 @@ def _prepare(packed: bytes, share: float | None, dimensions: tuple[int, ...]) ->
         with _alone():
             for x in dimensions:
                 warm_for_run(x, lambda step: None)
-    if serving():
+    if is_other():
         with suppress(OSError):
             FilePath("/proc/self/oom_score_adj").write_text(RATHER)
         most = share if plan.memory is None else plan.memory

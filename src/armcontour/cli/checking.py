@@ -17,11 +17,13 @@ from armcontour.cli.console import Console
 if TYPE_CHECKING:
     from armcontour._checks import FloatArray
     from armcontour.arms import Arm
+    from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
     from armcontour.io import TrajectoryFile
     from armcontour.jobs import Job, Run
+    from armcontour.scene import Scene
 
 HEADINGS = (
     *("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"),
@@ -31,6 +33,7 @@ HEADINGS = (
 MOST_PLAIN = 1e6
 # Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_NOISE = 1e-9
+JOB_FILES = (".yaml", ".yml")
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 UNITS = limits.UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
@@ -49,10 +52,11 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job, read_limits
+    from armcontour.io.summary import clearance_summary
     from armcontour.jobs import programs_of
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
-    arm = _arm(x, job)
+    arm, scene = _arm_and_scene(x, job)
     path, limits, deviation, angle = None, arm.limits, None, None
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
@@ -66,15 +70,46 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         )
     samples = _samples(trajectory, arm, x)
     found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
-    if not found.uses and found.path_deviation is None:
+    clearance = None if scene is None else _clearance(samples, arm, scene)
+    if not found.uses and found.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     if x.as_json:
         page = _plain(found) | {"left_out": list(samples.left_out)}
+        if clearance is not None:
+            page["clearance"] = clearance_summary(clearance)
         print(json.dumps(page, indent=2, allow_nan=False))
     else:
         remarks = _on_the_file(samples, found, declared=x.noise is not None)
+        if clearance is not None:
+            remarks.append(f"{clearance} Between samples the joints count as moving evenly.")
         _print(found, [*remarks, *(f"Note: {note}" for note in arm.notes)])
-    return EXIT_CODES[found.verdict]
+    touches = clearance is not None and not clearance.kept
+    return EXIT_CODES["violated" if touches else found.verdict]
+
+
+def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
+    """How far an arm stays from itself and from its cell; its times are those of the file."""
+    from armcontour.clearance import check_clearance
+
+    return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
+
+
+def _arm_and_scene(x: CheckOptions, job: Job | None) -> tuple[Arm, Scene | None]:
+    """The arm that the options name, and the scene; None if none is named.
+
+    The scene of a job file has its arm, too, unless another one is named.
+    """
+    from armcontour.io import read_job
+    from armcontour.io.scene_files import read_scene_file
+    from armcontour.scene import Scene
+
+    if x.scene is None:
+        return _arm(x, job), None
+    if x.scene.suffix.lower() not in JOB_FILES:
+        return _arm(x, job), Scene(obstacles=read_scene_file(x.scene))
+    cell = read_job(x.scene, trust_xacro=x.trust_xacro)
+    scene = Scene() if cell.scene is None else cell.scene
+    return _arm(x, cell if job is None else job), scene
 
 
 def _arm(x: CheckOptions, job: Job | None) -> Arm:

@@ -51,6 +51,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         continuity=x.continuity,
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
         memory=read_option("--memory", x.memory, kinds.Memory),
+        ignore_collisions=x.ignore_collisions,
     )
 
 

@@ -193,6 +193,13 @@ class JobOptions(DrawingOptions):
         typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),
     ] = None
     memory: Memory = None
+    ignore_collisions: Annotated[
+        bool,
+        typer.Option(
+            "--ignore-collisions",
+            help="Go on where the arm comes too near to itself or to its cell; results say so.",
+        ),
+    ] = False
     trust_xacro: TrustXacro = False
 
 
@@ -337,6 +344,14 @@ class CheckOptions(ArmOptions):
     ] = None
     run_name: Annotated[
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
+    ] = None
+    scene: Annotated[
+        FilePath | None,
+        typer.Option(
+            "--scene",
+            help="Cell: check how near the arm comes to it and to itself. A job file, obstacles as "
+            "URDF, or a scene of MoveIt (.scene).",
+        ),
     ] = None
     columns: Columns = None
     topic: Topic = None

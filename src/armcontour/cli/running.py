@@ -64,29 +64,29 @@ def run_job(
         if exports:
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
-        warm_for_run(job.arm.dimension, progress)
-        from armcontour.jobs import run, steps_of, teach
+        with warm_for_run(job.arm.dimension, progress):
+            from armcontour.jobs import run, steps_of, teach
 
-        steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
-        progress.expect([*steps, WRITING.names[0]])
-        if simulate:
-            from armcontour.report import render_report
+            steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
+            progress.expect([*steps, WRITING.names[0]])
+            if simulate:
+                from armcontour.report import render_report
 
-            study = run(job, progress=progress)
-            progress(WRITING)
-            write_motions(folder, job, study.runs)
-            notes = _write_exports(folder, job, study.runs, exports)
-            folder.write("report.html", render_report(study))
-            folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
-        else:
-            plans = teach(job, progress=progress)
-            progress(WRITING)
-            # With formats chosen, no other files are written.
-            if not exports:
-                write_motions(folder, job, plans)
-            notes = _write_exports(folder, job, plans, exports)
-            files = [*folder.files, "summary.json"]
-            folder.write("summary.json", summarise_taught(job, plans, files))
+                study = run(job, progress=progress)
+                progress(WRITING)
+                write_motions(folder, job, study.runs)
+                notes = _write_exports(folder, job, study.runs, exports)
+                folder.write("report.html", render_report(study))
+                folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
+            else:
+                plans = teach(job, progress=progress)
+                progress(WRITING)
+                # With formats chosen, no other files are written.
+                if not exports:
+                    write_motions(folder, job, plans)
+                notes = _write_exports(folder, job, plans, exports)
+                files = [*folder.files, "summary.json"]
+                folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
         _print_plans(job, plans, out, notes)
         return
@@ -138,7 +138,7 @@ def _print_plans(
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
-        for note in (x.shape_note, x.stops_note):
+        for note in (x.shape_note, x.stops_note, x.clearance_note):
             if note is not None:
                 console.say(note)
     for note in (*warnings_of(plans.values()), *notes):
@@ -187,7 +187,11 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
     for name, result in study.runs.items():
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
-        lines += [x for x in (result.shape_note, result.stops_note) if x is not None]
+        lines += [
+            x
+            for x in (result.shape_note, result.stops_note, result.clearance_note)
+            if x is not None
+        ]
     lines += [f"Warning: {x}" for x in (*warnings_of(study.runs.values()), *notes)]
     lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):

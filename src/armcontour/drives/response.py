@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
@@ -14,6 +14,9 @@ from armcontour.arms import Arm
 from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
 from armcontour.servo import ServoModel
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
 
 # A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
 Motion = Callable[[FloatArray, int], FloatArray]
@@ -80,6 +83,8 @@ class Response:
         A is lower triangular but for blocks of (dof, dof) on its diagonal. The first dof rows say
         that the joints start at rest.
         """
+        from scipy.sparse import csc_array
+
         n, dof = len(self.t), len(self.gain)
         m, d, k = (
             self.mass[:-1] / self.step**2,
@@ -105,6 +110,8 @@ def _blocks(blocks: list[tuple[FloatArray, IntArray]], n: int, dof: int) -> csc_
         n: Number of times.
         dof: Number of joints.
     """
+    from scipy.sparse import csc_array
+
     inner = np.arange(dof)
     down = np.arange(1, n)[:, None, None] * dof + inner[:, None]
     rows = np.concatenate([np.broadcast_to(down, x.shape).ravel() for x, _ in blocks])

@@ -18,7 +18,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
@@ -222,6 +221,8 @@ def _offer_tool_acceleration(
     Returns:
         Largest share of a limit that rounding may have made.
     """
+    from scipy.ndimage import maximum_filter1d
+
     limits, size, error = tally.limits, np.linalg.norm(x.mean, axis=1), x.error[:, 0]
     slack = 0.0
     if limits.tool_acceleration is not None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import os
+from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +13,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms.chain import Chain
 from armcontour.errors import InvalidInput
+from armcontour.execution._stepping import Functions
 
 # MuJoCo models friction as a stiff constraint, so a joint that sticks still creeps. With the
 # standard stiffness the position loop would remove the offset of a sticking joint within a second.
@@ -50,6 +54,18 @@ def load() -> Any:
         ) from None
 
 
+def functions() -> Functions:
+    """Where the functions of MuJoCo are in memory."""
+    # On Linux and macOS the symbols of a module include those of the libraries that it needs.
+    module = FilePath(load()._functions.__file__)
+    library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))
+
+    def find(name: str) -> int:
+        return int(ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0)
+
+    return Functions(find("mj_step"), find("mj_kinematics"), find("mj_comPos"), find("mj_rne"))
+
+
 def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None = None) -> Any:
     """Build the MuJoCo model of a chain.
 
@@ -77,9 +93,11 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     # With 0 every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
     # A simulation that diverges is reported; MuJoCo must not reset it to the start.
-    spec.option.disableflags = (
-        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    )
+    off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    if not friction or not np.any(chain.coulomb):
+        # Dry friction is the only constraint; without any, the search for some takes time.
+        off |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    spec.option.disableflags = off
     masses, moments = _add_links(mujoco, spec, chain)
     if springs is not None:
         _add_motors(mujoco, spec, len(chain))
@@ -120,15 +138,38 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
 
     Its rows are the model's degrees of freedom, (dof, dof), or (2 dof, 2 dof) with springs.
     """
+    return np.asarray(mass_matrices(model, q[None])[0])
+
+
+def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
+    """Mass matrices as `mass_matrix` gives them, (k, n, n), at many positions, (k, dof)."""
     mujoco = load()
-    data = mujoco.MjData(model)
-    data.qpos[: len(q)] = q
-    for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
-        compute(model, data)
-    found = np.empty((model.nv, model.nv))
-    for column, unit in zip(found, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
+    # Memory for a state takes longer than a matrix.
+    data, units = mujoco.MjData(model), np.eye(model.nv)
+    found = np.empty((len(q), model.nv, model.nv))
+    for place, matrix in zip(q, found, strict=True):
+        data.qpos[: len(place)] = place
+        for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
+            compute(model, data)
+        for column, unit in zip(matrix, units, strict=True):
+            mujoco.mj_mulM(model, data, column, unit)
     return found
+
+
+def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
+    """Torques that hold the links against gravity at their positions q [N m], (dof,).
+
+    Args:
+        model: The model.
+        data: A state without velocities, of which the positions are lost.
+        q: The positions [rad], (dof,).
+    """
+    mujoco, found = load(), np.zeros(model.nv)
+    data.qpos[: len(q)] = q
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_rne(model, data, 0, found)
+    return found[: len(q)]
 
 
 def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:

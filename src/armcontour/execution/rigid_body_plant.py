@@ -13,8 +13,9 @@ from armcontour._checks import FloatArray, Locked
 from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.execution import _mujoco
+from armcontour.execution import _mujoco, _stepping
 from armcontour.execution._mujoco import Springs
+from armcontour.execution._stepping import Bodies, Loops, Rows
 from armcontour.execution.plant import (
     PATIENCE,
     RESULT,
@@ -61,6 +62,8 @@ DAMPING_TIME = 1e-4
 RATED_POSES = 200
 # Duration of the command intervals that are simulated at a time [s].
 BLOCK = 1.0
+# Number of integration steps in one compiled call, which take up to 0.1 s.
+STEPS_AT_ONCE = 1000
 
 
 class RigidBodyPlant(Locked, Plant):
@@ -400,17 +403,28 @@ class _Robot:
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
         # The controller's model with a state at rest, for computing the torques of gravity.
-        self.known = (
+        self.known_model = (
             self.model
             if plant.known_chain is plant.chain and springs is None
             else _mujoco.build(plant.known_chain, step, friction=False)
         )
-        self.still = self.mujoco.MjData(self.known)
+        self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
         motors, links = self._equilibrium(np.array(taught.q[0]))
         # Without springs both are the same.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
+        self.functions = _mujoco.functions()
+        self.bodies = Bodies.of(self.model, self.data)
+        self.known = Bodies.of(self.known_model, self.still)
+        self.loops = Loops(
+            kp=np.array(plant.servo.kp),
+            kv=np.array(plant.kv),
+            inertia=np.array(plant.nominal_inertia),
+            limit=np.array(plant.torque_limit),
+            holds=plant.gravity_feedforward,
+            on_top=plant._on_top,
+        )
 
     @property
     def now(self) -> float:
@@ -421,6 +435,9 @@ class _Robot:
         """Integrate every step in so many parts."""
         self.parts = parts
         _mujoco.set_step(self.model, self.step / parts)
+        # Compiled calls of MuJoCo cannot raise exceptions: one of its errors would end the process.
+        # A step from Python shows whether there are any, as all steps do the same.
+        self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
     def advance(self, commands: FloatArray) -> _Log:
         """Simulate one step per row of the commands, (n, dof) [rad].
@@ -428,58 +445,25 @@ class _Robot:
         Raises:
             ExecutionError: A joint runs away.
         """
-        plant, n, dof = self.plant, *commands.shape
-        # Links, and with springs motors: encoders and torques are those of the last dof.
-        places, rates = self.data.qpos, self.data.qvel
-        q, dq = np.empty((n + 1, len(places))), np.empty((n + 1, len(places)))
-        demand, wanted, torque = (np.empty((n, dof)) for _ in range(3))
-        noise = self.rng.normal(0.0, plant.noise, (n, dof)) if plant.noise else None
-        kp, kv, inertia = plant.servo.kp, plant.kv, plant.nominal_inertia
-        top, bottom = plant.torque_limit, -plant.torque_limit
-        limited = np.isfinite(top).all()
-        gravity, holds, on_top = np.zeros(dof), plant.gravity_feedforward, plant._on_top
-        # This loop takes most of the time of a run: all names are local, and only views are made.
-        model, data, move = self.model, self.data, self.mujoco.mj_step
-        parts, position, velocity = self.parts, places[-dof:], rates[-dof:]
-        applied = data.qfrc_applied[-dof:]
-        subtract, multiply, add, measured = np.subtract, np.multiply, np.add, position
-        minimum, maximum, wildest = np.minimum, np.maximum, RUNAWAY**2
-        for k in range(n):
-            q[k], dq[k] = places, rates
-            ask, want, get = demand[k], wanted[k], torque[k]
-            if noise is not None:
-                measured = position + noise[k]
-            subtract(commands[k], measured, ask)
-            multiply(ask, kp, ask)
-            subtract(ask, velocity, ask)
-            multiply(ask, kv, ask)
-            multiply(ask, inertia, want)
-            if holds:
-                self._weigh(measured, gravity)
-            if not on_top:
-                add(want, gravity, want)
-            get[:] = want
-            if limited:
-                minimum(get, top, out=get)
-                maximum(get, bottom, out=get)
-            if on_top:
-                add(want, gravity, want)
-                add(get, gravity, get)
-            applied[:] = get
-            move(model, data, parts)
-            if not rates.dot(rates) < wildest:
-                self._refuse_runaway(k)
-        q[n], dq[n] = places, rates
+        n, dof = commands.shape
+        q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))
+        rows = Rows(q, dq, *(np.empty((n, dof)) for _ in range(3)))
+        noise = np.empty((0, dof))
+        if self.plant.noise:
+            noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
+        commands = np.ascontiguousarray(commands)
+        # Python answers signals between calls.
+        at_once = max(1, STEPS_AT_ONCE // self.parts)
+        for first in range(0, n, at_once):
+            end = min(first + at_once, n)
+            reached = _stepping.advance(
+                self.functions, self.bodies, self.known, self.loops, self.parts,
+                commands, noise, first, end, RUNAWAY, rows,
+            )  # fmt: skip
+            if reached != end:
+                self._refuse_runaway(reached)
         self.steps += n
-        return _Log.of(q, dq, demand, wanted, torque, self.step)
-
-    def _weigh(self, q: FloatArray, out: FloatArray) -> None:
-        """Write the torques that hold the known arm against gravity at q into `out` [N m]."""
-        mujoco, model, still = self.mujoco, self.known, self.still
-        still.qpos[:] = q
-        mujoco.mj_kinematics(model, still)
-        mujoco.mj_comPos(model, still)
-        mujoco.mj_rne(model, still, 0, out)
+        return _Log.of(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions at which the arm is at rest with the first set-point as command [rad].
@@ -495,7 +479,7 @@ class _Robot:
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         motors = links = first
-        weight, fed = self._weight(links), self._fed_forward(motors)
+        weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
         for _ in range(ITERATIONS):
             before = motors, links
             motors = first - (weight - fed) / gain
@@ -503,7 +487,7 @@ class _Robot:
             moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
             if moved.max() <= EQUILIBRIUM:
                 break
-            weight, fed = self._weight(links), self._fed_forward(motors)
+            weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
         else:
             j = int(np.argmax(moved))
             loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
@@ -519,21 +503,11 @@ class _Robot:
         refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
         return motors, links
 
-    def _weight(self, q: FloatArray) -> FloatArray:
-        """Torques that hold the arm against gravity at q [N m], (dof,)."""
-        data, found = self.mujoco.MjData(self.model), np.zeros(self.model.nv)
-        data.qpos[: len(q)] = q
-        self.mujoco.mj_kinematics(self.model, data)
-        self.mujoco.mj_comPos(self.model, data)
-        self.mujoco.mj_rne(self.model, data, 0, found)
-        return found[: len(q)]
-
     def _fed_forward(self, q: FloatArray) -> FloatArray:
         """Torques that the controller adds against gravity at q [N m], (dof,)."""
-        found = np.zeros(len(q))
-        if self.plant.gravity_feedforward:
-            self._weigh(q, found)
-        return found
+        if not self.plant.gravity_feedforward:
+            return np.zeros(len(q))
+        return _mujoco.weight(self.known_model, self.still, q)
 
     def _refuse_runaway(self, k: int) -> None:
         """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
@@ -710,12 +684,8 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
     model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
-    needed = [
-        np.abs(_mujoco.mass_matrix(model, lower + share * (upper - lower)))
-        @ limits.joint_acceleration
-        for share in shares
-    ]
-    return np.asarray(np.max(needed, axis=0))
+    matrices = np.abs(_mujoco.mass_matrices(model, lower + shares * (upper - lower)))
+    return np.asarray(np.max([x @ limits.joint_acceleration for x in matrices], axis=0))
 
 
 def _every(steps: int, span: float, resolution: float) -> int:

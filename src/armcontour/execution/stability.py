@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
-from armcontour.execution._mujoco import Springs, mass_matrix
+from armcontour.execution._mujoco import Springs, mass_matrices
 from armcontour.motion import TaughtData
 
 # Number of set-points at which a run is checked before the simulation.
@@ -77,6 +76,8 @@ class Modes(NamedTuple):
             The factor by which the least stable mode grows, and how much each motor takes part in
             that mode, (dof,).
         """
+        from scipy.linalg import expm
+
         n, dof = len(self.mass), len(damping)
         into = np.zeros((n, dof))
         into[-dof:] = np.eye(dof)
@@ -136,8 +137,9 @@ class SampledLoops:
             ExecutionError: A joint is unstable at a set-point, or there would be too many parts.
         """
         most = 1
-        for k in np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int)):
-            t, mass = float(taught.start_time + k * taught.period), mass_matrix(model, taught.q[k])
+        looks = np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int))
+        for k, mass in zip(looks, mass_matrices(model, taught.q[looks]), strict=True):
+            t = float(taught.start_time + k * taught.period)
             modes = None if self.springs is None else _modes(mass, self.viscous, self.springs)
             rate = _braking(mass, self.viscous) if modes is None else modes.fastest
             parts = int(np.ceil(rate * step / PHASE))

@@ -233,7 +233,8 @@ class Orientation:
     @property
     def stops(self) -> FloatArray:
         """Arc lengths [m] at which orientation or angular rate jumps: the tool stops, (k,)."""
-        return self.breaks[1:-1][(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)]
+        inner = self.breaks[1:-1].copy()
+        return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
         """The orientation along a part of the path.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -72,13 +73,13 @@ def point(
     given = _checks.numbers("direction of the tool axis", values)
     if given.shape[-1:] != (3,) or given.ndim > 2:
         raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
+    if given.ndim == 1 and given.any():
+        return _constant(segments, _pointing(*given.tolist()), axis_only=True)
     size = np.linalg.norm(given, axis=-1, keepdims=True)
     if (size == 0).any():
         raise InvalidInput("The direction of the tool axis has no length.")
     unit = given / size
-    start = exp(shortest([0.0, 0.0, 1.0], unit[0] if unit.ndim == 2 else unit))
-    if unit.ndim == 1:
-        return _constant(segments, start, axis_only=True)
+    start = _pointing(*given[0].tolist())
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
     turn = _check_turns(shortest(axes[:-1], axes[1:]), names)
     starts = np.empty((len(turn), 3, 3))
@@ -87,6 +88,14 @@ def point(
         starts[i] = start
         start = steps[i] @ start
     return _turn_evenly(segments, waypoints, starts, turn, axis_only=True)
+
+
+@lru_cache(maxsize=1)
+def _pointing(x: float, y: float, z: float) -> FloatArray:
+    """The shortest rotation from the z axis to a direction; contours of a program share it."""
+    direction = np.array([x, y, z])
+    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return _checks.lock_floats(exp(shortest([0.0, 0.0, 1.0], unit)))
 
 
 def follow(

@@ -311,13 +311,15 @@ class Path:
     @property
     def stops(self) -> FloatArray:
         """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
-        corners = self.breaks[1:-1][self.turns > TANGENT_TOLERANCE]
+        inner = self.breaks[1:-1].copy()
+        corners = inner[self.turns > TANGENT_TOLERANCE] if len(inner) else inner
         return corners if self.orientation is None else np.union1d(corners, self.orientation.stops)
 
     @property
     def vertices(self) -> FloatArray:
         """The segments' ends, (n + 1, dimension) [m]."""
-        return np.concatenate([self.starts, self.segments[-1:].ends])
+        last = slice(len(self) - 1, None)
+        return np.concatenate([self.starts, self.segments.at(last, self.lengths[last])])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
         """The orientation, with breaks near the path's breaks moved onto them.
@@ -327,6 +329,8 @@ class Path:
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
+        if np.array_equal(orientation.breaks, self.breaks):
+            return orientation
         slack = SAME_BREAK * (1 + self.length)
         if abs(orientation.breaks[-1] - self.length) > slack * len(self):
             raise InvalidInput(

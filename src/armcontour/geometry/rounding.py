@@ -348,7 +348,35 @@ def _round_all(
         kinked = np.setdiff1d(kinked, corner)
     angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
+    if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
+        return _without_corners(path)
     return _round(path, wishes, kinked, angle)
+
+
+def _without_corners(path: Path) -> RoundedPath:
+    """A path of one segment, such as a circle, as a rounded path: programs have thousands."""
+    none, numbers = np.empty(0, dtype=np.intp), np.empty(0)
+    return RoundedPath(
+        segments=path.segments,
+        orientation=path.orientation,
+        merged=path.merged,
+        waypoints=path.waypoints,
+        objective=path,
+        corners=Corners(
+            vertex=none,
+            point=path.starts[:0],
+            turn=numbers,
+            radius=numbers,
+            error=numbers,
+            tangent=numbers,
+            start=numbers,
+            end=numbers,
+            shrunk=none > 0,
+            speed=numbers,
+            angular_error=numbers,
+            reason=np.empty(0, dtype=object),
+        ),
+    )
 
 
 def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> RoundedPath:

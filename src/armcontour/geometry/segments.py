@@ -316,7 +316,8 @@ class Segments:
 
     def lift(self) -> Segments:
         """Segments in the plane as segments in space, at z = 0."""
-        deeper = {x: np.pad(getattr(self, x), ((0, 0), (0, 1))) for x in VECTORS}
+        zero = np.zeros((len(self), 1))
+        deeper = {x: np.concatenate([getattr(self, x), zero], axis=1) for x in VECTORS}
         if self.quintics.size:
             deeper["quintics"] = np.pad(self.quintics, ((0, 0), (0, 0), (0, 1)))
         return self.replace(checked=self.checked, **deeper)

@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, from_rpy, rotations
-from armcontour.io.job_model import ArmModel, FrameModel, RotationModel
+from armcontour.frames import Frame
+from armcontour.io.job_model import ArmModel, FrameModel, ToolModel
 from armcontour.io.robots.loading import equip, load_arm
+from armcontour.io.robots.shapes import with_more_shapes
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
+from armcontour.io.scene import more_link_shapes, rotation_of, tool_shapes
 from armcontour.io.units import parse
+from armcontour.scene import LinkShape
 
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
 
@@ -34,6 +36,18 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     if isinstance(model, str):
         place = folder / model if model.lower().endswith(ARM_FILES) else model
         return load_arm(place, trust_xacro=trust_xacro)
+    arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
+    # Files are looked for now, and shapes computed when they are first asked for.
+    shapes: tuple[LinkShape, ...] = ()
+    if model.shapes is not None:
+        shapes = more_link_shapes(model.shapes, folder, arm)
+    if model.tool is not None and model.tool.shapes is not None:
+        shapes += tool_shapes(model.tool.shapes, folder, arm)
+    return with_more_shapes(arm, shapes, None if model.srdf is None else folder / model.srdf)
+
+
+def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
+    """The arm of a job without the shapes that the job adds."""
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm takes either name, a built-in arm, or file.")
     options: dict[str, Any] = {
@@ -42,7 +56,8 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     if model.joint_limits is not None:
         options["joint_limits"] = folder / model.joint_limits
     equipment: dict[str, Any] = {}
-    if model.tool is not None:
+    # A tool that has only shapes leaves its frame where it is.
+    if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
         equipment["tool"] = frame_of("arm.tool", model.tool)
     if model.work is not None:
         equipment["work"] = frame_of("arm.work", model.work)
@@ -52,38 +67,25 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
     if model.file is not None and is_description(model.file):
         # Read once: units of locked joints depend on the joints, and a xacro file is a program.
+        packages = {name: folder / x for name, x in (model.packages or {}).items()}
         tree = read_description(
             folder / model.file,
             trust_xacro=trust_xacro,
-            packages={name: folder / x for name, x in (model.packages or {}).items()},
+            packages=packages,
             arguments=model.arguments,
         )
-        return equip(arm_of_tree(tree, locked=_locked(model, tree), **options), **equipment)
+        options |= {"locked": _locked(model, tree), "packages": packages}
+        return equip(arm_of_tree(tree, **options), **equipment)
     if model.locked:
         raise InvalidInput(
             f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
         )
     if model.packages or model.arguments:
-        raise InvalidInput("arm.packages and arm.arguments go with arm.file, a .xacro file.")
+        raise InvalidInput(
+            "arm.packages and arm.arguments go with arm.file, a description of a robot."
+        )
     name = str(model.name) if model.file is None else folder / model.file
     return load_arm(name, **options, **equipment, trust_xacro=trust_xacro)
-
-
-def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
-
-    Args:
-        key: Key of the model, for messages.
-        model: The model.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
-    if model.rpy is not None and model.quaternion is not None:
-        raise InvalidInput(f"{key} takes either rpy or quaternion, not both.")
-    if model.quaternion is not None:
-        return rotations(f"{key}.quaternion", model.quaternion)
-    return None if model.rpy is None else from_rpy(model.rpy)
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

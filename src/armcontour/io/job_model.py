@@ -27,7 +27,8 @@ from armcontour.compensation import compensator
 from armcontour.geometry import Demand
 from armcontour.io.drawings.reading import OFFSETS, TEXTS, UNKNOWN
 from armcontour.io.forms import Place, Point
-from armcontour.io.keys import Given, Number
+from armcontour.io.keys import Given
+from armcontour.io.scene_model import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, Rounding
 from armcontour.motion import Method
@@ -35,9 +36,6 @@ from armcontour.program import Process
 from armcontour.servo import ServoModel
 from armcontour.timing import methods
 
-Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
@@ -79,19 +77,6 @@ JointPosition = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RotationModel:
-    """Either `rpy` or `quaternion`.
-
-    Args:
-        rpy: Roll, pitch and yaw about fixed x, y and z [rad].
-        quaternion: Unit quaternion as x, y, z, w.
-    """
-
-    rpy: Angles | None = None
-    quaternion: Quaternion | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FrameModel(RotationModel):
     """A position and a rotation; both are zero by default.
 
@@ -100,6 +85,17 @@ class FrameModel(RotationModel):
     """
 
     position: Place | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolModel(FrameModel):
+    """The tool frame relative to the tip, and the shapes of the tool.
+
+    Args:
+        shapes: Shapes of the tool, and of a part that it holds, in the frame of the tip.
+    """
+
+    shapes: BodiesModel | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,12 +109,14 @@ class ArmModel:
             chain of moving joints.
         base: Fixed link at the start of the arm; .urdf and .xacro only.
         joint_limits: A joint_limits.yaml of MoveIt; replaces limits of the arm's file.
-        tool: The tool frame relative to the tip.
+        tool: The tool: its frame relative to the tip, and its shapes.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
         locked: Positions of locked joints, by name; .urdf and .xacro only.
         packages: Folders of ROS packages, by name; .xacro only. Others are looked for nearby.
         arguments: Values of the arguments of a .xacro file, by name.
+        shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
+        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
     """
 
     name: str | None = None
@@ -126,12 +124,14 @@ class ArmModel:
     tip: str | None = None
     base: str | None = None
     joint_limits: str | None = None
-    tool: FrameModel | None = None
+    tool: ToolModel | None = None
     work: FrameModel | None = None
     payload: Payload | None = None
     locked: dict[str, JointPosition] | None = None
     packages: dict[str, str] | None = None
     arguments: dict[str, bool | int | float | str] | None = None
+    shapes: BodiesModel | None = None
+    srdf: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -435,6 +435,8 @@ class JobModel:
         published: Published figures of the same job.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         memory: Largest memory of the calculation [bytes].
+        scene: Obstacles in the cell, and how near the arm may come to them and to itself.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
     name: str
@@ -454,6 +456,8 @@ class JobModel:
     published: PublishedModel | None = None
     certificate: Goal | None = None
     memory: Memory = DEFAULT
+    scene: SceneModel | None = None
+    ignore_collisions: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

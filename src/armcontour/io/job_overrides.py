@@ -46,6 +46,7 @@ class JobOverrides:
             round them with arcs: "tangent" or "curvature".
         from_s: Position at which to resume, as arc length over all contours [m].
         memory: Largest memory of the calculation [bytes].
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
     units: str | None = None
@@ -68,6 +69,7 @@ class JobOverrides:
     continuity: str | None = None
     from_s: float | None = None
     memory: float | None = None
+    ignore_collisions: bool = False
 
 
 def override(model: JobModel, x: JobOverrides | None) -> JobModel:
@@ -95,6 +97,8 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
     changes["runs"] = _continued(changes["runs"], changes.get("corners", model.corners), x)
     if x.from_s is not None:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
+    if x.ignore_collisions:
+        changes["ignore_collisions"] = True
     if x.memory is not None:
         changes["memory"] = x.memory
     return replace(model, **changes)

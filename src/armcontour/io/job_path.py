@@ -16,7 +16,7 @@ from armcontour.geometry import Arc, Demand, Line, Path
 from armcontour.geometry.placing import keeps_plane, lift_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
-from armcontour.io.job_arm import frame_of, rotation_of
+from armcontour.io.job_arm import frame_of
 from armcontour.io.job_model import (
     OrientationModel,
     PathModel,
@@ -25,6 +25,7 @@ from armcontour.io.job_model import (
     SkipModel,
 )
 from armcontour.io.problems import place
+from armcontour.io.scene import rotation_of
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 
@@ -106,7 +107,7 @@ def _drawn(
     program = read_path(folder / file, **options, progress=progress)
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
-    frame = Frame() if model.frame is None else frame_of("path.frame", model.frame)
+    frame = part_of(model)
     if dimension == 2:
         _refuse_space(model, program, frame)
         return program.placed(frame)
@@ -123,6 +124,11 @@ def _drawn(
         else:
             program = _orient_contours(program, how)
     return program.placed(frame)
+
+
+def part_of(model: PathModel) -> Frame:
+    """The frame of the part: that of the path."""
+    return Frame() if model.frame is None else frame_of("path.frame", model.frame)
 
 
 def _repeat(program: Program, how: RepeatModel, names: list[str] | None) -> Program:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection
 
-from armcontour.frames import Frame
 from armcontour.geometry import Path
-from armcontour.io.job_arm import frame_of
 from armcontour.io.job_model import PathModel
+from armcontour.io.job_path import part_of
 from armcontour.program import Process, Program
 
 
@@ -45,9 +44,10 @@ def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) ->
         drawing: The key `path` of the job.
         there: Names of the layers in the drawing.
     """
-    frame = Frame() if drawing.frame is None else frame_of("path.frame", drawing.frame)
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
     known = {name: x for name, x in layers.items() if name in there}
     own = {name: x for name, x in process.by_layer.items() if name in there}
-    return dataclasses.replace(process, up=frame.rotation[:, 2], layers=known, by_layer=own)
+    return dataclasses.replace(
+        process, up=part_of(drawing).rotation[:, 2], layers=known, by_layer=own
+    )

@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.arms.chain import Chain
+from armcontour.clearance import Clearance
 from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import Corners, Outcome, RoundedPath, ShapedPath
 from armcontour.jobs import ExperimentResult, Job, Run, RunPlan, RunResult, Shaped, Study
@@ -74,6 +75,11 @@ UNITS = {
     "joint_damping": "N m s/rad",
     "durations": "s",
     "gain": "share of the duration",
+    "margin": "m",
+    "nowhere_below": "m",
+    "least": "m",
+    "first_too_near": "s",
+    "points": "m",
     "tolerance": "m",
     "line_tolerance": "m",
     "zone": "m",
@@ -179,8 +185,43 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
     if isinstance(single_path, RoundedPath):
         found["corners"] = _corners(single_path.corners)
         _count_left_out(found, corners=len(single_path.corners))
+    if plan.clearance is not None:
+        found["clearance"] = clearance_summary(plan.clearance, plan.avoided)
     if plan.shaped is not None:
         found["shaping"] = _shaping(plan.shaped, plan.run)
+    return found
+
+
+def clearance_summary(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, Any]:
+    """Data of how far the arm stays from itself and from its cell.
+
+    Args:
+        x: The clearance.
+        avoided: Sentences on other ways that were taken to keep clear.
+    """
+    found: dict[str, Any] = {
+        "kept": x.kept,
+        "pairs": [
+            {
+                "first": pair.first,
+                "second": pair.second,
+                "kind": pair.kind,
+                "margin": pair.margin,
+                "nowhere_below": pair.low,
+                "least": pair.high,
+                "t": pair.t,
+                "first_too_near": pair.first_time,
+                "points": pair.points.tolist(),
+            }
+            for pair in x.pairs[:MOST_LISTED]
+        ],
+        "left_out_pairs": [
+            {"first": pair.first, "second": pair.second, "reason": pair.reason}
+            for pair in x.left_out[:MOST_LISTED]
+        ],
+        "avoided": list(avoided),
+    }
+    _count_left_out(found, pairs=len(x.pairs), left_out_pairs=len(x.left_out))
     return found
 
 
@@ -237,6 +278,8 @@ def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
         found["experiment"] = _experiment(result, result.experiment)
     if result.failure is not None:
         found["experiment"] = {"failed": str(result.failure)}
+    if result.executed_clearance is not None:
+        found["executed_clearance"] = clearance_summary(result.executed_clearance)
     _count_left_out(found, cornering=len(result.evaluation.corners))
     if result.explanation is not None:
         found["explanation"] = _explanation(result.explanation)

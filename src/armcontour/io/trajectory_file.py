@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
+import numpy as np
+
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_text
@@ -23,6 +25,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
 from armcontour.io.number_table import CsvTable, last_digit, read_columns, split_csv
 from armcontour.io.ros_files import NANOSECOND, is_ros_file, read_ros_motion
+from armcontour.motion import LapLaw, Trajectory
 
 # Quantities of the columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
@@ -67,6 +70,13 @@ class TrajectoryFile:
         for name in ("t", "q", "dq", "ddq"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+
+    @property
+    def straight(self) -> Trajectory:
+        """The motion of joints that move evenly from sample to sample, from time 0 on."""
+        rates = np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
+        law = LapLaw(breaks=self.t - self.t[0], q=self.q, dq=rates, ddq=np.zeros_like(rates))
+        return Trajectory(laws=(law,), method="samples")
 
 
 # A quantity, and the number of its joint; 0 for the time.

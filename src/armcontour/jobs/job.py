@@ -26,6 +26,7 @@ from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
 from armcontour.motion import Method, check_interval
 from armcontour.program import Process, Program, prepare
+from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 from armcontour.timing import refuse_endless
 from armcontour.timing.shaping.wishes import Wishes
@@ -299,6 +300,9 @@ class Job:
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
         memory: Largest memory of the calculation [bytes].
+        scene: What stands in the cell; None if nothing is known.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
+            results say so.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -320,6 +324,8 @@ class Job:
     published: Published | None = None
     certificate: Goal | None = None
     memory: float = _memory.DEFAULT
+    scene: Scene | None = None
+    ignore_collisions: bool = False
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
 

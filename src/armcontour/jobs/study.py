@@ -12,11 +12,13 @@ import numpy as np
 
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
+from armcontour.clearance import Clearance, check_clearance
 from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.geometry import Path, count_full_stops
+from armcontour.jobs.avoiding import keep_clear
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
@@ -44,6 +46,8 @@ from armcontour.timing import (
 
 STEPS = ("rounding", "tracing", "timing", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:4]
+# Comes after timing where the shapes of the arm are known.
+CLEARANCE = "clearance"
 EXPERIMENT = "experiment"
 # Takes the place of rounding where corners have the shape free.
 SHAPING = "shaping"
@@ -80,6 +84,9 @@ class RunPlan:
         taught: The taught data.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
         exceeded: Sentences on limits that the smoothed plan exceeds.
+        clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
+            whose shapes are not known.
+        avoided: Sentences on other ways that were taken to keep clear.
     """
 
     run: Run
@@ -89,6 +96,8 @@ class RunPlan:
     taught: TaughtData
     traced: Tracing | None = None
     exceeded: tuple[str, ...] = ()
+    clearance: Clearance | None = None
+    avoided: tuple[str, ...] = ()
 
     @property
     def joint_path(self) -> JointPath | None:
@@ -131,6 +140,14 @@ class RunPlan:
         return f"Run {self.run.name}: {what} inside contours ({why})."
 
     @property
+    def clearance_note(self) -> str | None:
+        """A sentence on the clearance of the plan; None for an arm whose shapes are not known."""
+        if self.clearance is None:
+            return None
+        done = "".join(f" {x[0].upper()}{x[1:]}." for x in self.avoided)
+        return f"Run {self.run.name}: {self.clearance}{done}"
+
+    @property
     def shaped(self) -> Shaped | None:
         """How the shape of all contours was found; None if the run shapes none."""
         return Shaped.of(self.path)
@@ -159,6 +176,8 @@ class RunPlan:
             )
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
+        if self.clearance is not None and not self.clearance.kept:
+            found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
             found += slow_ends(self.path, self.trajectory, self.run)
@@ -174,6 +193,7 @@ class RunResult(RunPlan):
             smoothed.
         execution: The executed motion.
         evaluation: Errors of the executed motion.
+        executed_clearance: How far the arm stays from itself and from its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
     """
@@ -181,6 +201,7 @@ class RunResult(RunPlan):
     explanation: Explanation | None
     execution: Execution
     evaluation: Evaluation
+    executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
 
@@ -189,6 +210,14 @@ class RunResult(RunPlan):
         """Sentences on weak points of the plan, and on joints that are asked for too much."""
         # `super` without arguments does not work in a dataclass with slots.
         planned = super(RunResult, self).weak_points
+        near = self.executed_clearance
+        if (
+            near is not None
+            and not near.kept
+            and self.clearance is not None
+            and self.clearance.kept
+        ):
+            planned += (f"as executed, {near.too_near[0]}, which is within the margin.",)
         if not self.for_bodies:
             return (*planned, *overloaded(self.execution, self.evaluation, self.run))
         bodies = None if self.experiment is None else self.experiment.evaluation
@@ -333,9 +362,27 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         explanation=explanation,
         execution=executed,
         evaluation=evaluation,
+        executed_clearance=_executed_clearance(job, plan, executed),
         experiment=experiment,
         failure=failure,
     )
+
+
+def _executed_clearance(job: Job, plan: RunPlan, executed: Execution) -> Clearance | None:
+    """How far the arm stays from itself and from its cell when the servo executes a plan.
+
+    Raises:
+        Collision: Bodies touch, and the job does not ignore this. What only comes nearer than its
+            margin is a warning, as the plan keeps the margin.
+    """
+    if plan.clearance is None:
+        return None
+    found = check_clearance(executed, job.arm, job.scene)
+    touching = [x for x in found.too_near if x.high <= 0]
+    if touching and not job.ignore_collisions:
+        with locate_errors("as executed"):
+            found.refuse()
+    return found
 
 
 def _teach(
@@ -358,6 +405,8 @@ def _teach(
     if trajectory is None:
         trajectory = time_run(job, this, traced, progress, duration=this.duration)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
+    cleared = keep_clear(job, this, traced, trajectory, progress)
+    traced, trajectory = cleared.traced, cleared.trajectory
     beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
     progress(Step(("compensation",)))
     taught = compensate(
@@ -377,6 +426,8 @@ def _teach(
         taught=taught,
         traced=traced,
         exceeded=tuple(beyond),
+        clearance=cleared.clearance,
+        avoided=cleared.notes,
     )
 
 

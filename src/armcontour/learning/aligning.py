@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
-from scipy.signal import fftconvolve
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
@@ -95,6 +92,8 @@ def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: Floa
         times: Regular times of the plan [s], (n,).
         reference: Values of the plan, (n, dof).
     """
+    from scipy.interpolate import CubicSpline
+
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
     offset, rate = coarse_offset(t, values, times, reference), 1.0
@@ -131,6 +130,8 @@ def coarse_offset(
         times: Regular times of the plan [s], (n,).
         reference: Values of the plan, (n, dof).
     """
+    from scipy.signal import fftconvolve
+
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
     edge = WORST_RATE * float(times[-1] - times[0])
     short = np.arange(times[0], times[-1] + step / 2, step)
@@ -165,6 +166,8 @@ def fit_delay(
         expected: What is expected of it for a dead time [rad], (n, dof).
         penalty: As in `Lifted.correct`, for the difference from what is expected.
     """
+    from scipy.optimize import minimize_scalar
+
     # Of the expected motion: noise in them would leave a part of what they cause to dead time.
     others = _other_causes(lifted, expected(lifted.delay))
     causes = [_jumps(lifted, x, penalty) for x in others]

@@ -62,7 +62,7 @@ def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
     return found
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _from(
     breaks: FloatArray,
     s: FloatArray,

@@ -8,6 +8,20 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
 
 
+@compiled(inner=True, inline="always")
+def value_and_slopes(
+    a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
+) -> tuple[float, float, float]:
+    """The polynomial with these coefficients at x, and its first and second derivative."""
+    # Horner's rule for all three.
+    slope, value, bend = a5, a5 * x + a4, 0.0
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a3
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a2
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a1
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a0
+    return value, slope, bend
+
+
 @compiled()
 def motion(
     breaks: FloatArray, coefficients: FloatArray, piece: IntArray, s: FloatArray
@@ -27,11 +41,8 @@ def motion(
         width = breaks[k + 1] - breaks[k]
         x = (s[i] - breaks[k]) / width
         for j in range(dof):
-            # Horner's rule for the value and both derivatives; `bend` is the second derivative.
-            value = slope = bend = 0.0
-            for power in range(5, -1, -1):
-                bend = bend * x + 2 * slope
-                slope = slope * x + value
-                value = value * x + coefficients[k, power, j]
+            a0, a1, a2 = coefficients[k, 0, j], coefficients[k, 1, j], coefficients[k, 2, j]
+            a3, a4, a5 = coefficients[k, 3, j], coefficients[k, 4, j], coefficients[k, 5, j]
+            value, slope, bend = value_and_slopes(a0, a1, a2, a3, a4, a5, x)
             q[i, j], first[i, j], second[i, j] = value, slope / width, bend / (width * width)
     return q, first, second

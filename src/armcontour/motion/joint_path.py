@@ -143,15 +143,15 @@ class JointPath:
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")
         if s is None:
-            at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
+            at = np.concatenate([[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))])
         else:
             at = _checks.numbers("spline parameters", s)
-        if at.shape != (len(knots),) or not (np.diff(at) > 0).all():
+        if at.shape != (len(knots),) or not (at[1:] > at[:-1]).all():
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
             )
-        width = np.diff(at)[:, None]
-        slope = np.diff(knots, axis=0) / width
+        width = (at[1:] - at[:-1])[:, None]
+        slope = (knots[1:] - knots[:-1]) / width
         # Second derivatives solve a tridiagonal system; those of a natural spline are zero at both
         # ends, beyond which a clamped one goes on without slope.
         bend = np.zeros_like(knots)
@@ -161,7 +161,8 @@ class JointPath:
         unknown = len(wide) - 1
         if unknown:
             beside, own = wide[1:-1], 2 * (wide[:-1] + wide[1:])
-            turns = 6 * np.diff(np.concatenate([none, slope, none]), axis=0)
+            slopes = np.concatenate([none, slope, none]) if clamped else slope
+            turns = 6 * (slopes[1:] - slopes[:-1])
             # LAPACK takes no system of one unknown. The matrix is diagonally dominant.
             solved = turns / own if unknown == 1 else dgtsv(beside, own, beside, turns)[-2]
             bend[int(not clamped) : len(knots) - int(not clamped)] = solved
@@ -169,7 +170,10 @@ class JointPath:
         coefficients[:, 0] = knots[:-1]
         coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width
         coefficients[:, 2] = bend[:-1] / 2 * width**2
-        coefficients[:, 3] = np.diff(bend, axis=0) / 6 * width**2
+        coefficients[:, 3] = (bend[1:] - bend[:-1]) / 6 * width**2
+        # Nobody else has these arrays, so locking needs no copies.
+        for values in (at, coefficients):
+            values.setflags(write=False)
         return cls(breaks=at, coefficients=coefficients)
 
     @property

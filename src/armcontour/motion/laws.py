@@ -237,7 +237,7 @@ class PathLaw(LawAlongPath):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
-        if not isinstance(self.rates, Rates) or any(np.shape(x) != (n,) for x in self.rates):
+        if not isinstance(self.rates, Rates) or {np.shape(x) for x in self.rates} != {(n,)}:
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
         object.__setattr__(self, "rates", Rates(*(_checks.lock_floats(x) for x in self.rates)))
 
@@ -256,7 +256,7 @@ class PathLaw(LawAlongPath):
         Raises:
             InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
         """
-        breaks, ds, dds, stuck = law_of_squares(np.diff(s), x, slope)
+        breaks, ds, dds, stuck = law_of_squares(s[1:] - s[:-1], x, slope)
         if stuck >= 0:
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
@@ -352,5 +352,5 @@ def flatten(
 
 def _refuse_disorder(breaks: FloatArray) -> None:
     """Raise InvalidInput unless breaks start at 0 and increase."""
-    if len(breaks) < 2 or breaks[0] != 0 or not (np.diff(breaks) > 0).all():
+    if len(breaks) < 2 or breaks[0] != 0 or not (breaks[1:] > breaks[:-1]).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")

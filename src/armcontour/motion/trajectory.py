@@ -160,8 +160,8 @@ class Trajectory:
     def __post_init__(self) -> None:
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
-        ends = np.cumsum([law.breaks[-1] for law in self.laws])
-        object.__setattr__(self, "starts", _checks.lock_floats(np.concatenate([[0.0], ends])))
+        starts = np.cumsum([0.0, *(law.breaks[-1] for law in self.laws)])
+        object.__setattr__(self, "starts", _checks.lock_floats(starts))
         parts = _parts(self.laws, self.spans)
         object.__setattr__(self, "_parts", parts)
         object.__setattr__(self, "_ends", _checks.lock_floats([x.s for x in parts]))

@@ -17,7 +17,7 @@ PARALLEL = 1e-12
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def box_of(piece: FloatArray) -> FloatArray:
     """Smallest and largest x, then y, of a piece, (4,)."""
     k, length = piece[CURVATURE], piece[LENGTH]

@@ -149,7 +149,7 @@ def _may_reverse(state: Any, i: int, j: int) -> bool:
     return True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _swap(tour: IntArray, i: int, j: int, k: int) -> None:
     """Exchange the parts i to j-1 and j to k-1 of a tour."""
     part = tour[i:j].copy()
@@ -175,7 +175,7 @@ def _try_option(state: Any, c: int) -> bool:
     return True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _try_reversal(state: Any, i: int, j: int) -> bool:
     """Run the part i to j of the tour backwards if that is shorter; whether it was."""
     exits, entries, _, _, _, tour, _, _, ahead, back = state
@@ -189,7 +189,7 @@ def _try_reversal(state: Any, i: int, j: int) -> bool:
     return True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _try_carrying(state: Any, i: int, j: int, p: int) -> bool:
     """Carry the part i to j to between p and p + 1, forwards or backwards, if that is shorter."""
     exits, entries, _, _, _, tour, _, _, ahead, back = state

@@ -114,6 +114,8 @@ def _has_equal_end_orientations(path: Path) -> bool:
     orientation = path.orientation
     if orientation is None:
         return True
+    if orientation.fixed and len(orientation) == 1 and not orientation.follows:
+        return True
     end, start = orientation(path.length, side="left"), orientation(0.0)
     if orientation.follows:
         # At a corner the tool turns with the tangent.

@@ -15,6 +15,7 @@ from armcontour.identification import (
     JointIdentification,
     RobotIdentification,
 )
+from armcontour.report.figure import Figure, plotly_js
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -82,34 +83,24 @@ def _render(template: str, **values: Any) -> str:
     """Render a page with figures."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     environment = Environment(
         loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
     )
 
-    def drawing(figure: Any, key: str) -> Markup:
-        return Markup(
-            figure.to_html(
-                full_html=False,
-                include_plotlyjs=False,
-                div_id=f"figure-{key}",
-                config={"displaylogo": False, "responsive": True},
-            )
-        )
+    def drawing(figure: Figure, key: str) -> Markup:
+        return Markup(figure.to_html(f"figure-{key}"))
 
     return environment.get_template(template).render(
-        version=__version__, drawing=drawing, plotly=Markup(get_plotlyjs()), **values
+        version=__version__, drawing=drawing, plotly=Markup(plotly_js()), **values
     )
 
 
 def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
     """The figures of one joint: lag and residuals of every log."""
-    import plotly.graph_objects as go
-
     figures, name = [], found.joints[j].name
     for x in found.fitted:
-        figure = go.Figure()
+        figure = Figure()
         command = np.interp(x.t, x.log.t, x.log.command[:, j])
         for values, what, colour in (
             (command - x.measured[:, j], "command less measured", EXECUTED_COLOUR),
@@ -157,9 +148,7 @@ def _motion(
     joint: JointIdentification, t: FloatArray, command: FloatArray, measured: FloatArray
 ) -> Any:
     """Figure of command, measured and simulated position of a joint."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     for curve, name, colour in (
         ((t, command), "command", PATH_COLOUR),
         ((t, measured), "measured", EXECUTED_COLOUR),
@@ -174,10 +163,8 @@ def _motion(
 
 def _residuals(joint: JointIdentification) -> Any:
     """Figure of the residuals of a joint."""
-    import plotly.graph_objects as go
-
     x, y = thin(joint.t, joint.residuals * 1e3)
-    figure = go.Figure([line(x, y, "measured less simulated", EXECUTED_COLOUR, width=1)])
+    figure = Figure(line(x, y, "measured less simulated", EXECUTED_COLOUR, width=1))
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="residual [mrad]")
     return finish(figure, title=f"{joint.name}: residuals", height=320)
@@ -185,7 +172,6 @@ def _residuals(joint: JointIdentification) -> Any:
 
 def _spectrum(joint: JointIdentification) -> Any:
     """Figure of the spectrum of the residuals, with that of white noise of equal power."""
-    import plotly.graph_objects as go
     from scipy.signal import welch
 
     interval = float(np.median(np.diff(joint.t)))
@@ -197,13 +183,9 @@ def _spectrum(joint: JointIdentification) -> Any:
     )
     root = np.sqrt(power[1:]) * 1e3
     white = joint.rms * 1e3 * math.sqrt(2 * interval)
-    figure = go.Figure(
-        [
-            line(f[1:], root, "residuals", EXECUTED_COLOUR, width=1),
-            line(
-                f[[1, -1]], [white, white], "white noise of equal power", LIMIT_COLOUR, dash="dash"
-            ),
-        ]
+    figure = Figure(
+        line(f[1:], root, "residuals", EXECUTED_COLOUR, width=1),
+        line(f[[1, -1]], [white, white], "white noise of equal power", LIMIT_COLOUR, dash="dash"),
     )
     figure.update_xaxes(title="frequency [Hz]", type="log")
     figure.update_yaxes(title="mrad per root Hz", type="log")

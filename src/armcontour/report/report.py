@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from armcontour import _staging
 from armcontour._version import __version__
-from armcontour.certification import Certificate, Sweep
 from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
-from armcontour.jobs.learning import LearningStudy
 from armcontour.program import Program
 from armcontour.report import sections
+from armcontour.report.figure import Figure, plotly_js
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
+
+if TYPE_CHECKING:
+    from armcontour.certification import Certificate, Sweep
+    from armcontour.jobs.learning import LearningStudy
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
@@ -55,6 +59,7 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.jerks(study),
         sections.torques(study),
         sections.contour_error(study),
+        sections.clearance(study),
         sections.time_stamps(study),
     ]
     if certificate is not None and certificate.spread is not None:
@@ -115,23 +120,14 @@ def _page(
     """Render sections as one HTML page, of a job or with another title."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     environment = Environment(
         loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
     )
     environment.filters["columns"] = _columns
-    config = {"displaylogo": False, "responsive": True}
 
-    def drawing(figure: object, number: str) -> Markup:
-        html = figure.to_html(  # type: ignore[attr-defined]
-            full_html=False,
-            include_plotlyjs=False,
-            div_id=f"figure-{number}",
-            config=config,
-            auto_play=False,
-        )
-        return Markup(html)
+    def drawing(figure: Figure, number: str) -> Markup:
+        return Markup(figure.to_html(f"figure-{number}"))
 
     return environment.get_template("report.html").render(
         job=job,
@@ -142,7 +138,7 @@ def _page(
         sections=found,
         refresh=refresh,
         drawing=drawing,
-        plotly=Markup(get_plotlyjs()),
+        plotly=Markup(plotly_js()),
     )
 
 

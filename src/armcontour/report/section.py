@@ -35,7 +35,7 @@ class Section:
         title: Heading of the section.
         text: Introduction.
         tiles: Figures in large print, by the names of their runs.
-        figures: Plotly figures.
+        figures: Figures, `Figure`.
         choices: Groups of figures of which one is shown, by their names in a selector.
         columns: Relative widths of figures in one row; by default every figure has a row.
         tables: Tables.

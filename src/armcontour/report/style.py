@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.report.figure import make_trace
 
 # Palette of Okabe and Ito for colour-blind readers; grey and black are for paths and limits.
 RUN_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -78,7 +79,6 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
     """Apply the layout of all figures."""
     figure.update_layout(
         title={"text": title, "x": 0, "xanchor": "left", "font": {"size": 16}},
-        template="plotly_white",
         height=height,
         font={"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
         margin={"l": 70, "r": 20, "t": 70, "b": 60},
@@ -94,11 +94,10 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
 
 def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
     """A curve of a figure, in single precision, which halves the size of the page."""
-    import plotly.graph_objects as go
-
     dash = more.pop("dash", "solid")
     width = more.pop("width", 2)
-    return go.Scatter(
+    return make_trace(
+        "scatter",
         x=np.asarray(x, dtype=np.float32),
         y=np.asarray(y, dtype=np.float32),
         name=name,
@@ -121,9 +120,8 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
         )
         label = {"text": f"P{k}", "showarrow": False, "font": {"size": 10}, "yanchor": "bottom"}
         labels.append({"x": float(t), "y": 1, **label, **at})
-    # Added all at once: adding them one by one takes quadratic time in plotly.
-    figure.layout.shapes += tuple(shapes)
-    figure.layout.annotations += tuple(labels)
+    figure.add_shapes(shapes)
+    figure.add_annotations(labels)
 
 
 def shade(
@@ -134,7 +132,7 @@ def shade(
 ) -> None:
     """Shade intervals of time in one row of subplots."""
     axis = "" if row == 1 else str(row)
-    figure.layout.shapes += tuple(
+    figure.add_shapes(
         {
             "type": "rect",
             "x0": start,

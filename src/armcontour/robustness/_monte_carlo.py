@@ -416,7 +416,7 @@ def _add(
     return Errors(integral, d2, peak, x, y, z, dx, dy, dz, end, end_integral, end_peak)
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True, allocates=True, fastmath=FUSED)
 def _measure(
     robot: Robot,
     line: Line,
@@ -515,7 +515,7 @@ def _advance_joints(
     return True
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True, allocates=True, fastmath=FUSED)
 def _execute(
     i: int,
     robot: Robot,

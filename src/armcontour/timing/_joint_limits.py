@@ -6,34 +6,65 @@ ordinary is left to it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
+from armcontour.timing._block import (
+    A0,
+    A1,
+    ABOVE,
+    B0,
+    B1,
+    ENDS,
+    HIGH0,
+    HIGH1,
+    INTERVAL,
+    LOST,
+    LOW0,
+    LOW1,
+    LOW_END,
+    LOW_START,
+    MARGIN,
+    OWN,
+    SHIFT,
+    SKEW,
+    WIDTH,
+    B,
+    U,
+    X,
+    count_blocks,
+)
 from armcontour.timing._bracket import bound_x, judge, sag, spread, turn
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
     PLAY,
-    pack,
+    raise_lost,
     reach,
-    skew_along_rows,
+    steer,
     write_rows,
 )
 from armcontour.timing.constraints._rows import (
-    derivatives,
-    largest_u,
+    ceil_by_shares,
     lower_by_velocity,
-    velocity_ceiling_at_ends,
+    lower_u,
+    place_block,
+    raise_shares,
+    start_margins,
+    take_coefficients,
     write_bulge,
     write_derivatives,
+    write_lost,
 )
 
-FOUND, LOST, LEFT = 0, 1, 2
+FOUND, TOO_MUCH, LEFT = 0, 1, 2
 
 
-@compiled(inner=True)
-def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
+@compiled(inner=True, allocates=True)
+def at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     """Largest x at the grid points, (n + 1,): the lower one of both sides, and 0 at stops.
 
     Args:
@@ -50,7 +81,7 @@ def _at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
     return at
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _reach(
     width: FloatArray,
     packed: FloatArray,
@@ -69,7 +100,7 @@ def _reach(
     return x, stuck < 0 and x[n] >= last * (1 - PLAY)
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _first_pass(
     coefficients: FloatArray,
     breaks: FloatArray,
@@ -78,34 +109,140 @@ def _first_pass(
     fixed: FloatArray,
     stops: IntArray,
     velocity: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    own: FloatArray,
     start: float,
     end: float,
     packed: FloatArray,
 ) -> tuple[FloatArray, FloatArray, bool]:
     """A plan without margins and without skew, the slopes of u for it, and whether there is one."""
     n, dof = len(piece), coefficients.shape[2]
+    none, skew, ceiling = np.zeros(n), np.zeros(n), np.empty((2, n))
+    of, c, known = np.empty(INTERVAL), np.empty((dof, 5 * B)), -1
+    of[SHIFT : SHIFT + B] = of[ABOVE : ABOVE + B] = 0.0
+    ends = np.empty((count_blocks(n) * dof, ENDS))
+    for j in range(dof):
+        own[j, MARGIN : MARGIN + B] = 0.0
+    for begin in range(0, n, B):
+        b = begin // B
+        place_block(breaks, piece, s, begin, of)
+        known = take_coefficients(coefficients, piece, begin, known, c)
+        for m in range(2 * B):
+            of[LOW_START + m] = 0.0
+        for j in range(dof):
+            row = b * dof + j
+            write_derivatives(of, c, j, ends, row, own)
+            raise_shares(of, ends, row, velocity[j])
+            write_rows(of, ends, row, own, j, packed, b, j, dof + j)
+        ceil_by_shares(of)
+        _put_ceiling(of, fixed, begin, ceiling)
+    highest = at_points(ceiling, stops)
     width = s[1:] - s[:-1]
-    first, second = np.empty((2, n, dof)), np.empty((2, n, dof))
-    third, fourth = np.empty((n, dof)), np.empty((n, dof))
-    derivatives(coefficients, breaks, piece, s, first, second, third, fourth)
-    ends = velocity_ceiling_at_ends(first, velocity)
-    for i in range(fixed.shape[1]):
-        ends[0, i], ends[1, i] = min(ends[0, i], fixed[0, i]), min(ends[1, i], fixed[1, i])
-    ceiling = _at_points(ends, stops)
-    none, skew = np.zeros(n), np.zeros(n)
-    pack(width, none, first, second, low, high, np.zeros((n, dof)), 0, packed, np.zeros(n))
-    x, sound = _reach(width, packed, ceiling, none, start, end)
-    if not sound:
-        return x, skew, False
-    used = np.empty(n)
-    for i in range(n):
-        free = 0.0 < x[i] <= ceiling[i] * BELOW_CEILING
-        free = free and 0.0 < x[i + 1] <= ceiling[i + 1] * BELOW_CEILING
-        used[i] = BINDING if free else np.inf
-    skew_along_rows(width, first, second, low, high, x, used, skew)
-    return x, skew, True
+    x, sound = _reach(width, packed, highest, none, start, end)
+    if sound:
+        _steer_along_joints(width, ends, own, x, highest, skew)
+    return x, skew, sound
+
+
+@compiled(inner=True)
+def _put_ceiling(of: FloatArray, fixed: FloatArray, begin: int, ceiling: FloatArray) -> None:
+    """Write LOW_START and LOW_END, or fixed ceilings below them, less ABOVE, for all intervals.
+
+    Args:
+        of: Rows of the intervals of a block.
+        fixed: Fixed ceilings, (2, n), or (2, 0) for none.
+        begin: First interval of the block.
+        ceiling: Output, (2, n).
+    """
+    for m in range(min(B, ceiling.shape[1] - begin)):
+        i, start, end = begin + m, of[LOW_START + m], of[LOW_END + m]
+        if fixed.shape[1]:
+            start, end = min(start, fixed[0, i]), min(end, fixed[1, i])
+        ceiling[0, i], ceiling[1, i] = start - of[ABOVE + m], end - of[ABOVE + m]
+
+
+@compiled(inner=True)
+def _steer_along_joints(
+    width: FloatArray,
+    ends: FloatArray,
+    own: FloatArray,
+    x: FloatArray,
+    ceiling: FloatArray,
+    skew: FloatArray,
+) -> None:
+    """Slopes of u over s for joint accelerations, as `skew_along_rows`.
+
+    Args:
+        width: Interval lengths, (n,).
+        ends: Derivatives of the joints, (blocks dof, 4 B).
+        own: Bounds of the joints on any block, (dof, 7 B).
+        x: A plan, (n + 1,).
+        ceiling: Largest x at the grid points, (n + 1,).
+        skew: Output, (n,).
+    """
+    for i in range(len(width)):
+        first, last = x[i], x[i + 1]
+        if not (0.0 < first <= ceiling[i] * BELOW_CEILING):
+            continue
+        if not (0.0 < last <= ceiling[i + 1] * BELOW_CEILING):
+            continue
+        most, b, m = BINDING, i // B, i % B
+        for j in range(len(own)):
+            k = b * len(own) + j
+            joint = ends[k, A0 + m], ends[k, A1 + m], ends[k, B0 + m], ends[k, B1 + m]
+            low, high = own[j, LOW0], own[j, HIGH0]
+            most, skew[i] = steer(
+                width[i], first, last, joint, (low, low), (high, high), most, skew[i]
+            )
+
+
+@compiled(inner=True)
+def _write_block(
+    of: FloatArray,
+    ends: FloatArray,
+    own: FloatArray,
+    velocity: FloatArray,
+    packed: FloatArray,
+    b: int,
+) -> bool:
+    """Write the ceilings, the rows and LOST of one block, from its derivatives, X and SKEW.
+
+    Args:
+        of: Rows of the intervals.
+        ends: Derivatives of the joints, (dof, 4 B).
+        own: Bounds of the joints, (dof, 7 B).
+        velocity: Largest joint velocities, (dof,).
+        packed: Output: the rows, (blocks, 2 dof, 4 B).
+        b: The block.
+
+    Returns:
+        Whether the joints bound u.
+    """
+    dof = len(ends)
+    start_margins(of)
+    for m in range(B):
+        of[U + m] = math.inf
+    for end in range(2):
+        for j in range(dof):
+            lower_u(of, ends, j, end, max(own[j, HIGH0], -own[j, LOW0]))
+    unbounded = 0
+    for m in range(B):
+        unbounded |= int(of[U + m] == math.inf)
+        of[U + m] += turn(of[SKEW + m], of[WIDTH + m])
+    if unbounded:
+        return False
+    for j in range(dof):
+        lower_by_velocity(of, ends, own, j, velocity[j])
+    write_lost(of)
+    for j in range(dof):
+        write_bulge(of, ends, own, j)
+        write_rows(of, ends, j, own, j, packed, b, j, dof + j)
+        raise_lost(of, ends, own, j, 0)
+        raise_lost(of, ends, own, j, 1)
+    for m in range(B):
+        # Where u falls, x lies above its chord.
+        above = sag(of[SKEW + m], of[WIDTH + m]) if of[SKEW + m] < 0.0 else 0.0
+        of[ABOVE + m] = above
+    return True
 
 
 @compiled()
@@ -149,8 +286,8 @@ def plan_in_one_go(
         fixed: Fixed ceilings at their ends, (2, n), or (2, 0) for none.
         stops: Points of the grid at which the tool stops.
         velocity: Largest joint velocities, infinite for none, (dof,).
-        low: Smallest joint accelerations, (1, 1, dof).
-        high: Largest joint accelerations, (1, 1, dof).
+        low: Smallest joint accelerations, (dof,).
+        high: Largest joint accelerations, (dof,).
         start: ds² at the start.
         end: ds² at the end.
         headroom: Ratio by which x may be above that of the coarse plan at first.
@@ -159,27 +296,18 @@ def plan_in_one_go(
         largest_dip: As in `judge`.
         wider: Ratio by which the headroom grows where it was too little.
         tries: Largest number of plans on the grid.
-        packed: Memory for the rows, (n, 4, 2 dof).
+        packed: Memory for the rows, (blocks, 2 dof, 4 B).
 
     Returns:
         ds² at the points, (n + 1,); slopes of dds, (n,); the share of limits that margins take,
-        (n,); and FOUND, LOST where margins take too much, or else LEFT.
+        (n,); and FOUND, TOO_MUCH where margins take too much, or else LEFT.
     """
-    x, slope, sound = _first_pass(
-        coefficients,
-        breaks,
-        coarse,
-        coarse_piece,
-        coarse_fixed,
-        coarse_stops,
-        velocity,
-        low,
-        high,
-        start,
-        end,
-        packed[: len(coarse_piece)],
-    )
     n, dof = len(piece), coefficients.shape[2]
+    own = np.empty((dof, OWN))
+    for j in range(dof):
+        own[j, LOW0 : LOW1 + B], own[j, HIGH0 : HIGH1 + B] = low[j], high[j]
+    coarse_grid = coefficients, breaks, coarse, coarse_piece, coarse_fixed, coarse_stops
+    x, slope, sound = _first_pass(*coarse_grid, velocity, own, start, end, packed)
     lost = np.zeros(n)
     if not sound:
         return x, slope, lost, LEFT
@@ -187,38 +315,27 @@ def plan_in_one_go(
     most, least, skew = spread(x, slope, of)
     ratio = np.full(n, headroom)
     dips, left = np.empty(n, np.bool_), np.empty(n, np.bool_)
-    # Derivatives of the interval at hand, and of the one before it.
-    first, second = np.empty((2, 2, dof)), np.empty((2, 2, dof))
-    third, fourth, bulge = np.empty((2, dof)), np.empty((2, dof)), np.empty((2, dof))
-    shifts, ceiling = np.empty(n), np.empty((2, n))
+    block, c, ends = np.empty(INTERVAL), np.empty((dof, 5 * B)), np.empty((dof, ENDS))
+    shifts, ceiling, known = np.empty(n), np.empty((2, n)), -1
     for _ in range(tries):
         largest, smallest = bound_x(most, least, ratio, skew, width)
-        too_much = False
         for i in range(n):
-            row, k = i % 2, piece[i]
-            before = 1 - row if i > 0 and piece[i - 1] == k else -1
-            write_derivatives(
-                coefficients, breaks, k, s[i], s[i + 1], before, row, first, second, third, fourth
-            )
-            allowed = largest_u(largest[i], row, first, second, low[0, 0], high[0, 0])
-            if allowed == np.inf:
-                return x, skew, lost, LEFT
-            u = allowed + turn(skew[i], width[i])
             shifts[i] = skew[i] * width[i] ** 2
-            at_start, at_end, share = lower_by_velocity(
-                width[i], largest[i], u, skew[i], row, first, second, third, velocity
-            )
-            if fixed.shape[1]:
-                at_start, at_end = min(at_start, fixed[0, i]), min(at_end, fixed[1, i])
-            # Where u falls, x lies above its chord.
-            above = sag(skew[i], width[i]) if skew[i] < 0.0 else 0.0
-            ceiling[0, i], ceiling[1, i] = at_start - above, at_end - above
-            write_bulge(width[i], largest[i], u, skew[i], row, first, second, third, fourth, bulge)
-            half, shift = 0.5 / width[i], shifts[i]
-            lost[i] = write_rows(
-                half, shift, share, row, first, second, low, high, 0, bulge, 0, i, packed
-            )
-            too_much |= lost[i] > largest_margin
+        too_much = False
+        for begin in range(0, n, B):
+            place_block(breaks, piece, s, begin, block)
+            known = take_coefficients(coefficients, piece, begin, known, c)
+            for j in range(dof):
+                write_derivatives(block, c, j, ends, j, own)
+            for m in range(B):
+                i = min(begin + m, n - 1)
+                block[X + m], block[SKEW + m], block[SHIFT + m] = largest[i], skew[i], shifts[i]
+            if not _write_block(block, ends, own, velocity, packed, begin // B):
+                return x, skew, lost, LEFT
+            _put_ceiling(block, fixed, begin, ceiling)
+            for m in range(min(B, n - begin)):
+                lost[begin + m] = block[LOST + m]
+                too_much |= block[LOST + m] > largest_margin
         if too_much:
             # As in the general planner: skew is left out where it is the cause.
             changed = False
@@ -227,9 +344,9 @@ def plan_in_one_go(
                     if lost[i] >= 1.0 or largest_margin > fine_margin:
                         skew[i], changed = 0.0, True
             if not changed:
-                return x, skew, lost, LOST
+                return x, skew, lost, TOO_MUCH
             continue
-        x, sound = _reach(width, packed, _at_points(ceiling, stops), shifts, start, end)
+        x, sound = _reach(width, packed, at_points(ceiling, stops), shifts, start, end)
         if not sound:
             return x, skew, lost, LEFT
         any_dips, any_left = judge(

@@ -15,7 +15,7 @@ EVEN_PARTS = 100
 TURN = 0.1
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
     """Number of equal parts of each piece at whose ends limits are kept, (n,)."""
     n, dof = len(coefficients), coefficients.shape[2]

@@ -15,6 +15,24 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
+from armcontour.timing._block import (
+    A0,
+    A1,
+    B0,
+    B1,
+    ENDS,
+    HALF,
+    HIGH0,
+    HIGH1,
+    INTERVAL,
+    LOST,
+    LOW0,
+    LOW1,
+    MARGIN,
+    OWN,
+    SHIFT,
+    B,
+)
 
 # Largest number of cuts in the search for the best y of a stage, which takes a few.
 MOST_CUTS = 80
@@ -30,63 +48,72 @@ BINDING = 0.98
 BELOW_CEILING = 1 - 1e-6
 # A skew is used only if the binding quantity changes by at most this share over the interval.
 LARGEST_CHANGE = 0.1
+# Intervals of a block that are tried at once where the same rows have bound FEW before.
+CHUNK = 16
+FEW = 2
 # A coefficient of u below this share of that at the other end of its interval is rounding.
 VANISHED = 1e-9
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def write_rows(
-    half: float,
-    shift: float,
-    lost: float,
+    of: FloatArray,
+    ends: FloatArray,
     row: int,
-    a: FloatArray,
-    b: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    bound: int,
-    margin: FloatArray,
-    first: int,
-    i: int,
+    own: FloatArray,
+    j: int,
     out: FloatArray,
-) -> float:
-    """Write the rows of one interval, and return the largest share that margins take, as `pack`.
+    b: int,
+    start: int,
+    end: int,
+) -> None:
+    """Write one limit on a block as bounds of `p x + q y` at starts and ends of the intervals.
 
     Args:
-        half: 1 over twice the width of the interval.
-        shift: Slope of u over s times width².
-        lost: The share so far.
-        row: Index of the interval in a, b and the margin.
-        a: As in `pack`, as the next three.
-        b: See above.
-        low: See above.
-        high: See above.
-        bound: Index of the interval in the bounds.
-        margin: As in `pack`, as `first`.
-        first: See above.
-        i: Index of the interval in `out`.
-        out: As in `pack`.
+        of: HALF and SHIFT of the intervals.
+        ends: Coefficients of some limits.
+        row: Which of them this one has.
+        own: Bounds and margins of some limits.
+        j: Which of them this one has.
+        out: Output: p, q, lower and upper bound, as in `pack`.
+        b: The block.
+        start: The row of the limit at the starts.
+        end: The row of the limit at the ends.
     """
-    every, by_end = out.shape[2] // 2, low.shape[0] - 1
-    turn = abs(shift) * half
-    for end in range(2):
-        at, begin = end * by_end, end * every + first
-        # x counts at the start of the interval, or y at its end.
-        start, last = (1.0, 0.0) if end == 0 else (0.0, 1.0)
-        aside = shift * (start - last)
-        for k in range(a.shape[2]):
-            inertia, other, room = a[end, row, k] * half, b[end, row, k], margin[row, k]
-            least, most = low[at, bound, k], high[at, bound, k]
-            out[i, 0, begin + k] = start * other - inertia
-            out[i, 1, begin + k] = last * other + inertia
-            out[i, 2, begin + k] = least + room + inertia * aside
-            out[i, 3, begin + k] = most - room + inertia * aside
-            allowed = min(most, -least)
-            if room > lost * allowed:
-                lost = room / allowed
-            if abs(a[end, row, k]) * turn > allowed - room:
-                lost = max(lost, 1.0)
-    return lost
+    for m in range(B):
+        # x counts at the start of the interval.
+        inertia, shift = ends[row, A0 + m] * of[HALF + m], of[SHIFT + m]
+        low, high, room = own[j, LOW0 + m], own[j, HIGH0 + m], own[j, MARGIN + m]
+        out[b, start, m], out[b, start, B + m] = ends[row, B0 + m] - inertia, inertia
+        out[b, start, 2 * B + m] = low + room + inertia * shift
+        out[b, start, 3 * B + m] = high - room + inertia * shift
+    for m in range(B):
+        # And y at its end.
+        inertia, shift = ends[row, A1 + m] * of[HALF + m], of[SHIFT + m]
+        low, high, room = own[j, LOW1 + m], own[j, HIGH1 + m], own[j, MARGIN + m]
+        out[b, end, m], out[b, end, B + m] = -inertia, ends[row, B1 + m] + inertia
+        out[b, end, 2 * B + m] = low + room - inertia * shift
+        out[b, end, 3 * B + m] = high - room - inertia * shift
+
+
+@compiled(inner=True)
+def raise_lost(of: FloatArray, ends: FloatArray, own: FloatArray, j: int, end: int) -> None:
+    """Raise LOST to what the margin of one limit takes at one end of the intervals, see `pack`.
+
+    Args:
+        of: Rows of the intervals.
+        ends: Coefficients of the limits.
+        own: Their bounds and margins.
+        j: The limit.
+        end: 0 for the starts of the intervals, 1 for their ends.
+    """
+    aside = B if end else 0
+    for m in range(B):
+        room, lost = own[j, MARGIN + m], of[LOST + m]
+        allowed = min(own[j, HIGH0 + aside + m], -own[j, LOW0 + aside + m])
+        lost = room / allowed if room > lost * allowed else lost
+        turned = abs(ends[j, A0 + aside + m]) * (abs(of[SHIFT + m]) * of[HALF + m])
+        of[LOST + m] = max(lost, 1.0) if turned > allowed - room else lost
 
 
 @compiled()
@@ -114,18 +141,32 @@ def pack(
         high: Upper bounds there, as `low`.
         margin: Margin subtracted from both bounds, (n, rows).
         first: Number of rows before these.
-        out: Output: p, q, lower and upper bound of each row, all starts before all ends,
-            (n, 4, 2 all rows).
+        out: Output: p, q, lower and upper bound of each row, block by block, all starts before all
+            ends, (blocks, 2 all rows, 4 B).
         lost: Output: the largest share of any bound that margins take on each interval, if it is
             larger than what is there, (n,). The share is 1 where the change of u over half an
             interval alone would break a bound at rest, so that no state is certainly allowed.
     """
-    by_interval = min(low.shape[1] - 1, 1)
-    for i in range(a.shape[1]):
-        half = 0.5 / width[i]
-        lost[i] = write_rows(
-            half, shifts[i], lost[i], i, a, b, low, high, i * by_interval, margin, first, i, out
-        )
+    n, every, count = len(width), out.shape[1] // 2, a.shape[2]
+    by_end, by_interval = low.shape[0] - 1, min(low.shape[1] - 1, 1)
+    of, ends, own = np.empty(INTERVAL), np.empty((count, ENDS)), np.empty((count, OWN))
+    for begin in range(0, n, B):
+        for m in range(B):
+            i = min(begin + m, n - 1)
+            of[HALF + m], of[SHIFT + m], of[LOST + m] = 0.5 / width[i], shifts[i], lost[i]
+            at = i * by_interval
+            for k in range(count):
+                ends[k, A0 + m], ends[k, A1 + m] = a[0, i, k], a[1, i, k]
+                ends[k, B0 + m], ends[k, B1 + m] = b[0, i, k], b[1, i, k]
+                own[k, LOW0 + m], own[k, LOW1 + m] = low[0, at, k], low[by_end, at, k]
+                own[k, HIGH0 + m], own[k, HIGH1 + m] = high[0, at, k], high[by_end, at, k]
+                own[k, MARGIN + m] = margin[i, k]
+        for k in range(count):
+            write_rows(of, ends, k, own, k, out, begin // B, first + k, every + first + k)
+            raise_lost(of, ends, own, k, 0)
+            raise_lost(of, ends, own, k, 1)
+        for m in range(min(B, n - begin)):
+            lost[begin + m] = of[LOST + m]
 
 
 @compiled(inner=True)
@@ -140,25 +181,26 @@ def _of_x(
     shift: float,
 ) -> tuple[float, float, float, float, int, int]:
     """Interval of x for a given y: upper end, its slope in y, lower end, its slope, both rows."""
+    b, m = i // B, i % B
     upper = np.inf
     upper_slope = 0.0
     lower = -np.inf
     lower_slope = 0.0
     above = below = -1
-    for k in range(rows.shape[2]):
-        p, known = rows[i, 0, k], rows[i, 1, k] * y
-        down, up = rows[i, 2, k] - known, rows[i, 3, k] - known
+    for k in range(rows.shape[1]):
+        p, known = rows[b, k, m], rows[b, k, B + m] * y
+        down, up = rows[b, k, 2 * B + m] - known, rows[b, k, 3 * B + m] - known
         # A division only where the row is narrower than all before it.
         if p > 0.0:
             if up < upper * p:
-                upper, upper_slope, above = up / p, -rows[i, 1, k] / p, k
+                upper, upper_slope, above = up / p, -rows[b, k, B + m] / p, k
             if down > lower * p:
-                lower, lower_slope, below = down / p, -rows[i, 1, k] / p, k
+                lower, lower_slope, below = down / p, -rows[b, k, B + m] / p, k
         elif p < 0.0:
             if down > upper * p:
-                upper, upper_slope, above = down / p, -rows[i, 1, k] / p, k
+                upper, upper_slope, above = down / p, -rows[b, k, B + m] / p, k
             if up < lower * p:
-                lower, lower_slope, below = up / p, -rows[i, 1, k] / p, k
+                lower, lower_slope, below = up / p, -rows[b, k, B + m] / p, k
         else:
             slack = EDGE * abs(known)
             if up < -slack or down > slack:
@@ -192,16 +234,17 @@ def _largest_y(
     rows: FloatArray, i: int, half: float, c0: float, c1: float, r: float, shift: float
 ) -> float:
     """Largest y for which the disc, and rows that do not depend on x, allow any x."""
+    b, m = i // B, i % B
     y = np.inf
     if r < np.inf:
         if c1 > 0.0:
             y = min(y, r / c1)
         if c0 > 0.0:
             y = min(y, shift + r / half * math.hypot(1.0, half / c0))
-    for k in range(rows.shape[2]):
-        p, q = rows[i, 0, k], rows[i, 1, k]
+    for k in range(rows.shape[1]):
+        p, q = rows[b, k, m], rows[b, k, B + m]
         if p == 0.0 and q != 0.0:
-            y = min(y, rows[i, 3, k] / q if q > 0.0 else rows[i, 2, k] / q)
+            y = min(y, rows[b, k, 3 * B + m] / q if q > 0.0 else rows[b, k, 2 * B + m] / q)
     return max(y, 0.0)
 
 
@@ -217,13 +260,14 @@ def _of_y(
     shift: float,
 ) -> tuple[float, float, int]:
     """Interval of y for a given x, and the row that bounds it from above."""
+    b, m = i // B, i % B
     upper = np.inf
     lower = -np.inf
     above = -1
-    for k in range(rows.shape[2]):
-        q, known = rows[i, 1, k], rows[i, 0, k] * x
+    for k in range(rows.shape[1]):
+        q, known = rows[b, k, B + m], rows[b, k, m] * x
         # Where q is tiny and x at the row's edge, rounding must not decide on y.
-        least, most = rows[i, 2, k], rows[i, 3, k]
+        least, most = rows[b, k, 2 * B + m], rows[b, k, 3 * B + m]
         down = least - ROUNDING * (abs(least) + abs(known)) - known
         up = most + ROUNDING * (abs(most) + abs(known)) - known
         if q > 0.0:
@@ -250,98 +294,238 @@ def _of_y(
 
 
 @compiled(inner=True)
-def _breaks(x: float, y: float, rows: FloatArray, i: int, k: int, play: float) -> bool:
+def _count_broken(
+    rows: FloatArray, b: int, k: int, low: int, play: float, lanes: FloatArray
+) -> int:
+    """The number of intervals whose x and y break one row by more than a share of its terms.
+
+    Args:
+        rows: The rows, as in `reach`.
+        b: The block.
+        k: The row.
+        low: The first of CHUNK intervals of the block.
+        play: The share.
+        lanes: x and y, (2 CHUNK,).
+    """
+    broken, m0 = 0, low & (B - 1)
+    for m in range(CHUNK):
+        one, other = rows[b, k, m0 + m] * lanes[m], rows[b, k, B + m0 + m] * lanes[CHUNK + m]
+        low_, high = rows[b, k, 2 * B + m0 + m], rows[b, k, 3 * B + m0 + m]
+        if play > 0.0:
+            slack = play * (abs(one) + abs(other))
+            low_, high = low_ - slack, high + slack
+        broken += (one + other > high) | (one + other < low_)
+    return broken
+
+
+@compiled(inner=True)
+def _breaks(x: float, y: float, rows: FloatArray, b: int, m: int, k: int, play: float) -> bool:
     """Whether x and y break row k of an interval by more than a share of its terms."""
-    one, other = rows[i, 0, k] * x, rows[i, 1, k] * y
+    one, other = rows[b, k, m] * x, rows[b, k, B + m] * y
     slack = play * (abs(one) + abs(other))
-    return bool((one + other > rows[i, 3, k] + slack) | (one + other < rows[i, 2, k] - slack))
+    above = one + other > rows[b, k, 3 * B + m] + slack
+    return bool(above | (one + other < rows[b, k, 2 * B + m] - slack))
+
+
+@compiled(inner=True)
+def _twin(k: int, count: int) -> int:
+    """The row of the same limit as row k at the other end of the interval; -1 for -1."""
+    if k < 0:
+        return k
+    return k - count // 2 if k >= count // 2 else k + count // 2
 
 
 @compiled(inner=True)
 def _keeps(x: float, y: float, rows: FloatArray, i: int, first: int, second: int) -> bool:
-    """Whether x and y keep all rows of an interval.
-
-    Args:
-        x: ds² at the start.
-        y: ds² at the end.
-        rows: The rows, as in `reach`.
-        i: The interval.
-        first: A row on whose edge x and y are, and the same limit at the other end of the interval
-            perhaps too: these two may be broken by rounding; -1 for none.
-        second: Another such row, or -1.
-    """
-    count, broken = rows.shape[2], 0
-    for k in range(count):
-        value = rows[i, 0, k] * x + rows[i, 1, k] * y
-        broken += (value > rows[i, 3, k]) | (value < rows[i, 2, k])
+    """Whether x and y keep all rows of interval i; other arguments as in `_find_broken`."""
+    b, m, every, broken = i // B, i % B, rows.shape[1], 0
+    for k in range(every):
+        value = rows[b, k, m] * x + rows[b, k, B + m] * y
+        broken += (value > rows[b, k, 3 * B + m]) | (value < rows[b, k, 2 * B + m])
     if broken:
         for k in (first, second):
             if k >= 0:
-                for row in (k, (k + count // 2) % count):
-                    broken -= _breaks(x, y, rows, i, row, 0.0)
-                    broken += _breaks(x, y, rows, i, row, EDGE)
-            if k == second or second == (k + count // 2) % count:
+                for row in (k, _twin(k, every)):
+                    broken -= _breaks(x, y, rows, b, m, row, 0.0)
+                    broken += _breaks(x, y, rows, b, m, row, EDGE)
+            if k == second or second == _twin(k, every):
                 break
     return broken == 0
 
 
 @compiled(inner=True)
-def _end_of_x(y: float, rows: FloatArray, i: int, k: int, side: float) -> tuple[float, float]:
+def _find_broken(
+    rows: FloatArray, i: int, last: int, first: int, second: int, lanes: FloatArray
+) -> int:
+    """The first of some intervals of a chunk whose x and y break a row; `last` if there is none.
+
+    Args:
+        rows: The rows, as in `reach`.
+        i: The first of the intervals.
+        last: The one after the last of them, or before it if they are looked at backwards.
+        first: A row on whose edge x and y are, and the same limit at the other end of the interval
+            perhaps too: these two may be broken by rounding; -1 for none.
+        second: Another such row, or -1.
+        lanes: x and y of the intervals, and zeros, (2 CHUNK,). All zeros afterwards.
+    """
+    every, step, found = rows.shape[1], 1 if last > i else -1, i
+    if abs(last - i) > FEW:
+        twin, other, broken = _twin(first, every), _twin(second, every), 0
+        for k in range(every):
+            edge = k == first or k == second or k == twin or k == other
+            play = EDGE if edge else 0.0
+            broken += _count_broken(rows, i // B, k, i % B - i % CHUNK, play, lanes)
+        if broken == 0:
+            found = last
+    while found != last:
+        m = found % CHUNK
+        if not _keeps(lanes[m], lanes[CHUNK + m], rows, found, first, second):
+            break
+        found += step
+    for at in range(i, last, step):
+        m = at % CHUNK
+        lanes[m] = lanes[CHUNK + m] = 0.0
+    return found
+
+
+@compiled(inner=True)
+def _end_of_x(
+    y: float, rows: FloatArray, b: int, m: int, k: int, side: float
+) -> tuple[float, float]:
     """The upper end (side 1) or lower end (-1) of x that one row leaves at y, and its slope."""
-    p, q = rows[i, 0, k], rows[i, 1, k]
+    p, q = rows[b, k, m], rows[b, k, B + m]
     if p == 0.0:
         return side * np.inf, 0.0
-    return (rows[i, 3 if p * side > 0.0 else 2, k] - q * y) / p, -q / p
+    return (rows[b, k, 3 * B + m if p * side > 0.0 else 2 * B + m] - q * y) / p, -q / p
 
 
 @compiled(inner=True)
 def _guess_x(
-    y: float, cap: float, rows: FloatArray, i: int, above: int, below: int
-) -> tuple[float, bool]:
-    """The largest x of an interval if the same rows bound it as in the one before.
+    y: float, rows: FloatArray, b: int, m: int, above: int, below: int
+) -> tuple[float, float, bool]:
+    """The largest x of an interval if these rows bound it.
 
     Args:
         y: Largest x at the end of the interval.
-        cap: Ceiling of x.
         rows: The rows, as in `reach`.
-        i: The interval.
-        above: The row that bounds x from above; -1 if the ceiling does.
+        b: Block of the interval.
+        m: Its place in the block.
+        above: The row that bounds x from above.
         below: The row that bounds x from below, where both bound y; -1 if y is not bounded.
 
     Returns:
-        x, and whether all rows agree.
+        x, y, and whether they can be.
     """
-    if above < 0:
-        return cap, cap < np.inf and _keeps(cap, y, rows, i, -1, -1)
     # With a skew the same limit binds at both ends: which one is first is a matter of rounding.
-    every = rows.shape[2] // 2
-    x, slope = _end_of_x(y, rows, i, above, 1.0)
-    other, steep = _end_of_x(y, rows, i, (above + every) % (2 * every), 1.0)
+    count = rows.shape[1]
+    x, slope = _end_of_x(y, rows, b, m, above, 1.0)
+    other, steep = _end_of_x(y, rows, b, m, _twin(above, count), 1.0)
     if other < x:
-        x, slope, above = other, steep, (above + every) % (2 * every)
+        x, slope = other, steep
     if below >= 0:
-        least, rise = _end_of_x(y, rows, i, below, -1.0)
-        other, steep = _end_of_x(y, rows, i, (below + every) % (2 * every), -1.0)
+        least, rise = _end_of_x(y, rows, b, m, below, -1.0)
+        other, steep = _end_of_x(y, rows, b, m, _twin(below, count), -1.0)
         if other > least:
-            least, rise, below = other, steep, (below + every) % (2 * every)
+            least, rise = other, steep
         if x >= least or slope >= rise:
-            return 0.0, False
+            return 0.0, y, False
         # Where both rows meet, y is this much smaller.
         less = (x - least) / (slope - rise)
         x, y = x - slope * less, y - less
-    agrees = slope >= 0.0 and x >= 0.0 and y >= 0.0 and _keeps(x, y, rows, i, above, below)
-    return min(x, cap), agrees
+    return x, y, slope >= 0.0 and x >= 0.0 and y >= 0.0
 
 
 @compiled(inner=True)
-def _end_of_y(x: float, rows: FloatArray, i: int, k: int) -> float:
+def _guess_back(
+    i: int,
+    count: int,
+    rows: FloatArray,
+    ceiling: FloatArray,
+    above: int,
+    below: int,
+    most: FloatArray,
+    lanes: FloatArray,
+) -> tuple[int, bool]:
+    """Go back through a chunk from interval i while the same rows bound x as before.
+
+    One guess follows from the other; whether they keep all rows is looked at for all at once.
+
+    Args:
+        i: The interval.
+        count: Largest number of intervals.
+        rows: The rows, as in `reach`.
+        ceiling: Largest x at the grid points, (n + 1,).
+        above: The row that bounds x from above; -1 if the ceiling does.
+        below: As in `_guess_x`.
+        most: The largest x after the interval i, and before it as the output, (n + 1,).
+        lanes: Memory for x and y, all zeros, (2 CHUNK,).
+
+    Returns:
+        The interval before those that agree, and whether it is in the chunk and does not.
+    """
+    b, k, y = i // B, i, most[i + 1]
+    end = max(i - i % CHUNK, i - count + 1)
+    while k >= end:
+        x, agrees = ceiling[k], True
+        if above >= 0:
+            x, y, agrees = _guess_x(y, rows, b, k % B, above, below)
+        if not (agrees and x < np.inf):
+            break
+        lanes[k % CHUNK], lanes[CHUNK + k % CHUNK] = x, y
+        most[k] = y = min(x, ceiling[k])
+        k -= 1
+    broken = _find_broken(rows, i, k, above, below if above >= 0 else -1, lanes)
+    return broken, broken >= end
+
+
+@compiled(inner=True)
+def _end_of_y(x: float, rows: FloatArray, b: int, m: int, k: int) -> float:
     """The upper end of y that one row leaves at x, as in `_of_y`."""
-    p, q = rows[i, 0, k], rows[i, 1, k]
+    p, q = rows[b, k, m], rows[b, k, B + m]
     if q == 0.0:
         return np.inf
-    bound, known, side = rows[i, 3 if q > 0.0 else 2, k], p * x, math.copysign(1.0, q)
-    up: float = (bound + side * ROUNDING * (abs(bound) + abs(known)) - known) / q
+    bound, known = rows[b, k, 3 * B + m if q > 0.0 else 2 * B + m], p * x
+    wider = bound + math.copysign(1.0, q) * ROUNDING * (abs(bound) + abs(known))
+    up: float = (wider - known) / q
     return up
+
+
+@compiled(inner=True)
+def _guess_on(
+    i: int,
+    count: int,
+    rows: FloatArray,
+    most: FloatArray,
+    above: int,
+    x: FloatArray,
+    lanes: FloatArray,
+) -> tuple[int, bool]:
+    """Go on through a chunk from interval i while the same row bounds y as before.
+
+    Args:
+        i: The interval.
+        count: Largest number of intervals.
+        rows: The rows, as in `reach`.
+        most: The largest x from which the end can be reached, (n + 1,).
+        above: The row that bounds y from above; -1 for none.
+        x: The largest x up to the interval i, and after it as the output, (n + 1,).
+        lanes: Memory for x and y, all zeros, (2 CHUNK,).
+
+    Returns:
+        The interval after those that agree, and whether it is in the chunk and does not.
+    """
+    b, k, twin = i // B, i, _twin(above, rows.shape[1])
+    last = min(i - i % CHUNK + CHUNK, i + count, len(x) - 1)
+    while k < last:
+        m, y = k % B, most[k + 1]
+        if above >= 0:
+            y = min(y, _end_of_y(x[k], rows, b, m, above), _end_of_y(x[k], rows, b, m, twin))
+        if not 0.0 <= y < np.inf:
+            break
+        lanes[k % CHUNK], lanes[CHUNK + k % CHUNK], x[k + 1] = x[k], y, y
+        k += 1
+    broken = _find_broken(rows, i, k, above, -1, lanes)
+    return broken, broken < last
 
 
 @compiled()
@@ -359,7 +543,7 @@ def reach(
 
     Args:
         width: Interval lengths, (n,).
-        rows: What `pack` writes, (n, 4, rows).
+        rows: What `pack` writes, (blocks, rows, 4 B).
         ceiling: Largest x at the grid points, (n + 1,).
         c: Coefficients of the discs, (2, n), or (2, 0) without discs.
         radius: Radii of the discs, infinite for no disc, (n,), or (0,) without discs.
@@ -377,17 +561,23 @@ def reach(
     most = np.empty(n + 1)
     x = np.empty(n + 1)
     most[n] = end
-    for i in range(n - 1, -1, -1):
+    lanes = np.zeros(2 * CHUNK)
+    i, count = n, FEW
+    while i > 0:
+        i -= 1
+        if guesses and not discs:
+            i, differs = _guess_back(i, count, rows, ceiling, above, below, most, lanes)
+            # Many at once where the same rows bind for long, few where they change.
+            count = FEW if differs else min(2 * count, CHUNK)
+            if not differs:
+                i += 1
+                continue
         half = 0.5 / width[i]
         cap = ceiling[i]
         y = most[i + 1]
         shift = shifts[i]
         if discs:
             c0, c1, r = c[0, i], c[1, i], radius[i]
-        elif guesses:
-            most[i], agrees = _guess_x(y, cap, rows, i, above, below)
-            if agrees:
-                continue
         if r < np.inf:
             y = min(y, _largest_y(rows, i, half, c0, c1, r, shift))
         up, slope, down, down_slope, above, below = _of_x(y, rows, i, half, c0, c1, r, shift)
@@ -449,19 +639,16 @@ def reach(
     if start > most[0] * (1 + PLAY):
         return x, most, 0
     x[0] = min(start, most[0])
-    above, every = -1, rows.shape[2] // 2
-    for i in range(n):
+    above, i, count = -1, 0, FEW
+    while i < n:
+        if not discs:
+            i, differs = _guess_on(i, count, rows, most, above, x, lanes)
+            count = FEW if differs else min(2 * count, CHUNK)
+            if not differs:
+                continue
         half = 0.5 / width[i]
         if discs:
             c0, c1, r = c[0, i], c[1, i], radius[i]
-        else:
-            y, k = most[i + 1], -1
-            if above >= 0:
-                k = (above + every) % (2 * every)
-                y = min(y, _end_of_y(x[i], rows, i, above), _end_of_y(x[i], rows, i, k))
-            if y >= 0.0 and _keeps(x[i], y, rows, i, k, -1):
-                x[i + 1] = y
-                continue
         up, down, above = _of_y(x[i], rows, i, half, c0, c1, r, shifts[i])
         y = min(up, most[i + 1])
         # Both ends of the interval of y are rounded; next to the edge of a disc under a root.
@@ -471,7 +658,47 @@ def reach(
         if y < down - slack:
             return x, most, i
         x[i + 1] = max(y, 0.0)
+        i += 1
     return x, most, -1
+
+
+@compiled(inner=True)
+def steer(
+    width: float,
+    first: float,
+    last: float,
+    ends: tuple[float, float, float, float],
+    lows: tuple[float, float],
+    highs: tuple[float, float],
+    most: float,
+    skew: float,
+) -> tuple[float, float]:
+    """The larger use of rows on one interval, and the slope of u for the row, see below.
+
+    Args:
+        width: Length of the interval.
+        first: x at its start.
+        last: x at its end.
+        ends: Coefficients of u and those of x of one row, at the start and the end each.
+        lows: Lower bounds there.
+        highs: Upper bounds there.
+        most: The largest use of the rows before.
+        skew: The slope for these.
+    """
+    a0, a1, b0, b1 = ends
+    inertia = min(abs(a0), abs(a1))
+    if a0 * a1 <= 0.0 or inertia < VANISHED * abs(a0 + a1):
+        return most, skew
+    u = (last - first) / (2.0 * width)
+    v0, v1 = a0 * u + b0 * first, a1 * u + b1 * last
+    bounds = highs if v0 > 0.0 else lows
+    used = max(v0 / bounds[0], v1 / bounds[1])
+    # On a tie the first one, so that rounding does not choose.
+    if used > most * (1 + 1e-9):
+        u0, u1 = (bounds[0] - b0 * first) / a0, (bounds[1] - b1 * last) / a1
+        if abs(a0 * (u1 - u0)) < LARGEST_CHANGE * abs(bounds[0]):
+            return used, (u1 - u0) / width
+    return most, skew
 
 
 @compiled()
@@ -498,32 +725,15 @@ def skew_along_rows(
             binds; infinite where no row is looked for, (n,). Changed in place.
         skew: The slope for that row, (n,). Changed in place.
     """
-    n = len(width)
     by_end, by_interval = low.shape[0] - 1, min(low.shape[1] - 1, 1)
-    for i in range(n):
+    for i in range(len(width)):
         if most[i] == np.inf:
             continue
-        first, last = x[i], x[i + 1]
-        u = (last - first) / (2.0 * width[i])
+        at = i * by_interval
         for k in range(a.shape[2]):
-            a0, a1, b0, b1 = a[0, i, k], a[1, i, k], b[0, i, k], b[1, i, k]
-            inertia = min(abs(a0), abs(a1))
-            if a0 * a1 <= 0.0 or inertia < VANISHED * abs(a0 + a1):
-                continue
-            v0 = a0 * u + b0 * first
-            v1 = a1 * u + b1 * last
-            at = i * by_interval
-            bound0 = high[0, at, k] if v0 > 0.0 else low[0, at, k]
-            bound1 = high[by_end, at, k] if v0 > 0.0 else low[by_end, at, k]
-            used = max(v0 / bound0, v1 / bound1)
-            # On a tie the first one, so that rounding does not choose.
-            if used > most[i] * (1 + 1e-9):
-                u0 = (bound0 - b0 * first) / a0
-                u1 = (bound1 - b1 * last) / a1
-                change = abs(a0 * (u1 - u0))
-                if change < LARGEST_CHANGE * abs(bound0):
-                    most[i] = used
-                    skew[i] = (u1 - u0) / width[i]
+            lows, highs = (low[0, at, k], low[by_end, at, k]), (high[0, at, k], high[by_end, at, k])
+            ends = a[0, i, k], a[1, i, k], b[0, i, k], b[1, i, k]
+            most[i], skew[i] = steer(width[i], x[i], x[i + 1], ends, lows, highs, most[i], skew[i])
 
 
 @compiled()

@@ -21,8 +21,10 @@ from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing._all_limits import Rules
+from armcontour.timing._block import memory_of_blocks
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
-from armcontour.timing._joint_limits import FOUND, LOST, plan_in_one_go
+from armcontour.timing._joint_limits import FOUND, TOO_MUCH, plan_in_one_go
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
@@ -32,6 +34,7 @@ from armcontour.timing._reach import (
     skew_along_discs,
     skew_along_rows,
 )
+from armcontour.timing.all_limits import AllLimits
 from armcontour.timing.constraints import (
     AngularAcceleration,
     AngularSpeed,
@@ -48,6 +51,7 @@ from armcontour.timing.constraints import (
     ToolSpeed,
     turning_of,
 )
+from armcontour.timing.constraints.sampled import MARGIN
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
     AT_CURVES,
@@ -252,6 +256,7 @@ class _Task:
 
 
 NOWHERE = _checks.lock_floats([])
+NOWHERE_AT = np.empty(0, dtype=np.intp)
 
 
 class Problem:
@@ -319,7 +324,7 @@ class Problem:
     def _pack(self) -> FloatArray:
         """The rows as the compiled passes take them; `lost` takes the share of their margins."""
         count = sum(x.a.shape[2] for x in self.rows)
-        packed, first = np.empty((len(self.grid), 4, 2 * count)), 0
+        packed, first = memory_of_blocks(len(self.grid), 2 * count), 0
         for x in self.rows:
             bounds = x.low, x.high, x.margin
             pack(self.grid.width, self.shifts, x.a, x.b, *bounds, first, packed, self.lost)
@@ -453,8 +458,17 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
         x, skew, lost, outcome = plain.plan(grid, task, most)
         if outcome == FOUND:
             return _law(grid, x, skew), lost
-        if outcome == LOST:
+        if outcome == TOO_MUCH:
             return None, lost
+    elif not len(task.standing):
+        limits = AllLimits.of(task.active, grid.joint_path.dof)
+        if limits is not None:
+            rules = _rules(task, most)
+            x, skew, lost, outcome = limits.plan(grid.joint_path, grid, *_coarse(grid), rules)
+            if outcome == FOUND:
+                return _law(grid, x, skew), lost
+            if outcome == TOO_MUCH:
+                return None, lost
     n = len(grid)
     steady, dips, left = (np.zeros(n, dtype=np.bool_) for _ in range(3))  # steady: without skew
     bracket, path = _first_pass(grid, task), JointDerivatives.on(grid)
@@ -494,6 +508,28 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
     return bracket.found, np.maximum(lost, most)
 
 
+def _rules(task: _Task, most: float) -> Rules:
+    """The rules of a plan with margins up to the share `most` of a limit."""
+    return Rules(
+        start=float(task.start_speed**2),
+        end=float(task.end_speed**2),
+        most=most,
+        fine_margin=LARGEST_MARGIN,
+        no_way=4 * LARGEST_MARGIN,
+        fine_enough=FINE_ENOUGH,
+        safety=MARGIN,
+        headroom=HEADROOM,
+        close=CLOSE,
+        wider=WIDER,
+        least_gain=LEAST_GAIN,
+        largest_dip=LARGEST_DIP,
+        near_tangent=NEAR_TANGENT,
+        tries=MOST_TRIES,
+        tangents=MOST_TANGENTS,
+        moves=MOST_MOVES,
+    )
+
+
 def _is_fixed(x: Constraint) -> TypeGuard[ToolSpeed | CentripetalAcceleration]:
     """Whether a constraint is a ceiling that depends on the place only; subclasses may not be."""
     return type(x) in (ToolSpeed, CentripetalAcceleration)
@@ -505,8 +541,8 @@ class _PlainLimits:
 
     Args:
         velocity: Largest joint velocities, infinite for none [rad/s], (dof,).
-        low: Smallest joint accelerations [rad/s²], (1, 1, dof).
-        high: Largest joint accelerations [rad/s²], (1, 1, dof).
+        low: Smallest joint accelerations [rad/s²], (dof,).
+        high: Largest joint accelerations [rad/s²], (dof,).
         fixed: Constraints that are ceilings which depend on the place only.
     """
 
@@ -527,7 +563,7 @@ class _PlainLimits:
             return None
         low, high = accelerations[0].low, accelerations[0].high
         most = velocities[0].limit if velocities else np.full(len(low), np.inf)
-        return cls(most, np.array(low[None, None]), np.array(high[None, None]), tuple(fixed))
+        return cls(most, np.array(low), np.array(high), tuple(fixed))
 
     def plan(
         self, grid: Grid, task: _Task, most: float
@@ -556,14 +592,15 @@ class _PlainLimits:
             LARGEST_DIP,
             WIDER,
             MOST_TRIES,
-            np.empty((len(grid), 4, 2 * path.dof)),
+            memory_of_blocks(len(grid), 2 * path.dof),
         )
 
     def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
         """The fixed ceilings at the ends of intervals, (2, n), (2, 0) for none, and the stops."""
         found = [x.fixed_ceiling(grid) for x in self.fixed]
         fixed = np.empty((2, 0)) if not found else np.min(found, axis=0)
-        return fixed, np.searchsorted(grid.s, grid.joint_path.stops)
+        stops = grid.joint_path.stops
+        return fixed, np.searchsorted(grid.s, stops) if len(stops) else NOWHERE_AT
 
 
 @dataclass(slots=True)

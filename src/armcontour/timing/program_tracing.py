@@ -98,7 +98,8 @@ def trace_program(
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    tracer = _Tracer(program.single_path, program.contours, arm, bounds, branch, start)
+    limited = arm.with_limits(bounds)
+    tracer = _Tracer(program.single_path, program.contours, arm, limited, bounds, branch, start)
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
@@ -140,6 +141,7 @@ class _Tracer:
     single_path: Path | None
     contours: tuple[Contour, ...]
     arm: Arm
+    limited: Arm
     limits: Limits
     branch: str | None
     start: npt.ArrayLike | None
@@ -180,8 +182,7 @@ class _Tracer:
         if self.last is not None:
             end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
-                line = JointPath.spline([end, q])
-                self.steps.append(TracedMove(move=None, joint_path=line, called=called))
+                self.steps.append(TracedMove(move=None, joint_path=_line(end, q), called=called))
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
@@ -191,7 +192,7 @@ class _Tracer:
             start = self.start if self.last is None else None
             return trace_fastest(path, self.arm, self.limits, branch=self.branch, start=start)
         try:
-            return trace(path, self.arm, limits=self.limits, start=ends_of(self.last)[1])
+            return trace(path, self.limited, start=ends_of(self.last)[1])
         except Unreachable:
             return trace_fastest(path, self.arm, self.limits)
 
@@ -207,6 +208,14 @@ class _Tracer:
         except ArmContourError:
             # Try the other configurations; errors of the contour are raised when it is traced.
             return self._trace(path)
+
+
+def _line(begin: FloatArray, end: FloatArray) -> JointPath:
+    """The straight line between joint positions [rad], (dof,) each, over its length [rad]."""
+    length = float(np.linalg.norm(end - begin))
+    coefficients = np.zeros((1, 6, len(begin)))
+    coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
+    return JointPath(breaks=np.array([0.0, length]), coefficients=coefficients)
 
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:

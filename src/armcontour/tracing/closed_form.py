@@ -36,9 +36,7 @@ class ClosedForm(Solver[PlanarTwoLink]):
         super().__init__(path, arm)
         self.branch, self.tolerance = branch, tolerance
 
-    def ends(
-        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
-    ) -> Ends:
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         try:
             q = self.arm.inverse(self.path.on_segment(knots.segment, u), self.branch)

@@ -13,6 +13,7 @@ from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
+from armcontour.tracing import _turns
 from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
 from armcontour.tracing.ranges import out_of_range
@@ -169,10 +170,12 @@ def _rank(
 
     Solutions that are the same as an earlier one come last.
     """
+    if len(followed) == 1 and len(s) > ROUGH_KNOTS:
+        return [_shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
     ranked = []
     for q in followed:
-        shifted = _shift_by_turns(arm, q)
+        shifted, _ = _shift_by_turns(arm, q)
         rough, cost = smooth(
             arm,
             s[few],
@@ -260,6 +263,8 @@ def _subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntA
     )
     count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
     at = np.concatenate([[0], np.cumsum(count)])
+    if at[-1] == len(knots):
+        return knots, at
     interval = np.repeat(np.arange(len(knots)), count)
     number = np.arange(at[-1]) - at[interval]
     ahead = width[interval] * (number / count[interval])
@@ -282,21 +287,19 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
     return float(steps.max(axis=1).sum())
 
 
-def _shift_by_turns(arm: SerialArm, q: FloatArray) -> FloatArray:
-    """The positions, shifted by whole turns as near to the middle of the joint ranges as possible.
+def _shift_by_turns(
+    arm: SerialArm, q: FloatArray, start: FloatArray | None = None
+) -> tuple[FloatArray, bool]:
+    """The positions, shifted by whole turns, and whether they are in the joint ranges then.
 
-    A joint whose range has one end only is shifted into its range.
+    They are as near to the start as the ranges allow, or as near to the middle of the ranges as
+    possible. A joint whose range has one end only is shifted into its range.
     """
-    lower, upper = arm.limits.joint_range(arm.dof)
-    ranged = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.where(
-        ranged, np.where(ranged, lower, 0.0) / 2 + np.where(ranged, upper, 0.0) / 2, 0
+    near = np.empty(0) if start is None else np.array(start)
+    found: tuple[FloatArray, bool] = _turns.shift_by_turns(
+        q, *arm.limits.joint_range(arm.dof), near
     )
-    low, high = q.min(axis=0), q.max(axis=0)
-    turns = np.round((middle - (low + high) / 2) / (2 * np.pi))
-    least = np.ceil((np.where(ranged, -np.inf, lower) - low) / (2 * np.pi))
-    most = np.floor((np.where(ranged, np.inf, upper) - high) / (2 * np.pi))
-    return np.asarray(q + 2 * np.pi * np.clip(turns, least, most))
+    return found
 
 
 def _turn_into_range(
@@ -306,19 +309,13 @@ def _turn_into_range(
 
     If a start is given, the shifts nearest to the start are preferred.
     """
-    lower, upper = arm.limits.joint_range(arm.dof)
-    wanted = _shift_by_turns(arm, q)
-    if start is not None:
-        near = q + 2 * np.pi * np.round((start - q[0]) / (2 * np.pi))
-        fits = (near.min(axis=0) >= lower) & (near.max(axis=0) <= upper)
-        wanted = np.where(fits, near, wanted)
-    below, above = wanted < lower, wanted > upper
-    outside = (below | above).any(axis=1)
-    if not outside.any():
+    wanted, inside = _shift_by_turns(arm, q, start)
+    if inside:
         return wanted
+    lower, upper = arm.limits.joint_range(arm.dof)
+    below, above = wanted < lower, wanted > upper
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
     # that with the least excess at the knot that leaves the range.
-    wanted = wanted.copy()
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
         tried = wanted[:, joint, None] + turns

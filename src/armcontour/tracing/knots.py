@@ -93,7 +93,7 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
     extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(diameter.max()))
     width = cells.u1 - cells.u0
     turning = path.curvatures[cells.segment]
-    if path.orientation is not None:
+    if path.orientation is not None and not path.orientation.fixed:
         i = cells.piece
         middle = cells.at((cells.u0 + cells.u1) / 2) - path.orientation.breaks[i]
         rate, _ = path.orientation.rates_on_piece(i, middle)
@@ -114,18 +114,18 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
 
 def _cells(path: Path) -> Knots:
     """Intervals between all breaks of the path's segments and of its orientation."""
-    n = len(path)
-    if path.orientation is None:
+    n, orientation = len(path), path.orientation
+    if orientation is None or np.array_equal(orientation.breaks, path.breaks):
         return Knots(
             segment=np.arange(n),
-            piece=np.zeros(n, dtype=np.intp),
+            piece=np.zeros(n, dtype=np.intp) if orientation is None else np.arange(n),
             u0=np.zeros(n),
             u1=path.lengths,
             s0=path.breaks[:-1],
         )
-    s = np.union1d(path.breaks, path.orientation.breaks)
+    s = np.union1d(path.breaks, orientation.breaks)
     middle = (s[:-1] + s[1:]) / 2
-    segment, piece = path.locate(middle), path.orientation.locate(middle)
+    segment, piece = path.locate(middle), orientation.locate(middle)
     u0 = s[:-1] - path.breaks[segment]
     ends = s[1:] == path.breaks[segment + 1]
     u1 = np.where(ends, path.lengths[segment], s[1:] - path.breaks[segment])

@@ -13,7 +13,7 @@ from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import MIDDLE, Knots
 from armcontour.tracing.poses import (
     FirstPoses,
-    pose_derivatives_at,
+    motion_at,
     poses_at,
     turning_too_fast,
     what_helps,
@@ -57,30 +57,31 @@ class Numeric(Solver[SerialArm]):
             s = np.append(first.knots.s0, path.length)
             self._guide = Guide.through(s, solution.q, w, first.stops)
 
-    def ends(
-        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
-    ) -> Ends:
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """As of every solver, once where an interval ends and the next one starts."""
+        first, q = self._first, self._solution.q
+        alone = first.ends >= len(knots)
+        guess = np.concatenate([q[:-1], q[1:][alone]])
+        found = self._solve(first.places, first.u, guess, first.poses, first.rates)
+        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in found)
+        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in found)
+        return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
 
         Raises:
             Unreachable: The arm is singular there; with the arc length.
         """
-        if guess is None:
-            guess = self._solution.q[1:] if at_end else self._solution.q[:-1]
-            poses, rates = self._first.ends if at_end else self._first.starts
-        else:
-            poses = poses_at(self.path, knots, u)
-            rates = pose_derivatives_at(self.path, knots, u)
+        assert guess is not None
+        return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
+
+    def _solve(
+        self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
+    ) -> Ends:
+        """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
         w, g = self._rows(knots, u)
-        q = np.array(guess, order="C")
-        found, _ = _newton.newton(
-            *self.arm.arrays,
-            q,
-            poses,
-            self.task,
-            np.ascontiguousarray(w[:, 0]),
-            np.ascontiguousarray(g[:, 0]),
-        )
+        found, _ = _newton.newton(*self.arm.arrays, q, poses, self.task, w, g)
         dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
             *self.arm.arrays, q, poses, rates, self.task, w, g
         )
@@ -114,8 +115,7 @@ class Numeric(Solver[SerialArm]):
         n, dof = len(u), self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
-        w, g = self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
-        return np.ascontiguousarray(w), np.ascontiguousarray(g)
+        return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
 
     def _refuse_singularity(self, knots: Knots, u: FloatArray, i: int) -> None:
         """Raise Unreachable for knot i, with its arc length and position."""

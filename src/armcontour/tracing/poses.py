@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Orientation, Path
+from armcontour.tracing import _path_points
 from armcontour.tracing.knots import Knots
 
 # Jumps of the orientation below this are rounding errors [rad].
@@ -115,14 +116,53 @@ def turning_too_fast(path: Path, s: float) -> str:
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
-    poses = np.zeros((len(u), 3, 4))
-    poses[:, :, 3] = path.on_segment(knots.segment, u)
+    poses = np.empty((len(u), 3, 4))
+    _write_points(path, knots, u, poses, np.empty((0, 4, 3)))
+    _write_rotations(path, knots, u, poses)
+    return poses
+
+
+def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3).
+
+    The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
+    derivative.
+    """
+    poses, rates = np.empty((len(u), 3, 4)), np.zeros((len(u), 4, 3))
+    _write_points(path, knots, u, poses, rates)
+    _write_rotations(path, knots, u, poses)
+    orientation = path.orientation
+    if orientation is not None and not orientation.fixed:
+        after = knots.at(u) - orientation.breaks[knots.piece]
+        rates[:, 2], rates[:, 3] = orientation.rates_on_piece(knots.piece, after)
+    return poses, rates
+
+
+def _write_points(
+    path: Path, knots: Knots, u: FloatArray, poses: FloatArray, rates: FloatArray
+) -> None:
+    """Write positions into poses, and their derivatives into rates, which may be empty."""
+    if type(path).on_segment is not Path.on_segment:  # shaped paths are other curves
+        poses[:, :, 3] = path.on_segment(knots.segment, u)
+        for order in (1, 2) if len(rates) else ():
+            rates[:, order - 1] = path.on_segment(knots.segment, u, order)
+        return
+    x = path.segments
+    columns = (x.starts, x.tangents, x.normals, x.curvatures[:, None], x.lengths[:, None])
+    quintics = np.array(x.quintics, order="C") if x.quintics.size else np.empty((0, 6, 3))
+    table = np.concatenate(columns, axis=1)
+    _path_points.write_points(table, quintics, knots.segment, u, poses, rates)
+
+
+def _write_rotations(path: Path, knots: Knots, u: FloatArray, poses: FloatArray) -> None:
+    """Write the orientation of the tool into poses."""
     if path.orientation is None:
         poses[:, :, :3] = np.eye(3)
+    elif path.orientation.fixed:
+        poses[:, :, :3] = path.orientation.starts[knots.piece]
     else:
         after = knots.at(u) - path.orientation.breaks[knots.piece]
         poses[:, :, :3] = path.orientation.on_piece(knots.piece, after)
-    return poses
 
 
 def row_of_poses(path: Path, knots: Knots) -> FloatArray:
@@ -136,47 +176,54 @@ class FirstPoses:
     """What a path demands of the tool at its first knots; all configurations share it.
 
     Args:
-        knots: The first knots.
-        starts: Poses and their derivatives at the starts of the intervals, (n, 3, 4), (n, 4, 3).
-        ends: The same at their ends.
+        knots: The first knots, n intervals.
+        places: The intervals, and again those whose end is not the start of the next one on the
+            same segment, m in all.
+        u: Distances along the segments: starts of the intervals, and then these ends [m], (m,).
+        poses: Poses there, (m, 3, 4).
+        rates: Their derivatives there, (m, 4, 3).
+        ends: Row of the end of every interval among these places, (n,).
         between: Poses at the places between knots, as `Knots.places`.
-        row: Poses at the starts and at the end of the last interval, (n + 1, 3, 4).
         stops: Arc lengths at which the tool stops [m].
     """
 
     knots: Knots
-    starts: tuple[FloatArray, FloatArray]
-    ends: tuple[FloatArray, FloatArray]
+    places: Knots
+    u: FloatArray
+    poses: FloatArray
+    rates: FloatArray
+    ends: IntArray
     between: FloatArray
-    row: FloatArray
     stops: FloatArray
 
     @classmethod
     def of(cls, path: Path, knots: Knots) -> FirstPoses:
         """Compute them."""
-        starts, ends = (
-            (poses_at(path, knots, u), pose_derivatives_at(path, knots, u))
-            for u in (knots.u0, knots.u1)
+        n = len(knots)
+        apart = np.ones(n, dtype=np.bool_)
+        apart[:-1] = (
+            (knots.segment[1:] != knots.segment[:-1])
+            | (knots.piece[1:] != knots.piece[:-1])
+            | (knots.u0[1:] != knots.u1[:-1])
         )
+        alone = np.flatnonzero(apart)
+        ends = np.arange(1, n + 1)
+        ends[alone] = np.arange(n, n + len(alone))
+        places = knots.part(np.concatenate([np.arange(n), alone]))
+        u = np.concatenate([knots.u0, knots.u1[alone]])
+        poses, rates = motion_at(path, places, u)
         return cls(
             knots=knots,
-            starts=starts,
+            places=places,
+            u=u,
+            poses=poses,
+            rates=rates,
             ends=ends,
             between=poses_at(path, *knots.places()),
-            row=np.concatenate([starts[0], ends[0][-1:]]),
             stops=path.stops,
         )
 
-
-def pose_derivatives_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
-    """Derivatives of the tool poses along the arc length, (n, 4, 3).
-
-    The rows are the tangent, its derivative, the angular rate [rad/m] and its derivative.
-    """
-    rates = np.zeros((len(u), 4, 3))
-    rates[:, 0] = path.on_segment(knots.segment, u, 1)
-    rates[:, 1] = path.on_segment(knots.segment, u, 2)
-    if path.orientation is not None:
-        after = knots.at(u) - path.orientation.breaks[knots.piece]
-        rates[:, 2], rates[:, 3] = path.orientation.rates_on_piece(knots.piece, after)
-    return rates
+    @property
+    def row(self) -> FloatArray:
+        """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
+        return np.concatenate([self.poses[: len(self.knots)], self.poses[-1:]])

@@ -27,8 +27,7 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
     Raises:
         Unreachable: The arm cannot reach a knot or is singular; with the arc length.
     """
-    start = solver.ends(knots, knots.u0, None)
-    end = solver.ends(knots, knots.u1, None, at_end=True)
+    start, end = solver.first_ends(knots)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
         start, end = solver.continuous(start, end)

@@ -32,17 +32,22 @@ class Solver(ABC, Generic[A]):
         self.path = path
         self.arm = arm
 
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
+
+        Raises:
+            Unreachable: As in `ends`.
+        """
+        return self.ends(knots, knots.u0, None), self.ends(knots, knots.u1, None)
+
     @abstractmethod
-    def ends(
-        self, knots: Knots, u: FloatArray, guess: FloatArray | None, *, at_end: bool = False
-    ) -> Ends:
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
 
         Args:
             knots: The knot intervals, n of them.
             u: Distance along the segment of each interval [m], (n,).
             guess: Joint positions near the solution, (n, dof); None for the first knots.
-            at_end: For the first knots, True if `u` are the ends of the intervals.
 
         Raises:
             Unreachable: The arm cannot reach the path or is singular; with the arc length.

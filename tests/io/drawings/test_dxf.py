@@ -58,11 +58,27 @@ def near(paths, polylines, tolerance=TOLERANCE):
         if paths[0].dimension == 2:
             assert np.abs(points[:, 2:]).max(initial=0) < 1e-9
         drawn.append(ac.Path.polyline(points[:, : paths[0].dimension]))
-    for these, others in ((paths, drawn), (drawn, paths)):
-        for x in these:
-            points = np.concatenate([x(np.linspace(0, x.length, 300)), x.vertices])
-            apart = np.min([other.project(points).distance for other in others], axis=0)
+    here, there = ([(x, sampled(x)) for x in some] for some in (paths, drawn))
+    for these, others in ((here, there), (there, here)):
+        for _, points in these:
+            low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+            apart = np.min(
+                [
+                    other.project(points).distance
+                    for other, own in others
+                    if np.all(own.min(axis=0) <= high) and np.all(own.max(axis=0) >= low)
+                ],
+                axis=0,
+            )
             assert apart.max() <= tolerance + FLAT
+
+
+def sampled(path):
+    return np.concatenate([path(np.linspace(0, path.length, 300)), path.vertices])
+
+
+# What is farther apart in all of their points is not near each other [m].
+MARGIN = 1e-3
 
 
 # How far such polylines are from what is drawn [m].

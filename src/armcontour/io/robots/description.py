@@ -53,7 +53,7 @@ class Description:
         self.moving = moving
         self.locked = locked
         self.base = base
-        self.tip = route[-1].child
+        self.tip = route[-1].child if route else base
         self.below = tree.below(base)
         self.notes: list[str] = []
         self._names = {joint.name for joint in moving}
@@ -90,6 +90,18 @@ class Description:
             tip=Frame(position=tip.translation, rotation=tip.rotation),
             **bodies,
         )
+
+    def carried(self) -> dict[str, tuple[int, Frame]]:
+        """Of every link: which link of the chain carries it, and its frame there."""
+        number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
+        found = {self.base: (0, Frame())}
+        for joint in self.below:
+            if joint.name in number:
+                found[joint.child] = number[joint.name], Frame()
+            else:
+                link, place = found[joint.parent]
+                found[joint.child] = link, place @ Frame.rpy(*self._locked_origin(joint))
+        return found
 
     def _rewrite(self, heavy: bool) -> str:
         """Write a description (URDF) of the arm alone, in which locked joints are fixed joints.
@@ -263,11 +275,11 @@ class Description:
     def _mass(self, link: str, inertial: ET.Element, faults: list[str]) -> float:
         """Mass of a link [kg]; adds to `faults` why no body can have its mass and inertia."""
         where = f"The link {link} of {self.tree.file}"
-        mass = _attribute(where, inertial.find("mass"), "mass", "value")
+        mass = attribute(where, inertial.find("mass"), "mass", "value")
         if mass < 0:
             faults.append(f"the link {link} has the mass {mass:g} kg")
         tensor = inertial.find("inertia")
-        xx, xy, xz, yy, yz, zz = (_attribute(where, tensor, "inertia", key) for key in TENSOR)
+        xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
         try:
             refuse_inertia(f"the link {link}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         except InvalidInput as error:
@@ -275,21 +287,18 @@ class Description:
             faults.append(text[0].lower() + text[1:])
         origin = inertial.find("origin")
         for key in ("xyz", "rpy"):
-            _three(where, key, "0 0 0" if origin is None else origin.get(key, "0 0 0"))
+            three(where, key, "0 0 0" if origin is None else origin.get(key, "0 0 0"))
         return mass
 
     def _origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
         """Position [m] and roll, pitch, yaw [rad] of a joint relative to its parent link."""
-        where = f"Joint {joint.name} of {self.tree.file}"
-        found = joint.element.find("origin")
-        words = ["0 0 0"] * 2 if found is None else [found.get(x, "0 0 0") for x in ("xyz", "rpy")]
-        return _three(where, "xyz", words[0]), _three(where, "rpy", words[1])
+        return origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
 
     def _axis(self, joint: Joint) -> FloatArray:
         """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         found = joint.element.find("axis")
-        axis = _three(where, "axis", "1 0 0" if found is None else found.get("xyz", "1 0 0"))
+        axis = three(where, "axis", "1 0 0" if found is None else found.get("xyz", "1 0 0"))
         size = float(np.linalg.norm(axis))
         if size == 0:
             raise InvalidInput(f"{where} has an axis of length 0: give it a direction.")
@@ -311,7 +320,14 @@ def _unit(joint: Joint) -> str:
     return "m" if joint.kind == "prismatic" else "rad"
 
 
-def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and roll, pitch, yaw [rad] of an element's origin."""
+    found = element.find("origin")
+    words = ["0 0 0"] * 2 if found is None else [found.get(x, "0 0 0") for x in ("xyz", "rpy")]
+    return three(where, "xyz", words[0]), three(where, "rpy", words[1])
+
+
+def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
     """A number in an attribute of an element."""
     given = None if element is None else element.get(key)
     value = plain_number(given)
@@ -322,7 +338,7 @@ def _attribute(where: str, element: ET.Element | None, tag: str, key: str) -> fl
     return value
 
 
-def _three(where: str, what: str, words: str) -> FloatArray:
+def three(where: str, what: str, words: str) -> FloatArray:
     """Three numbers in the text of an attribute."""
     found = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if found.shape != (3,) or not (np.abs(found) <= LARGEST).all():

@@ -16,6 +16,7 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io.robots.arm_file import read_arm
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
+from armcontour.io.robots.shapes import with_hulls, with_more_shapes
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
 
 # Arm files that name an arm file that names an arm file: more of them name themselves.
@@ -40,6 +41,7 @@ def load_arm(
     locked: Mapping[str, float] | None = None,
     packages: Mapping[str, str | FilePath] | None = None,
     arguments: Mapping[str, Value] | None = None,
+    srdf: str | FilePath | None = None,
     trust_xacro: bool = False,
 ) -> Arm:
     """Load an arm by its built-in name, such as "ur5e", or from a file.
@@ -56,9 +58,11 @@ def load_arm(
         payload: Payload at the tip.
         locked: Positions of locked joints by name, for a robot description [rad or m]; by default
             joints beside the arm stand at 0, or at the end of their range that is nearest to 0.
-        packages: Folders of ROS packages by name, for a .xacro file. Other packages are looked for
-            in a sourced ROS, then by their `package.xml` near the file.
+        packages: Folders of ROS packages by name, for a robot description. Other packages are
+            looked for by their `package.xml` near the file; those of a .xacro file first in a
+            sourced ROS.
         arguments: Values of the arguments of a .xacro file, by name.
+        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
         trust_xacro: Whether a .xacro file may be expanded. Such a file is a program and its guard
             is no security boundary: trust only files that you would run.
 
@@ -73,7 +77,14 @@ def load_arm(
         tree = read_description(
             file, trust_xacro=trust_xacro, packages=packages, arguments=arguments
         )
-        arm: Arm = arm_of_tree(tree, tip=tip, base=base, joint_limits=limits_file, locked=locked)
+        arm: Arm = arm_of_tree(
+            tree,
+            tip=tip,
+            base=base,
+            joint_limits=limits_file,
+            locked=locked,
+            packages=packages,
+        )
     else:
         if tip is not None or base is not None or locked or packages or arguments:
             raise InvalidInput(
@@ -88,7 +99,8 @@ def load_arm(
             own = limits_of(table, arm.joint_names, str(limits_file))
             own = arm.limits.replace(**{key: getattr(own, key) for key in table})
             arm = arm.with_limits(own)
-    return equip(arm, tool=tool, work=work, payload=payload)
+    arm = equip(arm, tool=tool, work=work, payload=payload)
+    return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
 
 
 def _refuse_misuse(name: object, tool: object, work: object, payload: object) -> None:
@@ -151,7 +163,7 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             "your own arm goes in a .yaml, .urdf or .xacro file."
         )
     found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
-    return read_arm(f"{name}.yaml", found.read_bytes(), payload)
+    return with_hulls(read_arm(f"{name}.yaml", found.read_bytes(), payload), name)
 
 
 def equip(

@@ -150,7 +150,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     Raises:
         InvalidInput: Not XML, not a robot, or links and joints that form no tree.
     """
-    robot = _parse(file, content)
+    robot = parse_xml(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
@@ -200,7 +200,7 @@ def _joints(
     return joints, above
 
 
-def _parse(file: str, content: bytes | str) -> ET.Element:
+def parse_xml(file: str, content: bytes | str) -> ET.Element:
     """Parse an XML document and return its outermost element.
 
     Raises:

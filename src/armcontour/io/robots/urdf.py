@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path as FilePath
 
 from armcontour import _files
@@ -12,10 +13,13 @@ from armcontour._xacro.expanding import Value, expand_xacro
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
+from armcontour.io.robots.collision import Packages, link_shapes, missing_meshes
 from armcontour.io.robots.description import Description
 from armcontour.io.robots.joint_limits import KINDS, Table, limits_of, override
 from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
+from armcontour.scene import ArmShapes
 
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
@@ -35,6 +39,7 @@ def arm_of_tree(
     base: str | None = None,
     joint_limits: FilePath | None = None,
     locked: Mapping[str, float] | None = None,
+    packages: Packages | None = None,
 ) -> SerialArm:
     """Make a serial arm from a robot description.
 
@@ -46,6 +51,7 @@ def arm_of_tree(
         joint_limits: MoveIt file whose values replace those of the description.
         locked: Positions of locked joints, by name [rad or m]. Joints that are not between base
             and tip are locked by default, at 0 or at the end of their range that is nearest to 0.
+        packages: Folders of ROS packages that meshes are in; others are looked for nearby.
 
     Raises:
         InvalidInput: A description that gives no serial arm.
@@ -65,8 +71,10 @@ def arm_of_tree(
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
     limits, lacking = _limits(tree, moving, joint_limits, heavy=chain.masses is not None)
-    notes = (chosen, *description.notes, lacking)
-    return SerialArm(
+    carried = description.carried()
+    missing = missing_meshes(tree, carried, packages)
+    notes = (chosen, *description.notes, lacking, missing)
+    arm = SerialArm(
         name=tree.name,
         chain=chain,
         limits=limits,
@@ -74,6 +82,25 @@ def arm_of_tree(
         limits_hint=_hint(limits, heavy=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
+    if not any(tree.links[name].find("collision") is not None for name in carried):
+        return arm
+    return arm.with_shapes(partial(_shapes, arm, tree, carried, packages, moving[-1].child))
+
+
+def _shapes(
+    arm: SerialArm,
+    tree: Tree,
+    carried: Mapping[str, tuple[int, Frame]],
+    packages: Packages | None,
+    last: str,
+) -> ArmShapes:
+    """The shapes of the links of a description; what hangs on its last link is the tool's."""
+    # Loaded with the compiled code of motions, which an arm alone does not need.
+    from armcontour.clearance.touching import leave_out_touching
+
+    shapes = link_shapes(tree, carried, packages, last)
+    source = f"collision elements of {FilePath(tree.file).name}"
+    return leave_out_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
 
 def read_description(
@@ -88,7 +115,7 @@ def read_description(
     Args:
         file: A .urdf file, or a .xacro file, which the package xacro expands.
         trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
-        packages: Folders of ROS packages by name, for a .xacro file.
+        packages: Folders of ROS packages by name; a .urdf names them for its meshes.
         arguments: Values of the arguments of a .xacro file by name.
 
     Raises:
@@ -108,11 +135,8 @@ def read_description(
                 f"{file} makes no links: it only defines macros, or properties, for other files; "
                 "name the .xacro file that uses them."
             )
-    elif packages or arguments:
-        raise InvalidInput(
-            f"{file} takes no packages and no arguments: these are of .xacro files. Meshes, which "
-            "a .urdf may name by package://, are not opened."
-        )
+    elif arguments:
+        raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
 
 

@@ -3,6 +3,7 @@
 from armcontour.report.sections.batch import batch
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
+from armcontour.report.sections.clearance import clearance
 from armcontour.report.sections.drawing import drawing
 from armcontour.report.sections.jerks import jerks
 from armcontour.report.sections.joints import joints, torques
@@ -27,6 +28,7 @@ __all__ = [
     "batch",
     "bindings",
     "certificate",
+    "clearance",
     "contour_error",
     "drawing",
     "jerks",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
@@ -95,8 +96,6 @@ def batch(view: BatchView) -> Section:
 
 def _figure(view: BatchView, of: Axis) -> Any:
     """A figure over one parameter, or in colours over two; others are drawn over each other."""
-    import plotly.graph_objects as go
-
     status = np.array(view.status)
     done, vain = status == view.done, (status != view.done) & (status != "")
     first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else of
@@ -106,9 +105,10 @@ def _figure(view: BatchView, of: Axis) -> Any:
         values = of.values[done]
         marker = {"color": values, "colorscale": "Viridis", "size": 7, "showscale": True}
         marker["colorbar"] = {"title": {"text": of.title}}
-    figure = go.Figure()
+    figure = Figure()
     figure.add_trace(
-        go.Scattergl(
+        make_trace(
+            "scattergl",
             x=first.values[done],
             y=second.values[done],
             customdata=of.values[done],
@@ -120,7 +120,8 @@ def _figure(view: BatchView, of: Axis) -> Any:
     )
     if flat and vain.any():
         figure.add_trace(
-            go.Scattergl(
+            make_trace(
+                "scattergl",
                 x=first.values[vain],
                 y=second.values[vain],
                 text=status[vain],

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.jobs import RunResult, Study, same_plan
+from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
@@ -81,8 +82,6 @@ def _notes(name: str, result: RunResult, why: Explanation) -> list[str]:
 
 def _strip(title: str, result: RunResult, why: Explanation) -> Any:
     """Figure of tool speed and binding limits along the path of a run."""
-    from plotly.subplots import make_subplots
-
     figure = make_subplots(
         rows=2, cols=1, shared_xaxes=True, row_heights=[0.75, 0.25], vertical_spacing=0.05
     )
@@ -117,10 +116,9 @@ def _speeds(result: RunResult) -> list[Any]:
 
 def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
     """Bars of the intervals in which one limit binds."""
-    import plotly.graph_objects as go
-
     colour = PATH_COLOUR if name == "nothing" else RUN_COLOURS[k % len(RUN_COLOURS)]
-    return go.Bar(
+    return make_trace(
+        "bar",
         name=_label(name),
         orientation="h",
         y=[""] * len(bars),

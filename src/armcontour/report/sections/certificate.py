@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.certification import Certificate
 from armcontour.jobs.job import FREE
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.style import (
@@ -20,6 +20,9 @@ from armcontour.report.style import (
     line,
     thin,
 )
+
+if TYPE_CHECKING:
+    from armcontour.certification import Certificate
 
 
 def certificate(found: Certificate) -> Section:
@@ -234,12 +237,11 @@ def _contours(found: Certificate) -> Table:
 
 def _errors_figure(found: Certificate) -> Any:
     """Figure of the largest error of every contour, and the allowed error."""
-    import plotly.graph_objects as go
-
     contours = found.contours
     number = np.arange(1, len(contours) + 1)
-    figure = go.Figure(
-        go.Bar(
+    figure = Figure(
+        make_trace(
+            "bar",
             x=number,
             y=[x.budget.executed * 1e3 for x in contours],
             name="certified",
@@ -299,8 +301,6 @@ def _comparison(found: Certificate) -> Table:
 
 def _parts(found: Certificate) -> Any:
     """Figure of the parts of the error, with a logarithmic axis, because they differ widely."""
-    import plotly.graph_objects as go
-
     budget = found.budget
     parts = {
         "rounding": budget.rounding,
@@ -311,8 +311,9 @@ def _parts(found: Certificate) -> Any:
     }
     shown = {name: value * 1e3 for name, value in parts.items() if value > 0}
     colours = [RUN_COLOURS[k % len(RUN_COLOURS)] for k in range(len(shown))]
-    figure = go.Figure(
-        go.Bar(
+    figure = Figure(
+        make_trace(
+            "bar",
             x=list(shown),
             y=list(shown.values()),
             marker={"color": colours},
@@ -325,9 +326,7 @@ def _parts(found: Certificate) -> Any:
 
 def _derating(found: Certificate) -> Any:
     """Figure of the usable share of every joint's acceleration limit along all contours."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
     deratings = [x.derating for x in found.contours]
     # A gap after every contour.
@@ -352,11 +351,9 @@ def _derating(found: Certificate) -> Any:
 
 def _error(found: Certificate) -> Any:
     """Figure of the contour error over time."""
-    import plotly.graph_objects as go
-
     error = found.evaluation.contour_error
     t, values = thin(error.t, error.values)
-    figure = go.Figure(line(t, values * 1e3, "nominal robot", EXECUTED_COLOUR, width=1.2))
+    figure = Figure(line(t, values * 1e3, "nominal robot", EXECUTED_COLOUR, width=1.2))
     allowed = found.budget.servo_allowed * 1e3
     ends = [0.0, float(t[-1])]
     if found.corners is not None:

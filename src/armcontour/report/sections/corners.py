@@ -17,6 +17,7 @@ from armcontour.jobs import Study
 from armcontour.jobs.job import CURVATURE
 from armcontour.motion import Execution
 from armcontour.program import Program
+from armcontour.report.figure import make_subplots
 from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -126,8 +127,6 @@ def draw_corners(
         title: Title of the figure.
         looks: Options of the lines of the paths, in turn.
     """
-    from plotly.subplots import make_subplots
-
     columns = min(len(shown), COLUMNS)
     rows = -(-len(shown) // columns)
     figure = make_subplots(
@@ -328,8 +327,6 @@ def _between(path: Path, start: float, end: float) -> FloatArray:
 
 def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:
     """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
-    from scipy.interpolate import CubicHermiteSpline
-
     near = np.flatnonzero(np.all(np.abs(tool - corner) < distance, axis=1)[:-1])
     gap = np.full((1, len(corner)), np.nan)
     found = [gap]
@@ -338,6 +335,15 @@ def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            curve = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])
-            found += [done.arm.forward(curve(t)), gap]
+            found += [done.arm.forward(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
     return np.concatenate(found)
+
+
+def _hermite(at: FloatArray, q: FloatArray, dq: FloatArray, t: FloatArray) -> FloatArray:
+    """Values at times t of the cubics through positions q with velocities dq at times, (n, dof)."""
+    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
+    width, x = np.diff(at)[k, None], (t - at[k])[:, None]
+    slope = (q[k + 1] - q[k]) / width
+    bend = (dq[k] + dq[k + 1] - 2 * slope) / width
+    first = (slope - dq[k]) / width - bend
+    return np.asarray(q[k] + x * (dq[k] + x * (first + x * bend / width)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour.program import Program
 from armcontour.program.survey import ContourFacts, extent_of, survey
+from armcontour.report.figure import Figure
 from armcontour.report.outline import outlines
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import (
@@ -100,9 +101,7 @@ def _corner(extent: Any) -> str:
 
 def _picture(program: Program, facts: tuple[ContourFacts, ...]) -> Any:
     """The contours by layer, with arrows and numbers at their starts and lines between them."""
-    import plotly.graph_objects as go
-
-    figure, flat = go.Figure(), program.dimension == 2
+    figure, flat = Figure(), program.dimension == 2
     draw = draw_in_plane if flat else draw_in_space
     contours = program.contours
     if len(contours) > 1:

@@ -10,6 +10,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms.limits import or_unlimited
 from armcontour.evaluation.executed_jerk import mean_jerk
 from armcontour.jobs import RunResult, Study
+from armcontour.report.figure import make_subplots
 from armcontour.report.section import Section
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -55,8 +56,6 @@ def _limited(result: RunResult) -> IntArray:
 
 def _figure(name: str, result: RunResult, joints: IntArray) -> Any:
     """Figure of the planned and executed jerk of some joints of a run."""
-    from plotly.subplots import make_subplots
-
     executed, plan = result.execution, result.trajectory
     limit = or_unlimited(result.run.limits.joint_jerk, executed.arm.dof)
     figure = make_subplots(

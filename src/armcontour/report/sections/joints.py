@@ -16,6 +16,7 @@ from armcontour.jobs.quantities import (
     assumed_numbers,
 )
 from armcontour.motion import Execution
+from armcontour.report.figure import make_subplots
 from armcontour.report.planned import describe_torque_sampling, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
@@ -81,8 +82,6 @@ def torques(study: Study) -> Section | None:
 
 def _figure(name: str, result: RunResult) -> Any:
     """Figure of position, velocity and acceleration of every joint of a run."""
-    from plotly.subplots import make_subplots
-
     names = result.execution.arm.joint_names
     n = len(names)
     figure = make_subplots(
@@ -122,9 +121,11 @@ def _figure(name: str, result: RunResult) -> Any:
         figure.update_yaxes(title=title, row=j + 1, col=1)
     for column in range(3):
         figure.update_xaxes(title="time [s]", row=n, col=column + 1)
-    figure.layout.shapes += tuple(shapes)
+    figure.add_shapes(shapes)
     finish(figure, title=f"Run {name}: joints", height=130 * n + 170)
-    figure.update_layout(margin={"t": 90, "b": 90}, legend_traceorder="reversed", showlegend=True)
+    figure.update_layout(
+        margin={"t": 90, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
+    )
     figure.update_xaxes(range=[0, _end(result)])
     return figure
 
@@ -255,8 +256,6 @@ def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
 
 def _torques(name: str, result: RunResult, plan: Torques) -> Any:
     """Figure of the torques of every drive of a run."""
-    from plotly.subplots import make_subplots
-
     names = result.execution.arm.joint_names
     rows = -(-len(names) // 2)
     figure = make_subplots(
@@ -298,12 +297,14 @@ def _torques(name: str, result: RunResult, plan: Torques) -> Any:
         shapes += _limits(j + 1, ends, seen)
         if j % 2 == 0:
             figure.update_yaxes(title="torque [N m]", **place)
-    figure.layout.shapes += tuple(shapes)
+    figure.add_shapes(shapes)
     for column in (1, 2):
         last = rows if column <= len(names) - 2 * (rows - 1) else rows - 1
         if last:
             figure.update_xaxes(title="time [s]", showticklabels=True, row=last, col=column)
     finish(figure, title=f"Run {name}: torques", height=200 * rows + 170)
-    figure.update_layout(margin={"t": 90, "b": 90}, legend_traceorder="reversed", showlegend=True)
+    figure.update_layout(
+        margin={"t": 90, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
+    )
     figure.update_xaxes(range=[0, _end(result)])
     return figure

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.jobs.learning import LearningStudy
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -19,6 +19,9 @@ from armcontour.report.style import (
     line,
     thin,
 )
+
+if TYPE_CHECKING:
+    from armcontour.jobs.learning import LearningStudy
 
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
@@ -95,18 +98,17 @@ def _tiles(study: LearningStudy) -> tuple[Tile, ...]:
 
 def _over_runs(study: LearningStudy) -> Any:
     """Figure of RMS and largest error over runs, with predictions and noise."""
-    import plotly.graph_objects as go
-
     lesson, count = study.lesson, len(study.lesson.runs)
     errors = np.array([study.errors(k) for k in range(count)]) * 1e3
     numbers = np.arange(1, count + 1)
-    figure = go.Figure()
+    figure = Figure()
     for column, name, colour, symbol in (
         (1, "largest", PLANNED_COLOUR, "diamond"),
         (0, "RMS", EXECUTED_COLOUR, "circle"),
     ):
         figure.add_trace(
-            go.Scatter(
+            make_trace(
+                "scatter",
                 x=numbers,
                 y=np.maximum(errors[:, column], SMALLEST_ERROR),
                 name=name,
@@ -127,8 +129,6 @@ def _over_runs(study: LearningStudy) -> Any:
 
 def _predictions(study: LearningStudy) -> Any:
     """Markers of predicted RMS errors, with bars up to their bounds."""
-    import plotly.graph_objects as go
-
     lesson = study.lesson
     found = [
         (number, x.predicted, x.bound)
@@ -140,7 +140,8 @@ def _predictions(study: LearningStudy) -> Any:
     numbers = [x[0] for x in found]
     expected = np.maximum(1e3 * np.array([x[1] for x in found]), SMALLEST_ERROR)
     bound = np.maximum(1e3 * np.array([x[2] for x in found]), expected)
-    return go.Scatter(
+    return make_trace(
+        "scatter",
         x=numbers,
         y=expected,
         name="RMS that was predicted, and its bound",
@@ -159,15 +160,14 @@ def _predictions(study: LearningStudy) -> Any:
 
 def _of_joints(study: LearningStudy) -> Any:
     """Figure of the RMS error of every joint over runs."""
-    import plotly.graph_objects as go
-
     runs = study.lesson.runs
     numbers = np.arange(1, len(runs) + 1)
-    figure = go.Figure()
+    figure = Figure()
     for j, name in enumerate(study.job.arm.joint_names):
         colour = RUN_COLOURS[j % len(RUN_COLOURS)]
         figure.add_trace(
-            go.Scatter(
+            make_trace(
+                "scatter",
                 x=numbers,
                 y=np.maximum([1e3 * x.joint_rms[j] for x in runs], SMALLEST_ERROR),
                 name=name,
@@ -183,9 +183,7 @@ def _of_joints(study: LearningStudy) -> Any:
 
 def _over_time(study: LearningStudy) -> Any:
     """Figure of the contour error over time in the first run and in the best."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     best = study.lesson.best
     shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
     for k, colour in shown.items():

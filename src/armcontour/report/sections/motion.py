@@ -9,6 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.quantities import assumed_numbers, unknown_notes
+from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
 from armcontour.report.sections.turning import angular_speeds, orientation_errors
@@ -41,9 +42,7 @@ SQUEEZED = 0.5
 
 def tool_speed(study: Study) -> Section:
     """Executed tool speed of every run, with the assigned velocity."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         x = result.execution
@@ -143,9 +142,7 @@ def accelerations(study: Study) -> Section | None:
 
 def contour_error(study: Study) -> Section:
     """Contour error profile of every run."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     colours = run_colours(study.runs)
     for name, result in study.runs.items():
         e = result.evaluation.contour_error
@@ -202,8 +199,6 @@ def time_stamps(study: Study) -> Section | None:
 
 def _accelerations(name: str, result: RunResult) -> Any:
     """Figure of planned and executed joint accelerations of a run."""
-    from plotly.subplots import make_subplots
-
     x = result.execution
     names = x.arm.joint_names
     bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))

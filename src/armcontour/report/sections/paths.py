@@ -9,6 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult, Study
 from armcontour.program import Program
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import outline_points, outlines, simplify
 from armcontour.report.section import Section, marked_run
 from armcontour.report.sections.along import executed_contours
@@ -51,9 +52,7 @@ def joint_space(study: Study) -> Section | None:
     """Planned and executed joint positions of a planar arm; None in space."""
     if study.job.program.dimension != 2:
         return None
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         q, planned = _of_joints(result)
@@ -107,9 +106,7 @@ def _tall(points: FloatArray) -> bool:
 
 def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
     """Figure of the objective path and the executed paths in the plane."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     figure.add_trace(
         line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
@@ -131,13 +128,12 @@ def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
 
 def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: str) -> None:
     """Mark the switching points P0, P1, ... on the tool path, or in joint space."""
-    import plotly.graph_objects as go
-
     t = result.trajectory.switching_points
     q = result.trajectory(np.minimum(t, result.trajectory.duration))
     places = q if trajectory is not None else result.execution.arm.forward(q) * 1e3
     figure.add_trace(
-        go.Scatter(
+        make_trace(
+            "scatter",
             x=places[:, 0],
             y=places[:, 1],
             name=f"{result.run.name}: switching points",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -12,6 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult
 from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Program
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import finely, outlines
 from armcontour.report.planned import ordinal
 from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
@@ -42,10 +43,8 @@ ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
     """Figure of the planned tool path of a program, and sentences on what is left out."""
-    import plotly.graph_objects as go
-
     program = result.path
-    figure, notes = go.Figure(), []
+    figure, notes = Figure(), []
     flat = program.dimension == 2
     draw = draw_in_plane if flat else draw_in_space
     rapids = _rapids(result)
@@ -185,14 +184,13 @@ def _starts(
 
 def number_contours(program: Program) -> list[Any]:
     """The numbers of contours at their starts; none if there are too many or only one."""
-    import plotly.graph_objects as go
-
     if not 1 < len(program.contours) <= MOST_NUMBERED:
         return []
     points = np.array([x.path(0.0) for x in program.contours]) * 1e3
-    make: Callable[..., Any] = go.Scatter if program.dimension == 2 else go.Scatter3d
+    kind = "scatter" if program.dimension == 2 else "scatter3d"
     return [
-        make(
+        make_trace(
+            kind,
             **dict(zip("xyz", points.astype(np.float32).T, strict=False)),
             mode="text",
             name="numbers",
@@ -208,13 +206,12 @@ def arrows_in_plane(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
     """Arrows in the plane, as markers."""
-    import plotly.graph_objects as go
-
     points = np.array([x[0] for x in starts]) * 1e3
     # Angles of markers count clockwise from the vertical.
     angles = [float(np.degrees(np.arctan2(x[1][0], x[1][1]))) for x in starts]
     return [
-        go.Scatter(
+        make_trace(
+            "scatter",
             x=points[:, 0].astype(np.float32),
             y=points[:, 1].astype(np.float32),
             mode="markers",
@@ -236,8 +233,6 @@ def arrows_in_space(
     starts: list[tuple[FloatArray, FloatArray, str]], everywhere: FloatArray
 ) -> list[Any]:
     """Arrows in space, as lines."""
-    import plotly.graph_objects as go
-
     size = ARROW * float(np.nanmax(np.nanmax(everywhere, 0) - np.nanmin(everywhere, 0)))
     points = np.array([x[0] for x in starts]) * 1e3
     along = np.array([x[1] for x in starts])
@@ -252,7 +247,8 @@ def arrows_in_space(
     x, y, z = points.astype(np.float32).T
     return [
         line_in_space(heads, "start and direction", "#222222", width=4),
-        go.Scatter3d(
+        make_trace(
+            "scatter3d",
             x=x,
             y=y,
             z=z,
@@ -285,8 +281,6 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
 
 def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) -> Any:
     """Markers of the events of one name and kind of value."""
-    import plotly.graph_objects as go
-
     points = np.array([x.point for x in events]) * 1e3
     scale = SMALLER if len(events) > MANY else 1.0
     symbols = SYMBOLS_ON if kind == "on" else SYMBOLS_OFF
@@ -303,9 +297,9 @@ def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) ->
         "text": [said(x) for x in events],
         "hovertemplate": "%{text}<extra></extra>",
     }
-    make: Callable[..., Any] = go.Scatter if flat else go.Scatter3d
+    kind = "scatter" if flat else "scatter3d"
     at = dict(zip("xyz", points.astype(np.float32).T, strict=False))
-    return make(**at, **common)
+    return make_trace(kind, **at, **common)
 
 
 def said(x: TimedEvent) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour.jobs import RunResult
 from armcontour.motion import Span
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.sections.program_picture import said
 from armcontour.report.style import PATH_COLOUR, finish
 
@@ -26,9 +27,7 @@ EDGE = 0.01
 
 def timeline(name: str, result: RunResult) -> Any:
     """Bars for moves and ticks for events over the time of a run."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     plan = result.trajectory
     labels = []
     for kind, colour in ROWS.items():
@@ -37,7 +36,8 @@ def timeline(name: str, result: RunResult) -> Any:
             continue
         labels.append(LABELS[kind])
         figure.add_trace(
-            go.Bar(
+            make_trace(
+                "bar",
                 name=LABELS[kind],
                 orientation="h",
                 y=[LABELS[kind]] * len(bars),
@@ -58,7 +58,8 @@ def timeline(name: str, result: RunResult) -> Any:
     if events:
         labels.append("events")
         figure.add_trace(
-            go.Scatter(
+            make_trace(
+                "scatter",
                 name="events",
                 mode="markers",
                 x=[x.t for x in events],

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -18,7 +19,9 @@ from armcontour.report.style import (
     finish,
     line,
 )
-from armcontour.robustness.monte_carlo import Spread
+
+if TYPE_CHECKING:
+    from armcontour.robustness.monte_carlo import Spread
 
 
 def robustness(
@@ -65,14 +68,12 @@ def _tiles(drawn: Spread, corners: Spread | None, budget: float | None) -> tuple
 
 def _distribution(drawn: Spread, corners: Spread | None, budget: float | None) -> Any:
     """Figure of the share of executions that stay within an error, over that error."""
-    import plotly.graph_objects as go
-
     errors = np.sort(drawn.max) * 1e3
     share = 100 * np.arange(1, len(errors) + 1) / len(errors)
     kept = _thin(len(errors))
     curve = line(errors[kept], share[kept], "executions", EXECUTED_COLOUR)
     curve.line.shape = "hv"
-    figure = go.Figure(curve)
+    figure = Figure(curve)
     _upright(figure, drawn.nominal_max, "without errors of the model", PATH_COLOUR, "dot")
     if corners is not None:
         _upright(figure, float(corners.max.max()), "worst corner", PLANNED_COLOUR, "dash")
@@ -85,19 +86,18 @@ def _distribution(drawn: Spread, corners: Spread | None, budget: float | None) -
 
 def _dependence(drawn: Spread, corners: Spread | None, budget: float | None) -> Any:
     """Figure of the error over the parameter that explains most of its variance."""
-    import plotly.graph_objects as go
-
     shares = drawn.influence()
     name = max(shares, key=lambda x: shares[x])
     unit, scale = _unit(name)
-    figure = go.Figure()
+    figure = Figure()
     listed = [(drawn, "executions", EXECUTED_COLOUR, "circle", 4)]
     if corners is not None:
         listed.append((corners, "corners", PLANNED_COLOUR, "diamond", 8))
     for found, label, colour, symbol, size in listed:
         kept = _thin(len(found))
         figure.add_trace(
-            go.Scatter(
+            make_trace(
+                "scatter",
                 x=_of(found, name)[kept] * scale,
                 y=found.max[kept] * 1e3,
                 name=label,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.report.figure import make_trace
 from armcontour.report.style import finish
 
 # Shortest side of a scene, as a share of the longest side.
@@ -27,13 +28,11 @@ VIEWS = {
 
 def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
     """A curve in space from points in mm, rounded to 0.1 µm."""
-    import plotly.graph_objects as go
-
     line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
     x, y, z = np.round(points, 4).astype(np.float32).T
     hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
-    return go.Scatter3d(
-        x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
+    return make_trace(
+        "scatter3d", x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
     )
 
 

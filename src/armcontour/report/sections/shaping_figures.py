@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, ShapedPath
 from armcontour.motion import Trajectory
+from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.outline import simplify
 from armcontour.report.sections.scene import buttons, row_label
 from armcontour.report.sections.shape_comparison import (
@@ -48,14 +49,12 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
         path: The shaped path.
         variants: The arcs, if there are any, and the shaped path, by their names in the legend.
     """
-    import plotly.graph_objects as go
-
     objective = path.objective
     factors, first = _magnifications(path)
     moved = [_base_and_off(x, objective, factors[-1]) for x in variants.values()]
     s, radius = _few_pieces(path)
     centre = objective(s) * 1e3
-    figure = go.Figure(draw_tube(tube_outline(centre, first * radius * 1e3)))
+    figure = Figure(draw_tube(tube_outline(centre, first * radius * 1e3)))
     figure.add_trace(
         line(centre[:, 0], centre[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
@@ -119,8 +118,6 @@ def along(path: ShapedPath, variants: Sequence[Variant], motions: Sequence[Traje
         variants: The fastest start, and the shaped path.
         motions: The fastest motion along each.
     """
-    from plotly.subplots import make_subplots
-
     rival, shaped = variants
     objective = path.objective
     flat = objective.dimension == 2
@@ -172,4 +169,4 @@ def _mark_vertices(figure: Any, objective: Path) -> None:
         return
     look = {"type": "line", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
     dotted = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
-    figure.layout.shapes += tuple({**look, "x0": x, "x1": x, "line": dotted} for x in at.tolist())
+    figure.add_shapes({**look, "x0": x, "x1": x, "line": dotted} for x in at.tolist())

@@ -12,6 +12,7 @@ from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.program import Program
+from armcontour.report.figure import Figure, Node, make_trace
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
 from armcontour.report.sections.along import executed_contours
@@ -69,9 +70,7 @@ def space(study: Study) -> Section | None:
 
 def _path(study: Study) -> Any:
     """Figure of the paths in space, with buttons for magnification and view."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     objective = outline_points(objective_of(study)) * 1e3
     figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
     noun = "contours" if len(study.job.program.contours) > 1 else "path"
@@ -205,10 +204,9 @@ def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
 
 def _mounting_plane(points: FloatArray) -> Any:
     """The plane of the arm's base, z = 0, below or above all points [mm]."""
-    import plotly.graph_objects as go
-
     low, high = points.min(axis=0), points.max(axis=0)
-    return go.Surface(
+    return make_trace(
+        "surface",
         x=[low[0], high[0]],
         y=[low[1], high[1]],
         z=np.zeros((2, 2)),
@@ -224,15 +222,13 @@ def _mounting_plane(points: FloatArray) -> Any:
 
 def _arm(study: Study) -> Any:
     """Animation of the arm along the executed motions."""
-    import plotly.graph_objects as go
-
     colours = run_colours(study.runs)
     last = max(float(x.execution.t[-1]) for x in study.runs.values())
     last = min(last, max(x.evaluation.until for x in study.runs.values()))
     times = np.linspace(0, last, FRAMES)
     arms = {name: _arm_points(x.execution, times) for name, x in study.runs.items()}
     path = outline_points(objective_of(study)) * 1e3
-    figure = go.Figure(data=[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
+    figure = Figure(*[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)
         trace.update(mode="lines+markers", marker={"size": 4, "color": "#222222"})
@@ -243,13 +239,15 @@ def _arm(study: Study) -> Any:
     everywhere = np.concatenate([path, *(x.reshape(-1, 3) for x in arms.values())])
     figure.add_trace(_mounting_plane(everywhere))
     figure.frames = [
-        go.Frame(
-            name=str(k),
-            traces=which,
-            data=[
-                {"type": "scatter3d", **dict(zip("xyz", links[k].T, strict=True))}
-                for links in arms.values()
-            ],
+        Node(
+            {
+                "name": str(k),
+                "traces": which,
+                "data": [
+                    {"type": "scatter3d", **dict(zip("xyz", links[k].T, strict=True))}
+                    for links in arms.values()
+                ],
+            }
         )
         for k in range(FRAMES)
     ]
@@ -276,7 +274,7 @@ def _arm(study: Study) -> Any:
                 "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
             }
         ],
-        margin_b=20,
+        margin={"b": 20},
     )
     return figure
 

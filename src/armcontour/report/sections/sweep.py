@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from armcontour.certification import Sweep, SweepPoint
+from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -14,6 +14,9 @@ from armcontour.report.style import (
     RUN_COLOURS,
     finish,
 )
+
+if TYPE_CHECKING:
+    from armcontour.certification import Sweep, SweepPoint
 
 # What the shapes of corners are called.
 SHAPES = {"arc": "arcs", "free": "shaped"}
@@ -74,9 +77,7 @@ def _figure(
         at: The parameter of a point.
         log: Whether the parameter has a logarithmic axis.
     """
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     for i, (name, points) in enumerate(lines.items()):
         one = len(lines) == 1
         colour = EXECUTED_COLOUR if one else RUN_COLOURS[i % len(RUN_COLOURS)]
@@ -93,10 +94,9 @@ def _traces(
     points: tuple[SweepPoint, ...], at: Callable[[SweepPoint], float], colours: tuple[str, str, str]
 ) -> Iterator[Any]:
     """The optimum, certified and refused points, in three colours; without what is empty."""
-    import plotly.graph_objects as go
-
     known = [x for x in points if x.optimum is not None]
-    yield go.Scatter(
+    yield make_trace(
+        "scatter",
         x=[at(x) for x in known],
         y=[x.optimum for x in known],
         name="optimum, not certified",
@@ -105,7 +105,8 @@ def _traces(
     )
     certified = [x for x in points if x.duration is not None]
     if certified:
-        yield go.Scatter(
+        yield make_trace(
+            "scatter",
             x=[at(x) for x in certified],
             y=[x.duration for x in certified],
             customdata=[1e3 * (x.contour_error or 0.0) for x in certified],
@@ -117,7 +118,8 @@ def _traces(
         )
     refused = [x for x in known if x.refusal is not None]
     if refused:
-        yield go.Scatter(
+        yield make_trace(
+            "scatter",
             x=[at(x) for x in refused],
             y=[x.optimum for x in refused],
             name="refused",

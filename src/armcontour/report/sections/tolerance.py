@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import ShapedPath
+from armcontour.report.figure import make_trace
 from armcontour.report.outline import fine_places
 from armcontour.timing.shaping.wishes import tube_of
 
@@ -68,10 +69,9 @@ def tube_outline(points: FloatArray, radius: FloatArray) -> FloatArray:
 
 def draw_tube(outline: FloatArray, **look: Any) -> Any:
     """The filled curve of a tube [mm]."""
-    import plotly.graph_objects as go
-
     x, y = outline.astype(np.float32).T
-    return go.Scatter(
+    return make_trace(
+        "scatter",
         x=x,
         y=y,
         name="tolerance",

@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour.jobs import Study
 from armcontour.jobs.quantities import angular_speed
 from armcontour.motion import Trajectory
+from armcontour.report.figure import Figure
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
@@ -34,9 +35,7 @@ def angular_speeds(study: Study, rapids: Sequence[tuple[float, float]] = ()) -> 
         study: The study.
         rapids: Times to shade, in which the limit of the angular speed does not hold.
     """
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     limits: dict[float, Trajectory] = {}
     for name, result in study.runs.items():
@@ -69,9 +68,7 @@ def _contour_times(plan: Trajectory) -> FloatArray:
 
 def orientation_errors(study: Study) -> list[Any]:
     """Figure of the angle between the tool and its required orientation; empty without one."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = Figure()
     colours = run_colours(study.runs)
     for name, result in study.runs.items():
         done = [(name, result.evaluation, "solid")]

@@ -1,4 +1,7 @@
-"""The compiled part of joint constraints: values at interval ends, and margins between them."""
+"""The compiled part of joint constraints: values at interval ends, and margins between them.
+
+Numbers of intervals are in rows of blocks, see `timing._block`.
+"""
 
 from __future__ import annotations
 
@@ -9,63 +12,132 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
+from armcontour.timing._block import (
+    A0,
+    A1,
+    B0,
+    B1,
+    ENDS,
+    FOURTH,
+    FROM,
+    HALF,
+    INTERVAL,
+    LOST,
+    LOW_END,
+    LOW_START,
+    MARGIN,
+    OWN,
+    PLAIN_END,
+    PLAIN_START,
+    ROOM,
+    ROUNDED,
+    SCALE,
+    SHARE,
+    SKEW,
+    STEEPEST,
+    THIRD,
+    TO,
+    WIDTH,
+    B,
+    U,
+    X,
+)
 
 # Relative rounding error of x in differences of x.
 ROUNDING = 2e-15
 
 
-@compiled(inner=True, inline="always")
-def write_derivatives(
-    coefficients: FloatArray,
-    breaks: FloatArray,
-    k: int,
-    s0: float,
-    s1: float,
-    before: int,
-    row: int,
-    first: FloatArray,
-    second: FloatArray,
-    third: FloatArray,
-    fourth: FloatArray,
+@compiled(inner=True)
+def place_block(
+    breaks: FloatArray, piece: IntArray, s: FloatArray, begin: int, of: FloatArray
 ) -> None:
-    """Write what `derivatives` gives for one interval, from s0 to s1 in piece k, into one row.
+    """Write width, HALF, FROM, TO and SCALE of the intervals of a block.
+
+    Args:
+        breaks: Of the joint path, (pieces + 1,).
+        piece: Piece of each interval, (n,).
+        s: Interval ends, (n + 1,).
+        begin: First interval of the block.
+        of: Rows of the intervals.
+    """
+    for m in range(B):
+        i = min(begin + m, len(piece) - 1)
+        k = piece[i]
+        of[FROM + m], of[TO + m] = s[i] - breaks[k], s[i + 1] - breaks[k]
+        of[WIDTH + m], of[SCALE + m] = s[i + 1] - s[i], breaks[k + 1] - breaks[k]
+    for m in range(B):
+        of[HALF + m], of[SCALE + m] = 0.5 / of[WIDTH + m], 1.0 / of[SCALE + m]
+        of[FROM + m] *= of[SCALE + m]
+        of[TO + m] *= of[SCALE + m]
+
+
+@compiled(inner=True)
+def take_coefficients(
+    coefficients: FloatArray, piece: IntArray, begin: int, known: int, out: FloatArray
+) -> int:
+    """Write the coefficients of the joint path on the intervals of a block, row by row.
 
     Args:
         coefficients: Of the joint path, (pieces, 6, dof).
-        breaks: Of the joint path, (pieces + 1,).
-        k: The piece.
-        s0: Start of the interval.
-        s1: End of the interval.
-        before: The row of the interval before, if it lies in the same piece; otherwise -1.
-        row: The row to write.
-        first: As in `derivatives`, as the next three.
-        second: See above.
-        third: See above.
-        fourth: See above.
+        piece: Piece of each interval, (n,).
+        begin: First interval of the block.
+        known: The piece whose coefficients all of `out` has, or -1.
+        out: Output: coefficients from the first power on, (dof, 5 B).
+
+    Returns:
+        The piece of all intervals, or -1 if there are several.
     """
-    scale = 1.0 / (breaks[k + 1] - breaks[k])
-    square = scale * scale
-    cube, power = square * scale, square * square
-    x0, x1 = (s0 - breaks[k]) * scale, (s1 - breaks[k]) * scale
-    middle, half = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
-    for j in range(coefficients.shape[2]):
-        a1, a2, a3 = coefficients[k, 1, j], coefficients[k, 2, j], coefficients[k, 3, j]
-        a4, a5 = coefficients[k, 4, j], coefficients[k, 5, j]
-        if before >= 0:
-            first[0, row, j], second[0, row, j] = first[1, before, j], second[1, before, j]
-        else:
-            slope = a1 + x0 * (2 * a2 + x0 * (3 * a3 + x0 * (4 * a4 + x0 * 5 * a5)))
-            bend = 2 * a2 + x0 * (6 * a3 + x0 * (12 * a4 + x0 * 20 * a5))
-            first[0, row, j], second[0, row, j] = scale * slope, square * bend
+    end = min(begin + B, len(piece))
+    alike = piece[begin] == piece[end - 1]
+    if alike and piece[begin] == known:
+        return known
+    i = begin
+    while i < end:
+        first, k = i - begin, piece[i]
+        while i < end and piece[i] == k:
+            i += 1
+        # The last interval fills up its block.
+        count = i - begin - first if i < len(piece) else B - first
+        for j in range(coefficients.shape[2]):
+            for power in range(5):
+                c = coefficients[k, power + 1, j]
+                for m in range(first, first + count):
+                    out[j, power * B + m] = c
+    return piece[begin] if alike else -1
+
+
+@compiled(inner=True)
+def write_derivatives(
+    of: FloatArray, c: FloatArray, j: int, ends: FloatArray, row: int, own: FloatArray
+) -> None:
+    """Write what `derivatives` gives for one joint.
+
+    Args:
+        of: Rows of the intervals: FROM, TO and SCALE.
+        c: Coefficients of the joints, (dof, 5 B).
+        j: The joint.
+        ends: Output: A0, A1, B0, B1 of some rows.
+        row: Which of these the joint has.
+        own: Output: THIRD, FOURTH of the joints.
+    """
+    for m in range(B):
+        a1, a2, a3 = c[j, m], c[j, B + m], c[j, 2 * B + m]
+        a4, a5 = c[j, 3 * B + m], c[j, 4 * B + m]
+        x0, x1, scale = of[FROM + m], of[TO + m], of[SCALE + m]
+        square = scale * scale
+        slope = a1 + x0 * (2 * a2 + x0 * (3 * a3 + x0 * (4 * a4 + x0 * 5 * a5)))
+        bend = 2 * a2 + x0 * (6 * a3 + x0 * (12 * a4 + x0 * 20 * a5))
+        ends[row, A0 + m], ends[row, B0 + m] = scale * slope, square * bend
         slope = a1 + x1 * (2 * a2 + x1 * (3 * a3 + x1 * (4 * a4 + x1 * 5 * a5)))
         bend = 2 * a2 + x1 * (6 * a3 + x1 * (12 * a4 + x1 * 20 * a5))
-        first[1, row, j], second[1, row, j] = scale * slope, square * bend
+        ends[row, A1 + m], ends[row, B1 + m] = scale * slope, square * bend
         # Taylor about the middle: the fifth derivative is constant.
+        middle, half = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
         f3 = abs(6 * a3 + middle * (24 * a4 + middle * 60 * a5))
         f4 = abs(24 * a4 + middle * 120 * a5)
         f5 = abs(120 * a5)
-        third[row, j] = (f3 + half * (f4 + half * 0.5 * f5)) * cube
-        fourth[row, j] = (f4 + half * f5) * power
+        own[j, THIRD + m] = (f3 + half * (f4 + half * 0.5 * f5)) * (square * scale)
+        own[j, FOURTH + m] = (f4 + half * f5) * (square * square)
 
 
 @compiled()
@@ -91,35 +163,61 @@ def derivatives(
         third: Takes the bounds of |d3q_ds3|, (n, dof).
         fourth: Takes the bounds of |d4q_ds4|, (n, dof).
     """
-    for i in range(len(piece)):
-        k = piece[i]
-        before = i - 1 if i > 0 and piece[i - 1] == k else -1
-        ends = s[i], s[i + 1]
-        write_derivatives(
-            coefficients, breaks, k, ends[0], ends[1], before, i, first, second, third, fourth
-        )
+    n, dof, known = len(piece), coefficients.shape[2], -1
+    of, c = np.empty(INTERVAL), np.empty((dof, 5 * B))
+    ends, own = np.empty((dof, ENDS)), np.empty((dof, OWN))
+    for begin in range(0, n, B):
+        place_block(breaks, piece, s, begin, of)
+        known = take_coefficients(coefficients, piece, begin, known, c)
+        for j in range(dof):
+            write_derivatives(of, c, j, ends, j, own)
+        for m in range(min(B, n - begin)):
+            i = begin + m
+            for j in range(dof):
+                first[0, i, j], first[1, i, j] = ends[j, A0 + m], ends[j, A1 + m]
+                second[0, i, j], second[1, i, j] = ends[j, B0 + m], ends[j, B1 + m]
+                third[i, j], fourth[i, j] = own[j, THIRD + m], own[j, FOURTH + m]
 
 
-@compiled(inner=True, inline="always")
-def write_bulge(
-    width: float,
-    x: float,
-    u: float,
-    skew: float,
-    row: int,
-    first: FloatArray,
-    second: FloatArray,
-    third: FloatArray,
-    fourth: FloatArray,
-    bulge: FloatArray,
-) -> None:
-    """Write what `acceleration_bulge` gives for one interval, whose derivatives are in `row`."""
-    share, rounding = width * width / 8.0, ROUNDING * x / width
-    for j in range(third.shape[1]):
-        bend = max(abs(second[0, row, j]), abs(second[1, row, j])) + width * third[row, j]
-        slope = max(abs(first[0, row, j]), abs(first[1, row, j]))
-        rise = 5.0 * third[row, j] * u + fourth[row, j] * x + 4.0 * bend * abs(skew)
-        bulge[row, j] = share * rise + rounding * slope
+@compiled(inner=True)
+def _take_joints(first: FloatArray, second: FloatArray, begin: int, ends: FloatArray) -> None:
+    """Write the derivatives of all joints on a block into A0, A1, B0, B1, as `derivatives`."""
+    for m in range(B):
+        i = min(begin + m, first.shape[1] - 1)
+        for j in range(first.shape[2]):
+            ends[j, A0 + m], ends[j, A1 + m] = first[0, i, j], first[1, i, j]
+            ends[j, B0 + m], ends[j, B1 + m] = second[0, i, j], second[1, i, j]
+
+
+@compiled(inner=True)
+def _take_bounds(third: FloatArray, fourth: FloatArray, begin: int, own: FloatArray) -> None:
+    """Write the bounds of higher derivatives of all joints on a block into THIRD and FOURTH."""
+    for m in range(B):
+        i = min(begin + m, third.shape[0] - 1)
+        for j in range(third.shape[1]):
+            own[j, THIRD + m], own[j, FOURTH + m] = third[i, j], fourth[i, j]
+
+
+@compiled(inner=True)
+def start_margins(of: FloatArray) -> None:
+    """Write SHARE and ROUNDED, and ceilings without any joint, from WIDTH and X."""
+    for m in range(B):
+        width = of[WIDTH + m]
+        of[SHARE + m], of[ROUNDED + m] = width * width / 8, ROUNDING * of[X + m] / width
+        of[LOW_START + m] = of[LOW_END + m] = math.inf
+        of[PLAIN_START + m] = of[PLAIN_END + m] = math.inf
+
+
+@compiled(inner=True)
+def write_bulge(of: FloatArray, ends: FloatArray, own: FloatArray, j: int) -> None:
+    """Write what `acceleration_bulge` gives for joint j into MARGIN."""
+    for m in range(B):
+        third = own[j, THIRD + m]
+        bend = max(abs(ends[j, B0 + m]), abs(ends[j, B1 + m])) + of[WIDTH + m] * third
+        slope = max(abs(ends[j, A0 + m]), abs(ends[j, A1 + m]))
+        rise = 5.0 * third * of[U + m] + own[j, FOURTH + m] * of[X + m]
+        rise += 4.0 * bend * abs(of[SKEW + m])
+        own[j, MARGIN + m] = of[SHARE + m] * rise + of[ROUNDED + m] * slope
 
 
 @compiled()
@@ -141,23 +239,46 @@ def acceleration_bulge(
     With u linear in s, its second derivative is `5 q''' u + q'''' x + 4 q'' skew`; a function rises
     above its chord by at most width² / 8 times the largest amount of that.
     """
-    for i in range(len(width)):
-        write_bulge(width[i], x[i], u[i], skew[i], i, first, second, third, fourth, bulge)
+    n, dof = third.shape
+    of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
+    for begin in range(0, n, B):
+        _take_motion(width, x, u, skew, begin, of)
+        _take_joints(first, second, begin, ends)
+        _take_bounds(third, fourth, begin, own)
+        for j in range(dof):
+            write_bulge(of, ends, own, j)
+        for m in range(min(B, n - begin)):
+            for j in range(dof):
+                bulge[begin + m, j] = own[j, MARGIN + m]
 
 
-@compiled(inner=True, inline="always")
-def largest_u(
-    x: float, row: int, first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
-) -> float:
-    """What `path_acceleration_bound` gives for one interval, whose derivatives are in `row`."""
-    least = math.inf
-    for end in range(2):
-        for j in range(first.shape[2]):
-            room = max(high[j], -low[j]) + abs(second[end, row, j]) * x
-            size = abs(first[end, row, j])
-            if size * least > room:
-                least = room / size
-    return least
+@compiled(inner=True)
+def _take_motion(
+    width: FloatArray, x: FloatArray, u: FloatArray, skew: FloatArray, begin: int, of: FloatArray
+) -> None:
+    """Write WIDTH, X, U and SKEW of a block, and what follows from them for margins."""
+    for m in range(B):
+        i = min(begin + m, len(width) - 1)
+        of[WIDTH + m], of[X + m], of[U + m], of[SKEW + m] = width[i], x[i], u[i], skew[i]
+    start_margins(of)
+
+
+@compiled(inner=True)
+def lower_u(of: FloatArray, ends: FloatArray, j: int, end: int, most: float) -> None:
+    """Lower U to what the acceleration of one joint allows at one end, given X.
+
+    Args:
+        of: Rows of the intervals.
+        ends: Derivatives of the joints.
+        j: The joint.
+        end: 0 for the starts of the intervals, 1 for their ends.
+        most: Largest acceleration of the joint either way.
+    """
+    aside = B if end else 0
+    for m in range(B):
+        room = most + abs(ends[j, B0 + aside + m]) * of[X + m]
+        size, least = abs(ends[j, A0 + aside + m]), of[U + m]
+        of[U + m] = room / size if size * least > room else least
 
 
 @compiled()
@@ -168,10 +289,51 @@ def path_acceleration_bound(
 
     The lower one of both ends: where dq_ds vanishes at one of them, u is bounded by the other.
     """
-    bound = np.empty(len(x))
-    for i in range(len(x)):
-        bound[i] = largest_u(x[i], i, first, second, low, high)
+    n, dof = len(x), first.shape[2]
+    bound, of, ends = np.empty(n), np.empty(INTERVAL), np.empty((dof, ENDS))
+    for begin in range(0, n, B):
+        for m in range(B):
+            of[X + m], of[U + m] = x[min(begin + m, n - 1)], math.inf
+        _take_joints(first, second, begin, ends)
+        for end in range(2):
+            for j in range(dof):
+                lower_u(of, ends, j, end, max(high[j], -low[j]))
+        for m in range(min(B, n - begin)):
+            bound[begin + m] = of[U + m]
     return bound
+
+
+@compiled(inner=True)
+def raise_shares(of: FloatArray, ends: FloatArray, row: int, limit: float) -> None:
+    """Raise LOW_START and LOW_END to the share of its limit that a joint takes at ds = 1."""
+    for m in range(B):
+        of[LOW_START + m] = max(of[LOW_START + m], abs(ends[row, A0 + m]) / limit)
+        of[LOW_END + m] = max(of[LOW_END + m], abs(ends[row, A1 + m]) / limit)
+
+
+@compiled(inner=True)
+def ceil_by_shares(of: FloatArray) -> None:
+    """Turn LOW_START and LOW_END from the largest shares of all joints into ceilings of x."""
+    for m in range(2 * B):
+        worst = of[LOW_START + m]
+        of[LOW_START + m] = 1.0 / (worst * worst) if worst > 0.0 else math.inf
+
+
+@compiled()
+def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray:
+    """Largest x at both ends of each interval under joint velocity limits there, (2, n)."""
+    n, dof = first.shape[1], first.shape[2]
+    ceiling, of, ends = np.empty((2, n)), np.empty(INTERVAL), np.empty((dof, ENDS))
+    for begin in range(0, n, B):
+        _take_joints(first, first, begin, ends)
+        for m in range(2 * B):
+            of[LOW_START + m] = 0.0
+        for j in range(dof):
+            raise_shares(of, ends, j, limit[j])
+        ceil_by_shares(of)
+        for m in range(min(B, n - begin)):
+            ceiling[0, begin + m], ceiling[1, begin + m] = of[LOW_START + m], of[LOW_END + m]
+    return ceiling
 
 
 @compiled(inner=True)
@@ -182,68 +344,58 @@ def _over_square(room: float, slope: float) -> Any:
     return room / (slope * slope) if slope != 0.0 else math.inf
 
 
-@compiled()
-def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray:
-    """Largest x at both ends of each interval under joint velocity limits there, (2, n)."""
-    n, dof = first.shape[1], first.shape[2]
-    ceiling = np.empty((2, n))
-    for end in range(2):
-        for i in range(n):
-            # The largest share of its limit that any joint takes at ds = 1.
-            worst = 0.0
-            for j in range(dof):
-                worst = max(worst, abs(first[end, i, j]) / limit[j])
-            ceiling[end, i] = 1.0 / (worst * worst) if worst > 0.0 else math.inf
-    return ceiling
+@compiled(inner=True)
+def _matters(of: FloatArray, ends: FloatArray, own: FloatArray, j: int, v2: float) -> bool:
+    """Whether a joint lowers any ceiling of a block; write ROOM (infinite if not) and STEEPEST."""
+    lowers = 0
+    for m in range(B):
+        share, curve, width = of[SHARE + m], own[j, THIRD + m], of[WIDTH + m]
+        slope = max(abs(ends[j, A0 + m]), abs(ends[j, A1 + m])) + share * curve
+        bend = max(abs(ends[j, B0 + m]), abs(ends[j, B1 + m])) + width * curve
+        rate = 8 * of[U + m] * slope * bend + 2 * of[X + m] * (bend * bend + slope * curve)
+        room = v2 - share * (rate + 2 * abs(of[SKEW + m]) * slope * slope)
+        low = max(of[LOW_START + m], of[LOW_END + m])
+        plain = max(of[PLAIN_START + m], of[PLAIN_END + m])
+        enough = room >= max(low, plain) * slope * slope
+        of[ROOM + m], of[STEEPEST + m] = math.inf if enough else room, slope
+        lowers |= int(not enough)
+    return lowers != 0
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def lower_by_velocity(
-    width: float,
-    x: float,
-    u: float,
-    skew: float,
-    row: int,
-    first: FloatArray,
-    second: FloatArray,
-    third: FloatArray,
-    limit: FloatArray,
-) -> tuple[float, float, float]:
-    """What `velocity_ceiling` gives for one interval, whose derivatives are in `row`.
-
-    Returns:
-        The ceilings at the start and at the end, and the share of them that margins have taken.
-    """
-    share = width * width / 8
-    plain_start = plain_end = low_start = low_end = math.inf
-    for j in range(first.shape[2]):
-        if limit[j] == np.inf:
-            continue
-        v2 = limit[j] * limit[j]
-        start, end, curve = abs(first[0, row, j]), abs(first[1, row, j]), third[row, j]
-        slope = max(start, end) + share * curve
-        bend = max(abs(second[0, row, j]), abs(second[1, row, j])) + width * curve
-        rate = 8 * u * slope * bend + 2 * x * (bend * bend + slope * curve)
-        bulge = share * (rate + 2 * abs(skew) * slope * slope)
-        # A joint that lowers nothing by either of the rules below needs no divisions.
-        if v2 - bulge >= max(low_start, low_end, plain_start, plain_end) * slope * slope:
-            continue
+    of: FloatArray, ends: FloatArray, own: FloatArray, j: int, limit: float
+) -> None:
+    """Lower the ceilings of a block by the velocity limit of joint j, see `velocity_ceiling`."""
+    v2 = limit * limit
+    # A joint that lowers nothing by either of the rules below needs no divisions.
+    if limit == np.inf or not _matters(of, ends, own, j, v2):
+        return
+    for m in range(B):
+        room, slope = of[ROOM + m], of[STEEPEST + m]
+        start, end = abs(ends[j, A0 + m]), abs(ends[j, A1 + m])
         # Take either both ends with the bulge, or both ends slow enough for the largest dq_ds of
         # the interval. A mix of the two rules would prove nothing.
-        at_start = _over_square(v2 - bulge, start)
-        at_end = _over_square(v2 - bulge, end)
+        at_start, at_end = _over_square(room, start), _over_square(room, end)
         tight = _over_square(v2, slope)
         if at_start + at_end < 2 * tight:
             at_start = at_end = tight
-        low_start, low_end = min(low_start, at_start), min(low_end, at_end)
-        plain_start = min(plain_start, _over_square(v2, start))
-        plain_end = min(plain_end, _over_square(v2, end))
-    lost = 0.0
-    if low_start < plain_start:
-        lost = 1.0 - low_start / plain_start
-    if low_end < plain_end:
-        lost = max(lost, 1.0 - low_end / plain_end)
-    return low_start, low_end, lost
+        of[LOW_START + m] = min(of[LOW_START + m], at_start)
+        of[LOW_END + m] = min(of[LOW_END + m], at_end)
+        of[PLAIN_START + m] = min(of[PLAIN_START + m], _over_square(v2, start))
+        of[PLAIN_END + m] = min(of[PLAIN_END + m], _over_square(v2, end))
+
+
+@compiled(inner=True)
+def write_lost(of: FloatArray) -> None:
+    """Write the share of ceilings that margins have taken into LOST."""
+    for m in range(B):
+        lost = 0.0
+        if of[LOW_START + m] < of[PLAIN_START + m]:
+            lost = 1.0 - of[LOW_START + m] / of[PLAIN_START + m]
+        if of[LOW_END + m] < of[PLAIN_END + m]:
+            lost = max(lost, 1.0 - of[LOW_END + m] / of[PLAIN_END + m])
+        of[LOST + m] = lost
 
 
 @compiled()
@@ -266,10 +418,17 @@ def velocity_ceiling(
     Returns:
         The ceiling, (2, n), and the share of it that margins have taken, (n,).
     """
-    n = len(width)
+    n, dof = third.shape
     ceiling, lost = np.empty((2, n)), np.empty(n)
-    for i in range(n):
-        ceiling[0, i], ceiling[1, i], lost[i] = lower_by_velocity(
-            width[i], x[i], u[i], skew[i], i, first, second, third, limit
-        )
+    of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
+    for begin in range(0, n, B):
+        _take_motion(width, x, u, skew, begin, of)
+        _take_joints(first, second, begin, ends)
+        _take_bounds(third, third, begin, own)
+        for j in range(dof):
+            lower_by_velocity(of, ends, own, j, limit[j])
+        write_lost(of)
+        for m in range(min(B, n - begin)):
+            ceiling[0, begin + m], ceiling[1, begin + m] = of[LOW_START + m], of[LOW_END + m]
+            lost[begin + m] = of[LOST + m]
     return ceiling, lost

@@ -51,9 +51,14 @@ def ends_of(values: FloatArray, starts: IntArray) -> FloatArray:
 
 @compiled()
 def rises(
-    width: FloatArray, piece: IntArray, ends: FloatArray, middle: FloatArray, safety: float
-) -> FloatArray:
-    """Bounds of the distances of quantities from their chords on all intervals, (n, k).
+    width: FloatArray,
+    piece: IntArray,
+    ends: FloatArray,
+    middle: FloatArray,
+    safety: float,
+    found: FloatArray,
+) -> None:
+    """Write bounds of the distances of quantities from their chords on all intervals.
 
     Args:
         width: Lengths of the intervals, (n,).
@@ -61,9 +66,10 @@ def rises(
         ends: Values at the starts and ends, (2, n, k).
         middle: Values in the middles, (n, k).
         safety: Factor of the bound.
+        found: Takes the bounds, (n, k).
     """
     n, rows = middle.shape
-    found, bend = np.empty((n, rows)), np.empty((n, rows))
+    bend = np.empty((n, rows))
     for i in range(n):
         square = width[i] ** 2
         for k in range(rows):
@@ -75,7 +81,6 @@ def rises(
         after = i + 1 if i < n - 1 and piece[i + 1] == piece[i] else i
         for k in range(rows):
             found[i, k] = max(bend[i, k], bend[before, k], bend[after, k]) * square
-    return found
 
 
 @compiled()
@@ -89,8 +94,9 @@ def bulges(
     x: FloatArray,
     u: FloatArray,
     skew: FloatArray,
-) -> FloatArray:
-    """Bounds of the rise of `a u + b x + c` above its chord on all intervals, (n, rows).
+    found: FloatArray,
+) -> None:
+    """Write bounds of the rise of `a u + b x + c` above its chord on all intervals.
 
     Args:
         width: Lengths of the intervals, (n,).
@@ -102,9 +108,9 @@ def bulges(
         x: Largest x on each interval, (n,).
         u: Largest |u|, (n,).
         skew: Slope of u over s, (n,).
+        found: Takes the bounds, (n, rows).
     """
     n, rows = rise_a.shape
-    found = np.empty((n, rows))
     for i in range(n):
         turn, rounding = abs(skew[i] * width[i]) / 4, ROUNDING * x[i] / width[i]
         for k in range(rows):
@@ -114,4 +120,3 @@ def bulges(
             value += abs(b1 - b0) * width[i] / 2 * u[i]
             value += turn * (abs(a1 - a0) + max(abs(b0), abs(b1)) * width[i])
             found[i, k] = value + rounding * max(abs(a0), abs(a1))
-    return found

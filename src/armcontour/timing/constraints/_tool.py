@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import compiled
+from armcontour.timing.constraints._rows import ROUNDING
 
 
 @compiled()
@@ -31,3 +32,42 @@ def measure(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
             across += (acceleration[i, k] - along * (velocity[i, k] / speed)) ** 2
         found[0, i], found[1, i], found[2, i] = speed, math.sqrt(across), abs(along)
     return found
+
+
+@compiled()
+def shrink_discs(
+    width: FloatArray,
+    curvature: FloatArray,
+    radius: FloatArray,
+    stretch: FloatArray,
+    uneven: BoolArray,
+    x: FloatArray,
+    u: FloatArray,
+    skew: FloatArray,
+    found: FloatArray,
+) -> None:
+    """Write the radii of discs that are kept between the ends of intervals, too.
+
+    Where the curvature is even the left side of `(c x)² + u² <= r²` is convex without skew, so it
+    is largest at an end. With skew its second derivative is at least `-4 c² x |skew|`. Elsewhere
+    the curvature times x is at most that at an end; skew adds to x, and to |u| at the other end.
+
+    Args:
+        width: Lengths of the intervals, (n,).
+        curvature: c at the starts and ends, (2, n).
+        radius: r without margins, (n,).
+        stretch: Bounds of the tool's acceleration along the motion for x = 1, (n,).
+        uneven: Whether the curvature varies, (n,).
+        x: Largest x on each interval, (n,).
+        u: Largest |u|, (n,).
+        skew: Slope of u over s, (n,).
+        found: Takes the radii, (n,).
+    """
+    for i in range(len(width)):
+        play = stretch[i] + ROUNDING / width[i]
+        left, slope = max(radius[i] - play * x[i], 0.0), abs(skew[i])
+        most, square = max(curvature[0, i], curvature[1, i]), width[i] ** 2
+        rise = square / 2 * most**2 * x[i] * slope
+        if uneven[i]:
+            rise += (most * square / 4 * slope) ** 2 + 2 * width[i] * u[i] * slope
+        found[i] = math.sqrt(max(left**2 - rise, 0.0))

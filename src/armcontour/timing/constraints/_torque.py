@@ -11,14 +11,114 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
+from armcontour.arms._blocks import B
+from armcontour.arms._dynamics import (
+    FIRST,
+    LINK_ROWS,
+    MOTION_ROWS,
+    OF_U,
+    OF_X,
+    SECOND,
+    WEIGHT,
+    write_terms,
+)
+from armcontour.motion._motion import value_and_slopes
 
 # Keeps divisions finite where a bracket is empty; its square root is far below any path speed.
 TINY = 1e-300
 # The line above viscous friction may take this share of the torque that is left at rest. So every
 # row allows rest, on which the compiled planner relies.
 SHARE_AT_REST = 0.5
+
+
+@compiled(inner=True)
+def _write_motion(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    k: int,
+    s: FloatArray,
+    begin: int,
+    end: int,
+    rows: FloatArray,
+) -> None:
+    """Write joint positions and derivatives at places of piece k into a block, begin to end."""
+    start, width, at = breaks[k], breaks[k + 1] - breaks[k], s[begin:end]
+    for j in range(coefficients.shape[2]):
+        own = rows[j]
+        a0, a1, a2 = coefficients[k, 0, j], coefficients[k, 1, j], coefficients[k, 2, j]
+        a3, a4, a5 = coefficients[k, 3, j], coefficients[k, 4, j], coefficients[k, 5, j]
+        q = own[begin:end]
+        first, second = own[FIRST * B + begin :], own[SECOND * B + begin :]
+        for i in range(len(q)):
+            x = (at[i] - start) / width
+            q[i], slope, bend = value_and_slopes(a0, a1, a2, a3, a4, a5, x)
+            first[i], second[i] = slope / width, bend / (width * width)
+
+
+@compiled()
+def terms_on_grid(
+    links: FloatArray,
+    gravity: FloatArray,
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    piece: IntArray,
+    s: FloatArray,
+    ends: FloatArray,
+    middles: FloatArray,
+) -> None:
+    """Write the coefficients a, b, c of the torque `a dds + b ds² + c` on all intervals of a grid.
+
+    Args:
+        links: Numbers of the links, as `Dynamics` packs them, (dof, 24).
+        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
+        breaks: Of the joint path, (pieces + 1,).
+        coefficients: Of the joint path, (pieces, 6, dof).
+        piece: Piece of each interval, (n,).
+        s: Interval ends [m], (n + 1,).
+        ends: Takes a, b and c at the starts and ends of the intervals, (3, 2, n, dof).
+        middles: Takes them in the middles, (3, n, dof).
+    """
+    n, dof = len(piece), coefficients.shape[2]
+    rows, motion = np.zeros((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
+    at, of, place = np.zeros(B), np.empty(B, np.intp), np.empty(B, np.intp)
+    # Places are starts of intervals, their middles, and the ends that are no starts of others.
+    count = i = part = 0
+    while i < n or count:
+        if i < n and count < B:
+            at[count] = s[i] if part == 0 else s[i + 1] if part == 2 else (s[i] + s[i + 1]) / 2
+            of[count], place[count] = piece[i], 3 * i + part
+            count += 1
+            last = i == n - 1 or piece[i + 1] != piece[i]
+            if part == 2 or (part == 1 and not last):
+                i, part = i + 1, 0
+            else:
+                part += 1
+            if i < n and count < B:
+                continue
+        begin = 0
+        while begin < count:
+            end = begin + 1
+            while end < count and of[end] == of[begin]:
+                end += 1
+            _write_motion(breaks, coefficients, of[begin], at, begin, end, rows)
+            begin = end
+        write_terms(links, gravity, rows, motion)
+        for m in range(count):
+            k, which = place[m] // 3, place[m] % 3
+            both = which == 0 and k > 0 and piece[k - 1] == piece[k]
+            for j in range(dof):
+                a, b, c = rows[j, OF_U * B + m], rows[j, OF_X * B + m], rows[j, WEIGHT * B + m]
+                if which == 1:
+                    middles[0, k, j], middles[1, k, j], middles[2, k, j] = a, b, c
+                    continue
+                end = which // 2
+                ends[0, end, k, j], ends[1, end, k, j], ends[2, end, k, j] = a, b, c
+                if both:
+                    ends[0, 1, k - 1, j], ends[1, 1, k - 1, j] = a, b
+                    ends[2, 1, k - 1, j] = c
+        count = 0
 
 
 @compiled()
@@ -36,6 +136,77 @@ def at_rest(c: FloatArray, limit: FloatArray) -> tuple[FloatArray, FloatArray, b
                 low[end, i, j], high[end, i, j] = -limit[j] - c[end, i, j], limit[j] - c[end, i, j]
                 kept &= abs(c[end, i, j]) <= limit[j]
     return low, high, kept
+
+
+@compiled()
+def friction_on_grid(
+    width: FloatArray,
+    first: FloatArray,
+    third: FloatArray,
+    viscous: FloatArray,
+    coulomb: FloatArray,
+    ends: FloatArray,
+    within: FloatArray,
+) -> None:
+    """Write bounds of joint friction on all intervals; viscous friction at ds = 1.
+
+    Args:
+        width: Lengths of the intervals, (n,).
+        first: dq_ds at the starts and ends, (2, n, dof).
+        third: Bounds of |d3q_ds3|, (n, dof).
+        viscous: Viscous friction of each joint, (dof,).
+        coulomb: Coulomb friction of each joint, (dof,).
+        ends: Takes viscous friction at the starts and ends, (2, n, dof).
+        within: Takes five numbers of each interval, (5, n, dof): a bound of viscous friction,
+            without sign; a bound of its distance from its chord; the direction of the joint, 1 or
+            -1 where it certainly does not reverse, else 0; the largest and the smallest Coulomb
+            friction.
+    """
+    for i in range(len(width)):
+        share = width[i] ** 2 / 8
+        for j in range(len(viscous)):
+            start, end = first[0, i, j], first[1, i, j]
+            # Largest distance of dq_ds from its chord.
+            off = share * third[i, j]
+            largest = max(abs(start), abs(end)) + off
+            one_way = start * end > 0.0 and min(abs(start), abs(end)) > off
+            sign = math.copysign(1.0, start) if one_way else 0.0
+            dry = coulomb[j] if largest > 0.0 else 0.0
+            ends[0, i, j], ends[1, i, j] = viscous[j] * start, viscous[j] * end
+            within[0, i, j], within[1, i, j] = viscous[j] * largest, viscous[j] * off
+            within[2, i, j] = sign
+            within[3, i, j] = (sign if one_way else 1.0) * dry
+            within[4, i, j] = (sign if one_way else -1.0) * dry
+
+
+@compiled()
+def rub(
+    c: FloatArray,
+    above: FloatArray,
+    below: FloatArray,
+    limit: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> bool:
+    """Take dry friction from the limits that gravity leaves, and say whether every joint can move.
+
+    Args:
+        c: Torques of gravity at the starts and ends of all intervals, (2, n, dof).
+        above: Largest Coulomb friction on each interval, (n, dof).
+        below: The smallest, (n, dof).
+        limit: Largest torques, (dof,).
+        low: Lower limits, (2, n, dof).
+        high: Upper limits, (2, n, dof).
+    """
+    kept = True
+    for end in range(2):
+        for i in range(c.shape[1]):
+            for j in range(c.shape[2]):
+                low[end, i, j] -= below[i, j]
+                high[end, i, j] -= above[i, j]
+                creeping = c[end, i, j] + (above[i, j] if c[end, i, j] > 0.0 else below[i, j])
+                kept &= abs(creeping) <= limit[j]
+    return kept
 
 
 @compiled()

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
-from armcontour.timing.constraints._torque import at_rest, dragged_rows, largest_u
+from armcontour.timing.constraints._torque import (
+    at_rest,
+    dragged_rows,
+    friction_on_grid,
+    largest_u,
+    rub,
+)
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import Sampled, bulge
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
 
 
-@dataclass(frozen=True, slots=True)
-class _Friction:
+class _Friction(NamedTuple):
     """Joint friction on the intervals of a grid; viscous friction at ds = 1.
 
     Args:
@@ -80,6 +86,7 @@ class JointTorque(Constraint):
 
     def __init__(self, arm: Arm, limit: FloatArray) -> None:
         dynamics = arm.dynamics
+        self.dynamics = dynamics
         self.limit = np.array(limit)
         self.viscous = np.array(dynamics.chain.viscous)
         self.coulomb = np.array(dynamics.chain.coulomb)
@@ -129,8 +136,8 @@ class JointTorque(Constraint):
         friction = None
         if self.curved or self.coulomb.any():
             friction = self._friction(grid, path)
-            low, high = low - friction.below, high - friction.above
-            self._refuse_creeping(grid, c, friction)
+            if not rub(c, friction.above, friction.below, self.limit, low, high):
+                self._refuse_creeping(grid, c, friction)
         self._last = _OnGrid(grid, a, b, low, high, friction)
         return self._last
 
@@ -181,21 +188,10 @@ class JointTorque(Constraint):
 
     def _friction(self, grid: Grid, path: JointDerivatives) -> _Friction:
         """Bound the friction on every interval."""
-        first = np.abs(path.first)
-        # Largest distance of dq_ds from its chord.
-        off = grid.width[:, None] ** 2 / 8 * path.third
-        one_way = (path.first[0] * path.first[1] > 0) & (first.min(axis=0) > off)
-        sign = np.where(one_way, np.sign(path.first[0]), 0.0)
-        largest = first.max(axis=0) + off
-        coulomb = np.where(largest > 0, self.coulomb, 0.0)
-        return _Friction(
-            viscous=self.viscous * path.first,
-            largest=self.viscous * largest,
-            departs=self.viscous * off,
-            sign=sign,
-            above=np.where(one_way, sign, 1.0) * coulomb,
-            below=np.where(one_way, sign, -1.0) * coulomb,
-        )
+        ends, within = np.empty(path.first.shape), np.empty((5, *path.third.shape))
+        own = self.viscous, self.coulomb
+        friction_on_grid(grid.width, path.first, path.third, *own, ends, within)
+        return _Friction(ends, *within)
 
     def _refuse_creeping(self, grid: Grid, c: FloatArray, friction: _Friction) -> None:
         """Refuse torques of gravity `c` that exceed a limit together with Coulomb friction.

@@ -84,7 +84,9 @@ def rise(grid: Grid, ends: FloatArray, middle: FloatArray) -> FloatArray:
         ends: Values at the ends, (2, n, rows).
         middle: Values in the middles, (n, rows).
     """
-    return np.asarray(_sampled.rises(grid.width, grid.piece, ends, middle, MARGIN))
+    found = np.empty(middle.shape)
+    _sampled.rises(grid.width, grid.piece, ends, middle, MARGIN, found)
+    return found
 
 
 def bulge(grid: Grid, a: FloatArray, b: FloatArray, rises: Values, bounds: Bounds) -> FloatArray:
@@ -98,5 +100,6 @@ def bulge(grid: Grid, a: FloatArray, b: FloatArray, rises: Values, bounds: Bound
         bounds: Bounds of x and u.
     """
     of_a, of_b, of_c = rises
-    found = _sampled.bulges(grid.width, a, b, of_a, of_b, of_c, bounds.x, bounds.u, bounds.skew)
-    return np.asarray(found)
+    found, own = np.empty(of_a.shape), (bounds.x, bounds.u, bounds.skew)
+    _sampled.bulges(grid.width, a, b, of_a, of_b, of_c, *own, found)
+    return found

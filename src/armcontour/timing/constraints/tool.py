@@ -9,14 +9,14 @@ samples is the margin.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
-from armcontour.timing.constraints._rows import ROUNDING
-from armcontour.timing.constraints._tool import measure
+from armcontour.timing.constraints._tool import measure, shrink_discs
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -176,6 +176,22 @@ class CentripetalAcceleration(Constraint):
             return np.asarray(self.limit / self.metric.curvature_on(grid))
 
 
+class Discs(NamedTuple):
+    """Discs on the intervals of a grid without margins, and what their margins follow from.
+
+    Args:
+        curvature: Curvatures at the starts and ends over the tool speed [1/m], (2, n).
+        radius: Radii [m/s²], (n,).
+        stretch: Acceleration along the motion over the tool speed [1/m], (n,).
+        uneven: Whether the curvature varies, (n,).
+    """
+
+    curvature: FloatArray
+    radius: FloatArray
+    stretch: FloatArray
+    uneven: BoolArray
+
+
 class ToolAcceleration(Constraint):
     """`(curvature ds²)² + dds² <= limit²`.
 
@@ -191,24 +207,23 @@ class ToolAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc:
-        """The disc, less the margin for skew.
+        """The disc, less the margin for what happens between the ends."""
+        discs = self.on(grid)
+        if bounds is None:
+            return Disc(discs.curvature, discs.radius)
+        found = np.empty(len(grid))
+        shrink_discs(grid.width, *discs, bounds.x, bounds.u, bounds.skew, found)
+        return Disc(discs.curvature, found)
 
-        Where the curvature is even the left side is convex without skew, so it is largest at an
-        end. With skew its second derivative is at least `-4 curvature² x |skew|`. Elsewhere the
-        curvature times x is at most that at an end; skew adds to x, and to |u| at the other end.
-        """
-        speed = self.metric.speed[grid.piece]
-        curvature = self.metric.curvature_on(grid) / speed
-        radius = np.full(len(grid), self.limit) / speed
-        if bounds is not None:
-            play = self.metric.stretch[grid.piece] / speed + ROUNDING / grid.width
-            radius = np.maximum(radius - play * bounds.x, 0.0)
-            skew, most = np.abs(bounds.skew), curvature.max(axis=0)
-            rise = grid.width**2 / 2 * most**2 * bounds.x * skew
-            other = (most * grid.width**2 / 4 * skew) ** 2 + 2 * grid.width * bounds.u * skew
-            rise = rise + np.where(self.metric.uneven[grid.piece], other, 0.0)
-            radius = np.sqrt(np.maximum(radius**2 - rise, 0.0))
-        return Disc(curvature, radius)
+    def on(self, grid: Grid) -> Discs:
+        """The discs on a grid, without margins."""
+        metric, speed = self.metric, self.metric.speed[grid.piece]
+        return Discs(
+            curvature=metric.curvature_on(grid) / speed,
+            radius=np.full(len(grid), self.limit) / speed,
+            stretch=metric.stretch[grid.piece] / speed,
+            uneven=metric.uneven[grid.piece],
+        )
 
     def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
         """Largest |dds| on every interval: the radius of the disc."""

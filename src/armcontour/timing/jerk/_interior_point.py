@@ -85,7 +85,7 @@ class _Duals(NamedTuple):
     positive: FloatArray
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _duals(p: Section) -> _Duals:
     n = len(p.cell)
     return _Duals(
@@ -153,7 +153,7 @@ def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
     return total
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _slacks(p: Section, d: FloatArray, free: int, found: _Duals) -> None:
     """Write how far d is from every bound; an end that is not free has none."""
     n = len(p.width)
@@ -279,7 +279,7 @@ def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArr
     return total
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _add_bounds(
     p: Section,
     d: FloatArray,
@@ -365,7 +365,7 @@ def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) ->
     return one, other
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _changes(
     p: Section,
     d: FloatArray,
@@ -421,7 +421,7 @@ def _changes(
     return reach
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     """Whether d keeps a share of its old slack on every curved and round row."""
     share = 1.0 - NEAREST
@@ -443,7 +443,7 @@ def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
     return True
 
 
-@compiled(inner=True)
+@compiled(inner=True, allocates=True)
 def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
     """Solve a symmetric system of five diagonals in place, by LDLᵀ with a scaled diagonal."""
     n = len(right)

@@ -45,6 +45,8 @@ class JerkLimits:
     @classmethod
     def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
         """The limits of jerk among limits; None if there are none."""
+        if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
+            return None
         joint = or_unlimited(limits.joint_jerk, dof)
         path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
         if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):

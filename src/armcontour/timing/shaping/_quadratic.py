@@ -101,7 +101,7 @@ def solve_program(
     return x.reshape(n, k), -MOST_ITERATIONS
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True, allocates=True, fastmath=FUSED)
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:

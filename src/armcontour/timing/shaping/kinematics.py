@@ -81,7 +81,9 @@ class NearPath:
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        found, _ = _newton.newton(*self.arm.arrays, q, poses, self.task, self.free, self.q)
+        found, _ = _newton.newton(
+            *self.arm.arrays, q, poses, self.task, self.free[:, None], self.q[:, None]
+        )
         if not found.all():
             i = int(np.argmin(found))
             raise Unreachable("A control point is out of reach.", point=points[i].tolist())

@@ -1,0 +1,205 @@
+"""Distances of bodies, by the library coal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.arms import Chain
+from armcontour.arms.chain import link_poses
+from armcontour.clearance.pairs import Body, Pair
+from armcontour.errors import InvalidInput
+from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+
+# What distances are uncertain by: the tolerance of the library's iteration [m].
+UNCERTAINTY = 2e-6
+# Meshes as the library has them, for as long as they are used: hulls take milliseconds.
+MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
+
+
+class Distances:
+    """Distances of pairs of bodies of a chain.
+
+    Args:
+        chain: The chain.
+        pairs: The pairs.
+
+    Raises:
+        InvalidInput: The library coal is missing, or it finds no convex hull of a mesh.
+    """
+
+    def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
+        self._coal = _coal()
+        self._chain = chain
+        self._pairs = pairs
+        # Places in the list of all bodies; bodies are compared by identity.
+        self._bodies: dict[int, int] = {}
+        self._list: list[Body] = []
+        made = partial(_geometry, self._coal)
+        for x in pairs:
+            for body in (x.first, x.second):
+                if id(body) not in self._bodies:
+                    self._bodies[id(body)] = len(self._list)
+                    self._list.append(body)
+        self._links = np.array([x.link for x in self._list], dtype=np.intp)
+        self._places = np.array([_matrix(x) for x in self._list]).reshape(-1, 3, 4)
+        self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
+        self._exact = [
+            None
+            if _hulls_decide(x)
+            else (made(x.first.exact or x.first.shape), made(x.second.exact or x.second.shape))
+            for x in pairs
+        ]
+        self._ends = np.array(
+            [(self._bodies[id(x.first)], self._bodies[id(x.second)]) for x in pairs], dtype=np.intp
+        ).reshape(-1, 2)
+        self._request = self._coal.DistanceRequest()
+        self._request.enable_signed_distance = True
+        self._result = self._coal.DistanceResult()
+        self._still = self._coal.Transform3s()
+
+    def measure(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
+        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            at: Indices of the joint positions, (m,).
+            pair: Indices of the pairs, (m,).
+        """
+        relative = self._relative(q, at, pair)
+        found = np.empty(len(pair))
+        for k, p in enumerate(pair.tolist()):
+            found[k] = self._distance(p, relative[k])
+        return found
+
+    def points(self, q: FloatArray) -> FloatArray:
+        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
+
+        Args:
+            q: Joint positions for each pair [rad], (pairs, dof).
+        """
+        every = np.arange(len(self._pairs))
+        relative, found = self._relative(q, every, every), np.empty((len(every), 2, 3))
+        for k, place in enumerate(relative):
+            self._distance(k, place)
+            found[k, 0] = self._result.getNearestPoint1()
+            found[k, 1] = self._result.getNearestPoint2()
+        first = self._placements(q)[every, self._ends[:, 0]]
+        return np.asarray(found @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
+
+    def _distance(self, pair: int, relative: FloatArray) -> float:
+        """Distance of a pair with its second body so placed in the frame of the first one."""
+        place = self._coal.Transform3s(relative[:, :3], relative[:, 3])
+        first, second = self._shapes[pair]
+        found = self._between(first, second, place)
+        exact = self._exact[pair]
+        if exact is not None and found < self._pairs[pair].margin + UNCERTAINTY:
+            found = max(found, self._between(*exact, place))
+        return found
+
+    def _between(self, first: Any, second: Any, place: Any) -> float:
+        """Distance of two bodies of the library."""
+        self._result.clear()
+        return float(
+            self._coal.distance(first, self._still, second, place, self._request, self._result)
+        )
+
+    def _placements(self, q: FloatArray) -> FloatArray:
+        """Placements of all bodies, (n, bodies, 3, 4)."""
+        poses = link_poses(self._chain, q)[:, self._links]
+        found = np.empty_like(poses)
+        turned = poses[..., :3]
+        found[..., :3] = turned @ self._places[:, :, :3]
+        found[..., 3] = poses[..., 3] + np.einsum("nbij,bj->nbi", turned, self._places[:, :, 3])
+        return found
+
+    def _relative(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
+        """Placements of second bodies in the frames of the first ones, (m, 3, 4)."""
+        places = self._placements(q)
+        ends = self._ends[pair]
+        first, second = places[at, ends[:, 0]], places[at, ends[:, 1]]
+        back = np.swapaxes(first[..., :3], 1, 2)
+        found = np.empty((len(pair), 3, 4))
+        found[..., :3] = back @ second[..., :3]
+        found[..., 3] = np.einsum("nij,nj->ni", back, second[..., 3] - first[..., 3])
+        return found
+
+
+def _coal() -> Any:
+    """The library coal, which comes with pinocchio.
+
+    Raises:
+        InvalidInput: It is not installed.
+    """
+    try:
+        import coal
+    except ImportError:
+        raise InvalidInput(
+            "Clearance needs the package coal, which comes with pin: pip install pin. It has no "
+            "wheels for Windows."
+        ) from None
+    return coal
+
+
+def _hulls_decide(pair: Pair) -> bool:
+    """Whether the distance of the convex shapes of a pair is that of its bodies."""
+    bodies = (pair.first, pair.second)
+    # Above a plane a body is as near as its convex hull.
+    return all(x.exact is None for x in bodies) or any(
+        isinstance(x.shape, HalfSpace) for x in bodies
+    )
+
+
+def _matrix(body: Body) -> FloatArray:
+    """The place of a body's shape in the frame of its link, (3, 4)."""
+    return np.column_stack([body.place.rotation, body.place.position])
+
+
+def _geometry(coal: Any, shape: Shape) -> Any:
+    """A shape as one of the library."""
+    match shape:
+        case Sphere():
+            return coal.Sphere(shape.radius)
+        case Capsule():
+            return coal.Capsule(shape.radius, shape.length)
+        case Cylinder():
+            return coal.Cylinder(shape.radius, shape.length)
+        case Box():
+            return coal.Box(*shape.size.tolist())
+        case HalfSpace():
+            return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+        case Mesh():
+            if shape not in MESHES:
+                make = _hull if shape.triangles is None else _triangles
+                MESHES[shape] = make(coal, shape)
+            return MESHES[shape]
+    raise InvalidInput(f"There are no distances of a shape of the kind {type(shape).__name__}.")
+
+
+def _hull(coal: Any, shape: Mesh) -> Any:
+    """The convex hull of the points of a mesh."""
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(0, len(shape.points))
+    model.addVertices(np.ascontiguousarray(shape.points))
+    model.endModel()
+    # Not `buildConvexRepresentation`, which takes the triangles to be convex already.
+    model.buildConvexHull(True, "Qt")
+    if model.convex is None:
+        raise InvalidInput(f"There is no convex hull of {shape.source or 'a mesh'}.")
+    return model.convex
+
+
+def _triangles(coal: Any, shape: Mesh) -> Any:
+    """The triangles of a mesh."""
+    assert shape.triangles is not None
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(shape.triangles), len(shape.points))
+    model.addVertices(np.ascontiguousarray(shape.points))
+    model.addTriangles(np.ascontiguousarray(shape.triangles, dtype=np.int64))
+    model.endModel()
+    return model

@@ -1,0 +1,219 @@
+"""Make the scene, and the shapes of links and tool, that a job file describes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._text import list_some
+from armcontour.arms import Arm
+from armcontour.errors import InvalidInput, locate_errors
+from armcontour.frames import Frame, from_rpy, rotations
+from armcontour.io.mesh_file import read_mesh
+from armcontour.io.scene_files import read_scene_file, upright
+from armcontour.io.scene_model import (
+    BodiesModel,
+    BodyModel,
+    BoxModel,
+    CapsuleModel,
+    CylinderModel,
+    HalfSpaceModel,
+    MeshModel,
+    PlacedModel,
+    RotationModel,
+    SceneFileModel,
+    SceneModel,
+    SphereModel,
+)
+from armcontour.scene import (
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    LinkShape,
+    Obstacle,
+    Scene,
+    Shape,
+    Sphere,
+)
+from armcontour.scene.scene import BASE, PART
+
+# Keys of bodies that only obstacles have, and only shapes of links.
+OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
+MOST_NAMED = 40
+
+
+def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
+    """The scene of a job.
+
+    Args:
+        model: The value of the key `scene`.
+        folder: Folder of the job file.
+        part: The frame of the path, in the frame of the arm's paths.
+
+    Raises:
+        InvalidInput: Values that make no body, or a file that is not there or wrong.
+    """
+    obstacles = []
+    for key, x in _bodies(model):
+        where = f"scene.{key}: {x.name}"
+        _refuse_keys(where, x, OF_LINKS, "shapes of links")
+        with locate_errors(where):
+            found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
+        obstacles.append(_stand(found, x, part))
+    for given in model.files:
+        file = SceneFileModel(file=given) if isinstance(given, str) else given
+        _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        with locate_errors("scene.files"):
+            for found in read_scene_file(folder / file.file, unit=file.unit):
+                moved = dataclasses.replace(found, place=_place(file) @ found.place)
+                obstacles.append(_stand(moved, file, part))
+    return Scene(obstacles=tuple(obstacles), margins=model.margins)
+
+
+def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
+    """The shapes of a tool, which are in the frame of the tip.
+
+    Args:
+        model: The value of the key `shapes` of a tool.
+        folder: Folder of the job file.
+        arm: The arm.
+
+    Raises:
+        InvalidInput: As in `scene_of`.
+    """
+    chain = arm.chain
+    if chain is None:
+        raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
+    found = []
+    for key, x in _bodies(model):
+        where = f"arm.tool.shapes.{key}: {x.name}"
+        _refuse_keys(where, x, (*OF_OBSTACLES, *OF_LINKS), "obstacles and links")
+        with locate_errors(where):
+            shape, place = _shape(x, folder), chain.tip @ _place(x)
+            body = LinkShape(name=x.name, link=len(chain), shape=shape, place=place, tool=True)
+            found.append(body.with_hull())
+    return tuple(found)
+
+
+def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
+    """Shapes that a job adds to links of its arm, in the frames of the links.
+
+    Args:
+        model: The value of the key `shapes` of an arm.
+        folder: Folder of the job file.
+        arm: The arm.
+
+    Raises:
+        InvalidInput: As in `scene_of`, or there is no such link.
+    """
+    links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
+    links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
+    found = []
+    for key, x in _bodies(model):
+        where = f"arm.shapes.{key}: {x.name}"
+        _refuse_keys(where, x, OF_OBSTACLES, "obstacles")
+        if x.link not in links:
+            raise InvalidInput(
+                f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
+            )
+        with locate_errors(where):
+            body = LinkShape(
+                name=x.name, link=links[x.link], shape=_shape(x, folder), place=_place(x)
+            )
+            found.append(body.with_hull())
+    return tuple(found)
+
+
+def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
+    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
+
+    Args:
+        key: Key of the model, for messages.
+        model: The model.
+
+    Raises:
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
+    """
+    if model.rpy is not None and model.quaternion is not None:
+        raise InvalidInput(f"{key} takes either rpy or quaternion, not both.")
+    if model.quaternion is not None:
+        return rotations(f"{key}.quaternion", model.quaternion)
+    return None if model.rpy is None else from_rpy(model.rpy)
+
+
+def _bodies(model: BodiesModel) -> Iterator[tuple[str, BodyModel]]:
+    """All bodies, with the keys that they are under."""
+    for x in dataclasses.fields(BodiesModel):
+        for body in getattr(model, x.name):
+            yield x.name, body
+
+
+def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
+    """An obstacle as the keys of a job place it and allow bodies to touch it."""
+    fixed = obstacle.fixed_to if model.fixed_to is None else model.fixed_to
+    changes: dict[str, Any] = {"fixed_to": fixed}
+    if fixed == PART:
+        changes["place"] = part @ obstacle.place
+    if model.margin is not None:
+        changes["margin"] = model.margin
+    if model.allow is not None:
+        changes["allow"] = tuple(model.allow)
+    return dataclasses.replace(obstacle, **changes)
+
+
+def _place(model: PlacedModel) -> Frame:
+    """The frame of a body."""
+    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("at", model)
+    return Frame(
+        position=np.array(model.at or [0.0, 0.0, 0.0]),
+        rotation=np.eye(3) if turned is None else turned,
+    )
+
+
+def _normal(model: HalfSpaceModel) -> FloatArray | None:
+    """The rotation whose z axis is the direction out of a half-space."""
+    turned = rotation_of("normal", model)
+    if model.normal is None:
+        return turned
+    if turned is not None:
+        raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
+    out = _checks.numbers("normal", model.normal)
+    length = float(np.linalg.norm(out))
+    if length == 0:
+        raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")
+    return upright(out / length)
+
+
+def _shape(model: BodyModel, folder: FilePath) -> Shape:
+    """The shape of a body.
+
+    Raises:
+        InvalidInput: A size that no body has, or a mesh that is not there.
+    """
+    match model:
+        case BoxModel():
+            return Box(size=np.array(model.size))
+        case SphereModel():
+            return Sphere(radius=model.radius)
+        case CylinderModel():
+            return Cylinder(radius=model.radius, length=model.length)
+        case CapsuleModel():
+            return Capsule(radius=model.radius, length=model.length)
+        case MeshModel():
+            return read_mesh(folder / model.file, unit=model.unit)
+    return HalfSpace()
+
+
+def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
+    """Refuse keys that bodies of another use have."""
+    for key in keys:
+        if getattr(model, key) is not None:
+            raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")

@@ -1,0 +1,247 @@
+"""Joint paths of a program that keep clear: other configurations, and rapids around obstacles."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
+from armcontour.arms import Arm, SerialArm
+from armcontour.arms.inverse import configurations
+from armcontour.clearance import Cell, Clearance
+from armcontour.clearance.connecting import connect, through
+from armcontour.errors import ArmContourError, locate_errors
+from armcontour.frames import exp
+from armcontour.geometry import Path
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.programs import time_run
+from armcontour.motion import JointPath, Span, Trajectory, stand_still
+from armcontour.program import Contour, Program, contour_called
+from armcontour.scene import Scene
+from armcontour.timing import Tracing, trace_program
+from armcontour.timing.fastest_configuration import bound_duration
+from armcontour.timing.program_tracing import TracedMove, ends_of
+from armcontour.tracing import trace, trace_all
+
+# A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
+RETRACTS = (0.02, 0.05, 0.1, 0.2)
+# Places on the way back, which is straight for the tool but not for the joints.
+PLACES = 8
+# Where the turn about the tool axis is free, so many of them are tried in each configuration.
+TURNS = 8
+REST = "at rest"
+# Position and orientation, with the turn about the tool axis.
+WHOLE_POSE = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cleared:
+    """A plan that keeps clear, as far as one was found.
+
+    Args:
+        traced: Its joint paths.
+        trajectory: The plan.
+        clearance: How far the arm stays from itself and from its cell; None for an arm whose shapes
+            are not known.
+        notes: Sentences on what was done for it.
+    """
+
+    traced: Tracing
+    trajectory: Trajectory
+    clearance: Clearance | None
+    notes: tuple[str, ...] = ()
+
+
+def keep_clear(
+    job: Job, this: Run, traced: Tracing, trajectory: Trajectory, progress: Progress
+) -> Cleared:
+    """Prove that a plan keeps clear, or plan it anew with other joint paths.
+
+    Args:
+        job: The job.
+        this: The run.
+        traced: Joint paths of the plan.
+        trajectory: The plan.
+        progress: Called with the step "clearance" and the share that is done.
+
+    Raises:
+        Collision: The arm comes too near to something, no other way was found, and the job does not
+            ignore this.
+        InvalidInput: The job has a scene, but the shapes of the arm are not known.
+    """
+    if job.arm.shapes is None and job.scene is None:
+        return Cleared(traced=traced, trajectory=trajectory, clearance=None)
+    progress(Step(("clearance",)))
+    cell = Cell(job.arm, job.scene or Scene())
+    found = cell.check(trajectory)
+    notes: tuple[str, ...] = ()
+    if not found.kept and not job.ignore_collisions:
+        other, notes = avoid(job, this, traced, cell, progress)
+        if notes:
+            progress(Step(("timing",)))
+            traced = other
+            trajectory = time_run(job, this, traced, progress, duration=this.duration)
+            found = cell.check(trajectory)
+    if not found.kept and not job.ignore_collisions:
+        _refuse(traced.program, trajectory, cell)
+        found.refuse()
+    return Cleared(traced=traced, trajectory=trajectory, clearance=found, notes=notes)
+
+
+def _refuse(program: Program, trajectory: Trajectory, cell: Cell) -> None:
+    """Refuse the first contour that comes too near to something, else the first other move.
+
+    Rapids might go around what is in their way, so that contours are what a user has to change.
+
+    Raises:
+        Collision: A move comes too near to something; times are those of the whole motion.
+    """
+    contours = iter(enumerate(program.contours))
+    moves: list[tuple[str, Span]] = []
+    called = contour_called(program.contours[0], 0)
+    for x in trajectory.spans:
+        if x.kind == "contour":
+            number, contour = next(contours)
+            called = contour_called(contour, number)
+        moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
+    for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
+        found = None if x.trajectory is None else cell.check(x.trajectory)
+        if found is not None and not found.kept:
+            with locate_errors(name):
+                found.later(x.t[0]).refuse()
+
+
+def avoid(
+    job: Job, this: Run, traced: Tracing, cell: Cell, progress: Progress
+) -> tuple[Tracing, tuple[str, ...]]:
+    """Joint paths of a program with which the arm keeps its margins, as far as they are found.
+
+    Contours are followed in another configuration, or with another turn about a tool axis that is
+    free. Rapids go back along the tool axis, move, and approach along it; or through postures that
+    a search finds.
+
+    Args:
+        job: The job.
+        this: The run.
+        traced: Joint paths, along which the arm comes too near to something.
+        cell: The arm and its cell.
+        progress: Called with the step "clearance" and the share that is done.
+
+    Returns:
+        The joint paths, and sentences on what is different.
+    """
+    notes: list[str] = []
+    if not _contours_clear(traced, cell):
+        other = _other_start(job, this, traced.program, cell, progress)
+        if other is None:
+            # No rapid helps; the plan is refused with its first contour that comes too near.
+            return traced, ()
+        traced = other
+        notes.append("another configuration is taken, in which the contours are clear")
+    steps, around = [], 0
+    for k, x in enumerate(traced.steps):
+        progress(Step(("clearance",), k / len(traced.steps)))
+        path = x.joint_path
+        if path is not None and not _is_contour(traced, x) and not cell.keeps(path):
+            found = _rapid_around(job.arm, this, cell, path)
+            if found is not None:
+                around += 1
+                x = dataclasses.replace(x, joint_path=found)
+        steps.append(x)
+    if around:
+        what = "1 rapid goes" if around == 1 else f"{around} rapids go"
+        notes.append(f"{what} around what the direct way would come too near to")
+    return dataclasses.replace(traced, steps=tuple(steps)), tuple(notes)
+
+
+def _is_contour(traced: Tracing, step: TracedMove) -> bool:
+    """Whether a step is a contour."""
+    return step.move is not None and isinstance(traced.program.moves[step.move], Contour)
+
+
+def _contours_clear(traced: Tracing, cell: Cell) -> bool:
+    """Whether all contours keep clear."""
+    return all(
+        cell.keeps(x.joint_path)
+        for x in traced.steps
+        if x.joint_path is not None and _is_contour(traced, x)
+    )
+
+
+def _other_start(
+    job: Job, this: Run, program: Program, cell: Cell, progress: Progress
+) -> Tracing | None:
+    """Joint paths from another start whose contours keep clear, the fastest of them; or None."""
+    if job.start is not None or not isinstance(job.arm, SerialArm):
+        return None
+    best: tuple[float, Tracing] | None = None
+    first = next(x.path for x in program.moves if isinstance(x, Contour))
+    bounds = this.limits.for_joints(job.arm.dof)
+    starts = [x for x in _starts(job.arm.with_limits(bounds), first) if cell.keeps(_rest(x))]
+    for k, q in enumerate(starts):
+        progress(Step(("clearance",), k / len(starts)))
+        try:
+            found = trace_program(program, job.arm, this.limits, start=q)
+        except ArmContourError:
+            continue
+        least = sum(bound_duration(x, bounds) for x in found.joint_paths)
+        if (best is None or least < best[0]) and _contours_clear(found, cell):
+            best = least, found
+    return None if best is None else best[1]
+
+
+def _starts(arm: SerialArm, path: Path) -> Iterator[FloatArray]:
+    """Joint positions in which a path can start: its configurations, turned about a free axis."""
+    try:
+        yield from (x(0.0) for x in trace_all(path, arm))
+    except ArmContourError:
+        return
+    if path.orientation is None or not path.orientation.axis_only:
+        return
+    point, rotation = path([0.0])[0], path.orientation([0.0])[0]
+    for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
+        turned = rotation @ exp(np.array([0.0, 0.0, angle]))
+        yield from configurations(arm, np.column_stack([turned, point]), WHOLE_POSE)
+
+
+def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
+    """A joint path with the same ends that keeps clear; None if none is found."""
+    first, last = ends_of(path)
+    if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
+        return None
+    if isinstance(arm, SerialArm):
+        for height in RETRACTS:
+            up, down = _retract(arm, this, first, height), _retract(arm, this, last, height)
+            if up is not None and down is not None:
+                found = through(cell, np.concatenate([up, down[::-1]]))
+                if found is not None:
+                    return found
+    ranges = this.limits.for_joints(arm.dof).joint_range(arm.dof)
+    return connect(cell, first, last, ranges)
+
+
+def _rest(q: FloatArray) -> Trajectory:
+    """Rest at joint positions [rad], (dof,)."""
+    return Trajectory(laws=(stand_still(q, 1.0),), method=REST)
+
+
+def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatArray | None:
+    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach.
+
+    Args:
+        arm: The arm.
+        this: The run.
+        q: Joint positions at the start [rad], (dof,).
+        height: Length of the way [m].
+    """
+    point, rotation = (x[0] for x in arm.pose(q[None]))
+    line = Path.polyline([point, point - height * rotation[:, 2]])
+    try:
+        way = trace(line.oriented(rotation), arm, limits=this.limits, start=q)
+    except ArmContourError:
+        return None
+    return way(np.linspace(0.0, way.length, PLACES))

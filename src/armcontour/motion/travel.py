@@ -1,0 +1,198 @@
+"""How far joints can move, at most, in every part of a motion."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.motion.execution import Execution
+from armcontour.motion.joint_average import JointAverage
+from armcontour.motion.joint_path import JointPath
+from armcontour.motion.laws import LapLaw, Law, PathLaw
+from armcontour.motion.path_average import SmoothedLaw
+from armcontour.motion.trajectory import Trajectory
+
+# Row k: what the coefficients of a polynomial of degree 4 on 0 to 1 add to its k-th Bernstein
+# coefficient. The polynomial is between the least and the largest of these.
+BERNSTEIN = np.array(
+    [
+        [1, 0, 0, 0, 0],
+        [1, 1 / 4, 0, 0, 0],
+        [1, 1 / 2, 1 / 6, 0, 0],
+        [1, 3 / 4, 1 / 2, 1 / 4, 0],
+        [1, 1, 1, 1, 1],
+    ]
+)
+# Bounds are larger than their formulas by this share, as numbers are rounded.
+ROUNDING = 1e-12
+
+
+def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
+    """How far each joint has moved since the start, at most; back and forth counts twice.
+
+    Between the times the bound grows linearly, and holds there, too: between any two times a joint
+    moves no farther than the bound grows.
+
+    Args:
+        motion: A planned or an executed motion, or a joint path, for which arc length stands for
+            time. An executed motion moves between its samples with accelerations of at most the
+            largest that was demanded.
+
+    Returns:
+        Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
+
+    Raises:
+        InvalidInput: The motion has a law of a kind whose velocity has no known bound.
+    """
+    if isinstance(motion, Execution):
+        t, fastest = motion.t, _fastest_executed(motion)
+    elif isinstance(motion, JointPath):
+        t, fastest = motion.breaks, _steepest_within(motion, motion.breaks)
+    else:
+        starts, parts = motion.starts, [fastest_joints(x) for x in motion.laws]
+        inner = [a + x.breaks[:-1] for a, x in zip(starts, motion.laws, strict=False)]
+        t, fastest = np.append(np.concatenate(inner), starts[-1]), np.concatenate(parts)
+    steps = fastest * (np.diff(t)[:, None] * (1 + ROUNDING))
+    return t, np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def largest_accelerations(motion: Execution) -> FloatArray:
+    """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,).
+
+    Args:
+        motion: The executed motion.
+    """
+    demanded, had = np.abs(motion.demand_range).max(axis=0), np.abs(motion.ddq).max(axis=0)
+    return np.asarray(np.maximum(demanded, had))
+
+
+@singledispatch
+def fastest_joints(law: Law) -> FloatArray:
+    """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof).
+
+    Args:
+        law: The law.
+
+    Raises:
+        InvalidInput: The law is of a kind without known bounds.
+    """
+    raise InvalidInput(
+        f"There is no bound of joint velocities for a law of the kind {type(law).__name__}: laws "
+        "of plans have bounds."
+    )
+
+
+@fastest_joints.register
+def _(law: LapLaw) -> FloatArray:
+    """Velocities are linear between breaks."""
+    end = law.dq + law.ddq * np.diff(law.breaks)[:, None]
+    return np.asarray(np.maximum(np.abs(law.dq), np.abs(end)))
+
+
+@fastest_joints.register
+def _(law: PathLaw) -> FloatArray:
+    """The product of the bounds of dq_ds and of ds."""
+    return _steepest(law.joint_path, law.s) * _fastest_along(law)[:, None]
+
+
+@fastest_joints.register
+def _(law: SmoothedLaw) -> FloatArray:
+    """The averaged path speed is never above the largest original one in the window."""
+    speeds = _largest_since(_fastest_along(law.law)[:, None], law.law, law, sum(law.windows))
+    return _steepest(law.joint_path, law.s) * speeds
+
+
+@fastest_joints.register
+def _(law: JointAverage) -> FloatArray:
+    """Averaged velocities are never above the largest original ones in the window."""
+    return _largest_since(fastest_joints(law.law), law.law, law, law.window)
+
+
+def _fastest_along(law: PathLaw) -> FloatArray:
+    """Bounds of the path speed within every interval [m/s], (n,)."""
+    ds, dds, slope, jerk = law.rates
+    end = law.speeds[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # ds² is a parabola over s, or ds one over time; with a peak where the acceleration is 0.
+        peak = np.sqrt(np.maximum(ds * ds - np.where(slope < 0, dds * dds / slope, 0.0), 0.0))
+        over_time = ds - np.where(jerk < 0, dds * dds / (2 * jerk), 0.0)
+    passed = (dds > 0) & ((slope < 0) | (jerk < 0))
+    inner = np.where(passed, np.where(jerk < 0, over_time, peak), 0.0)
+    return np.asarray(np.maximum(np.maximum(ds, end), inner))
+
+
+def _steepest(joint_path: JointPath, s: FloatArray) -> FloatArray:
+    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
+
+    Args:
+        joint_path: The joint path.
+        s: Arc lengths, which do not decrease [m], (n + 1,).
+    """
+    breaks = joint_path.breaks
+    inner = breaks[(breaks > s[0]) & (breaks < s[-1])]
+    # Most laws have the breaks of their joint path, and those of uniform speed may not.
+    cuts = np.sort(np.concatenate([s, np.setdiff1d(inner, s, assume_unique=True)]))
+    own = np.searchsorted(cuts, s[:-1], side="left") + _repeats(s[:-1])
+    return np.asarray(np.maximum.reduceat(_steepest_within(joint_path, cuts), own, axis=0))
+
+
+def _repeats(s: FloatArray) -> IntArray:
+    """How many equal ones each value has directly before it, (n,)."""
+    first = np.searchsorted(s, s, side="left")
+    return np.asarray(np.arange(len(s)) - first)
+
+
+def _steepest_within(joint_path: JointPath, s: FloatArray) -> FloatArray:
+    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
+
+    No break of the joint path lies between two of them.
+    """
+    begin, end = s[:-1], s[1:]
+    piece = joint_path.locate((begin + end) / 2)
+    width = np.diff(joint_path.breaks)[piece]
+    x, h = (begin - joint_path.breaks[piece]) / width, (end - begin) / width
+    # Coefficients of dq_dx about the start of the interval, then over 0 to 1 within it.
+    rows = joint_path.coefficients[piece]
+    a = [k * rows[:, k] for k in range(1, 6)]
+    x, h = x[:, None], h[:, None]
+    for n in range(4):
+        for k in range(3, n - 1, -1):
+            a[k] += x * a[k + 1]
+    scaled = [a[0]]
+    power = h
+    for k in range(1, 5):
+        scaled.append(power * a[k])
+        power = power * h
+    found = np.abs(scaled[0])
+    for row in BERNSTEIN[1:]:
+        value = sum(share * part for share, part in zip(row, scaled, strict=True) if share)
+        np.maximum(found, np.abs(value), out=found)
+    return np.asarray(found / width[:, None])
+
+
+def _largest_since(values: FloatArray, original: Law, law: Law, window: float) -> FloatArray:
+    """Largest values of an original law's intervals, from a window before each interval of a law.
+
+    Args:
+        values: One row for each interval of the original law, (m, k).
+        original: The original law; it rests before its start and after its end.
+        law: The averaged law.
+        window: Length of the window [s].
+    """
+    breaks = original.breaks
+    # One interval more at both sides: times are rounded.
+    first = np.searchsorted(breaks, law.breaks[:-1] - window, side="right") - 2
+    last = np.searchsorted(breaks, law.breaks[1:], side="left") + 1
+    n = len(values)
+    ends = np.stack([np.clip(first, 0, n - 1), np.clip(last, 1, n)], axis=1)
+    padded = np.concatenate([values, values[-1:]])
+    return np.asarray(np.maximum.reduceat(padded, ends.ravel(), axis=0)[::2])
+
+
+def _fastest_executed(motion: Execution) -> FloatArray:
+    """Bounds of the joint velocities between samples [rad/s], (n - 1, dof)."""
+    rate, half = np.abs(motion.dq), np.diff(motion.t)[:, None] / 2
+    return np.asarray(np.maximum(rate[:-1], rate[1:]) + largest_accelerations(motion) * half)

@@ -1,0 +1,276 @@
+"""Figures in the words of plotly.js, as plain data that is written as JSON once.
+
+The classes of plotly.py check and copy every value, which takes longer than all else in a report.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import pkgutil
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+# Types of arrays that plotly.js reads from base64, by their names there.
+TYPES = {
+    "int8": "i1",
+    "int16": "i2",
+    "int32": "i4",
+    "float32": "f4",
+    "float64": "f8",
+}
+# Characters that could end a script, as they are written in JSON.
+UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
+CONFIG = {"displaylogo": False, "responsive": True}
+
+
+class Node(dict[str, Any]):
+    """A part of a figure; its keys are attributes, and a key that it lacks is None."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        super().__init__()
+        self.merge(values)
+
+    def __getattr__(self, name: str) -> Any:
+        return self.get(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self.merge({name: value})
+
+    def merge(self, values: Mapping[str, Any]) -> None:
+        """Set values that are not None, and merge mappings into what there is."""
+        for name, value in values.items():
+            if value is None:
+                continue
+            if name == "title" and isinstance(value, str):
+                value = {"text": value}
+            if isinstance(value, Mapping):
+                if name not in self:
+                    self[name] = Node({})
+                self[name].merge(value)
+            elif isinstance(value, list | tuple):
+                self[name] = [Node(x) if isinstance(x, Mapping) else x for x in value]
+            else:
+                self[name] = value
+
+
+def make_trace(kind: str, **values: Any) -> Node:
+    """A trace of plotly.js, such as "scatter" or "bar"."""
+    return Node({"type": kind, **values})
+
+
+class Figure:
+    """A figure: its traces, its layout, and the frames of its animation.
+
+    Args:
+        data: The first traces.
+        axes: Pairs of axes, as "xaxis2" and "yaxis2", by rows and columns from 1; with none the
+            figure has one plot.
+    """
+
+    def __init__(
+        self, *data: Node, axes: Mapping[tuple[int, int], tuple[str, str]] | None = None
+    ) -> None:
+        self.data = list(data)
+        self.layout = Node({"shapes": [], "annotations": []})
+        self.frames: list[Node] = []
+        self._axes = {(1, 1): ("xaxis", "yaxis")} if axes is None else axes
+
+    def add_trace(self, added: Node, row: int | None = None, col: int | None = None) -> None:
+        """Add a trace, to the plot in a row and column if there are several."""
+        if row is not None and col is not None:
+            x, y = self._axes[row, col]
+            added.merge({"xaxis": _short(x), "yaxis": _short(y)})
+        self.data.append(added)
+
+    def add_hline(self, y: float, line: Mapping[str, Any], row: int = 1, col: int = 1) -> None:
+        """Add a horizontal line across the plot in a row and column."""
+        x_name, y_name = map(_short, self._axes[row, col])
+        place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
+        self.add_shapes([{"type": "line", "line": line, **place}])
+
+    def add_shapes(self, shapes: Iterable[Mapping[str, Any]]) -> None:
+        """Add shapes to the layout."""
+        self.layout["shapes"] += map(Node, shapes)
+
+    def add_annotations(self, annotations: Iterable[Mapping[str, Any]]) -> None:
+        """Add annotations to the layout."""
+        self.layout["annotations"] += map(Node, annotations)
+
+    def update_layout(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
+        """Merge values into the layout.
+
+        Args:
+            values: Values by their names, or by paths such as "scene.xaxis.range".
+            more: Values by their names.
+        """
+        for path, value in {**(values or {}), **more}.items():
+            *outer, last = path.split(".")
+            found: dict[str, Any] = {last: value}
+            for name in reversed(outer):
+                found = {name: found}
+            self.layout.merge(found)
+
+    def update_xaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
+        """Merge values into the x axes of all plots, or of the plot in a row and column."""
+        self._update_axes(0, row, col, values)
+
+    def update_yaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
+        """Merge values into the y axes of all plots, or of the plot in a row and column."""
+        self._update_axes(1, row, col, values)
+
+    def _update_axes(
+        self, which: int, row: int | None, col: int | None, values: Mapping[str, Any]
+    ) -> None:
+        for place, names in self._axes.items():
+            if row in (None, place[0]) and col in (None, place[1]):
+                self.layout.merge({names[which]: values})
+
+    def to_html(self, key: str) -> str:
+        """The figure as a part of a page that has plotly.js.
+
+        Args:
+            key: Identifier of the figure on the page.
+        """
+        layout = {name: x for name, x in self.layout.items() if x != []}
+        layout["template"] = _template()
+        given = ",".join(map(to_json, (key, self.data, layout, CONFIG)))
+        frames = ""
+        if self.frames:
+            frames = f".then(() => Plotly.addFrames({to_json(key)},{to_json(self.frames)}))"
+        height = f"{layout['height']}px"
+        return (
+            f'<div id="{key}" class="plotly-graph-div" style="height:{height};width:100%"></div>'
+            f"<script>Plotly.newPlot({given}){frames};</script>"
+        )
+
+
+def make_subplots(
+    rows: int,
+    cols: int,
+    *,
+    shared_xaxes: bool = False,
+    vertical_spacing: float,
+    horizontal_spacing: float | None = None,
+    row_heights: Sequence[float] | None = None,
+    subplot_titles: Sequence[str] = (),
+    column_titles: Sequence[str] = (),
+) -> Figure:
+    """A figure of several plots.
+
+    Args:
+        rows: Number of rows, counted from the top.
+        cols: Number of columns.
+        shared_xaxes: Whether the plots of a column have the same x axis, with labels at the last.
+        vertical_spacing: Space between rows, as a share of the height.
+        horizontal_spacing: Space between columns, as a share of the width.
+        row_heights: Relative heights of the rows.
+        subplot_titles: Titles of the plots, row by row.
+        column_titles: Titles of the columns.
+    """
+    space = 0.2 / cols if horizontal_spacing is None else horizontal_spacing
+    left, right = _spans([1.0] * cols, space)
+    # Rows are placed from below.
+    heights = list(row_heights or [1.0] * rows)[::-1]
+    bottom, top = (x[::-1] for x in _spans(heights, vertical_spacing))
+    places = [(r, c) for r in range(rows) for c in range(cols)]
+    names = ["" if k == 0 else f"{k + 1}" for k in range(len(places))]
+    figure = Figure(
+        axes={
+            (r + 1, c + 1): (f"xaxis{name}", f"yaxis{name}")
+            for (r, c), name in zip(places, names, strict=True)
+        }
+    )
+    titles = []
+    for k, ((r, c), name) in enumerate(zip(places, names, strict=True)):
+        figure.update_layout(
+            {
+                f"xaxis{name}": {"anchor": f"y{name}", "domain": [left[c], right[c]]},
+                f"yaxis{name}": {"anchor": f"x{name}", "domain": [bottom[r], top[r]]},
+            }
+        )
+        if shared_xaxes and r + 1 < rows:
+            last = f"x{names[(rows - 1) * cols + c]}"
+            figure.update_xaxes(r + 1, c + 1, matches=last, showticklabels=False)
+        if k < len(subplot_titles):
+            titles.append(_title(subplot_titles[k], (left[c] + right[c]) / 2, top[r]))
+    titles += [
+        _title(text, (left[c] + right[c]) / 2, max(top)) for c, text in enumerate(column_titles)
+    ]
+    figure.add_annotations(titles)
+    return figure
+
+
+def _spans(sizes: Sequence[float], space: float) -> tuple[list[float], list[float]]:
+    """Starts and ends of parts of relative sizes, with a space between them, from 0 to 1."""
+    free = 1.0 - space * (len(sizes) - 1)
+    lengths = [free * x / sum(sizes) for x in sizes]
+    starts = [sum(lengths[:k]) + k * space for k in range(len(sizes))]
+    return starts, [start + x for start, x in zip(starts, lengths, strict=True)]
+
+
+def _title(text: str, x: float, y: float) -> dict[str, Any]:
+    """A title above a plot."""
+    return {
+        "text": text,
+        "x": x,
+        "xanchor": "center",
+        "xref": "paper",
+        "y": y,
+        "yanchor": "bottom",
+        "yref": "paper",
+        "showarrow": False,
+        "font": {"size": 16},
+    }
+
+
+def _short(axis: str) -> str:
+    """What traces call an axis: "x2" for "xaxis2"."""
+    return axis.replace("axis", "")
+
+
+def plotly_js() -> str:
+    """The script that draws figures, plotly.js."""
+    return _packaged("plotly.min.js")
+
+
+@cache
+def _template() -> dict[str, Any]:
+    """Colours and lines of all figures: plotly's white template."""
+    found: dict[str, Any] = json.loads(_packaged("templates/plotly_white.json"))
+    return found
+
+
+def _packaged(name: str) -> str:
+    """A text file that comes with the package plotly."""
+    found = pkgutil.get_data("plotly", f"package_data/{name}")
+    assert found is not None
+    return found.decode("utf-8")
+
+
+def to_json(value: Any) -> str:
+    """JSON for a script of a page; what is not a number is null."""
+    text = json.dumps(value, default=_plain, separators=(",", ":"))
+    if "NaN" in text or "Infinity" in text:
+        text = json.dumps(json.loads(text, parse_constant=lambda x: None), separators=(",", ":"))
+    for character, safe in UNSAFE.items():
+        text = text.replace(character, safe)
+    return text
+
+
+def _plain(value: Any) -> Any:
+    """An array or a number of numpy, for JSON."""
+    if isinstance(value, np.ndarray) and value.size:
+        if value.dtype == np.int64:
+            # plotly.js has no whole numbers of 64 bits.
+            value = value.astype(np.min_scalar_type(-1 - int(np.abs(value).max())))
+        kind = TYPES.get(str(value.dtype))
+        if kind is not None:
+            coded = {"dtype": kind, "bdata": base64.b64encode(value.tobytes()).decode()}
+            if value.ndim > 1:
+                coded["shape"] = ", ".join(map(str, value.shape))
+            return coded
+    return value.tolist()

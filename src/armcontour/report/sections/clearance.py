@@ -1,0 +1,189 @@
+"""The section on clearance: least distances over time, and the posture that comes nearest."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._text import list_some
+from armcontour.arms.chain import link_poses
+from armcontour.clearance import Cell, PairClearance
+from armcontour.frames import Frame
+from armcontour.jobs import Job, RunResult, Study
+from armcontour.report.figure import Figure, make_trace
+from armcontour.report.outline import outline_points
+from armcontour.report.section import Section, Table
+from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons
+from armcontour.report.style import LIMIT_COLOUR, PATH_COLOUR, RUN_COLOURS, finish, line
+from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
+from armcontour.scene.scene import BASE
+
+# What kinds of pairs are called.
+KINDS = {
+    "environment": "links and cell",
+    "own": "links among each other",
+    "tool": "tool and others",
+}
+# Times of the curves, rows of the table, and points around a round shape.
+TIMES, MOST_ROWS, AROUND = 200, 12, 24
+LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
+# A half-space is drawn as a plate that is larger than the arm's path by this factor.
+PLATE = 1.5
+
+
+def clearance(study: Study) -> Section | None:
+    """Distances of all runs whose arm has shapes; None if there is none."""
+    runs = {name: x for name, x in study.runs.items() if x.clearance is not None}
+    if not runs:
+        return None
+    first = next(iter(runs.values()))
+    found = first.clearance
+    assert found is not None
+    figures: list[Any] = [_over_time(study.job, name, x) for name, x in runs.items()]
+    if study.job.program.dimension == 3 and found.least is not None:
+        figures.append(_posture(study.job, first, found.least))
+    reasons = Counter(x.reason for x in found.left_out)
+    left = list_some([f"{reason} ({n})" for reason, n in reasons.items()], 6)
+    return Section(
+        key="clearance",
+        title="Clearance",
+        text=(
+            "How near the arm comes to itself, to its tool and to its cell. Between the computed "
+            "distances bounds of the joint velocities prove that nothing is nearer than stated "
+            "below."
+        ),
+        figures=tuple(figures),
+        tables=tuple(_table(name, x) for name, x in runs.items()),
+        notes=tuple(
+            x
+            for x in (
+                *(x.clearance_note for x in runs.values()),
+                f"Pairs that are not looked at: {left}." if reasons else None,
+            )
+            if x is not None
+        ),
+    )
+
+
+def _over_time(job: Job, name: str, result: RunResult) -> Any:
+    """Figure of the least distances of every kind over time, planned and executed."""
+    figure = Figure()
+    cell = Cell(job.arm, job.scene or Scene())
+    t = np.linspace(0.0, result.trajectory.duration, TIMES)
+    planned = cell.least_over(result.trajectory(t))
+    executed = result.execution
+    rows = np.unique(np.linspace(0, len(executed.t) - 1, TIMES).astype(int))
+    driven = cell.least_over(executed.q[rows])
+    margins = {x.kind: x.margin for x in cell.pairs}
+    for (kind, least), colour in zip(planned.items(), RUN_COLOURS, strict=False):
+        figure.add_trace(line(t, least * 1e3, f"{KINDS[kind]}, planned", colour))
+        figure.add_trace(
+            line(
+                executed.t[rows], driven[kind] * 1e3, f"{KINDS[kind]}, executed", colour, dash="dot"
+            )
+        )
+        figure.add_hline(y=margins[kind] * 1e3, line={"color": colour, "width": 1, "dash": "dash"})
+    figure.update_xaxes(title="t [s]")
+    figure.update_yaxes(title="least distance [mm]", rangemode="tozero")
+    return finish(figure, title=f"Least distances, run {name}; dashed: margins", height=420)
+
+
+def _table(name: str, result: RunResult) -> Table:
+    """Table of the pairs that come nearest to their margins."""
+    assert result.clearance is not None
+    executed = {(x.first, x.second): x for x in getattr(result.executed_clearance, "pairs", ())}
+    rows = []
+    for x in result.clearance.pairs[:MOST_ROWS]:
+        driven = executed.get((x.first, x.second))
+        rows.append(
+            (
+                f"{x.second}, {x.first}",
+                KINDS[x.kind],
+                f"{x.high * 1e3:.2f} mm at {x.t:.3f} s",
+                f"{x.low * 1e3:.2f} mm",
+                "" if driven is None else f"{driven.high * 1e3:.2f} mm",
+                f"{x.margin * 1e3:.2f} mm",
+                "kept" if x.kept else f"too near from {x.first_time or 0.0:.3f} s",
+            )
+        )
+    return Table(
+        header=("pair", "kind", "nearest, planned", "proven", "executed", "margin", "verdict"),
+        rows=tuple(rows),
+        caption=f"Nearest pairs, run {name}",
+    )
+
+
+def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
+    """Figure of the arm, its tool and its cell where it comes nearest to something."""
+    figure = Figure()
+    chain, shapes = job.arm.chain, job.arm.shapes
+    assert chain is not None
+    q = result.trajectory(np.array([min(nearest.t, result.trajectory.duration)]))
+    poses = link_poses(chain, q)[0]
+    path = outline_points(result.path) * 1e3
+    figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
+    drawn = [path]
+    for x in () if shapes is None else shapes.shapes:
+        place = Frame(position=poses[x.link][:, 3], rotation=poses[x.link][:, :3]) @ x.place
+        points = _points(x.shape, place)
+        colour = TOOL_COLOUR if x.tool else LINK_COLOUR
+        figure.add_trace(_body(points, x.name, colour, 0.6))
+        drawn.append(points)
+    size = float(np.ptp(np.concatenate(drawn)[:, :3], axis=0).max()) / 1e3
+    for obstacle in (job.scene or Scene()).obstacles:
+        place = chain.base @ obstacle.place if obstacle.fixed_to == BASE else obstacle.place
+        points = _points(obstacle.shape, place, PLATE * size)
+        figure.add_trace(_body(points, obstacle.name, OBSTACLE_COLOUR, 0.5))
+        drawn.append(points)
+    figure.add_trace(line_in_space(nearest.points * 1e3, "nearest points", LIMIT_COLOUR, width=8))
+    in_space(figure, title=f"Where {nearest.second} and {nearest.first} come nearest", height=620)
+    figure.update_layout(box(np.concatenate(drawn)))
+    figure.update_layout(updatemenus=[view_buttons()])
+    return figure
+
+
+def _body(points: FloatArray, name: str, colour: str, opacity: float) -> Any:
+    """The convex hull of points [mm] as a body."""
+    x, y, z = np.round(points, 2).T
+    return make_trace(
+        "mesh3d",
+        x=x, y=y, z=z, alphahull=0, name=name, color=colour, opacity=opacity, hoverinfo="name",
+        flatshading=True, showlegend=False,
+    )  # fmt: skip
+
+
+def _points(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
+    """Points whose hull is a shape at a place, (n, 3) [mm]."""
+    own = _own_points(shape, size)
+    return np.asarray((place.position + own @ place.rotation.T) * 1e3)
+
+
+def _own_points(shape: Shape, size: float) -> FloatArray:
+    """Points whose hull is a shape in its own frame; of a half-space a plate [m], (n, 3)."""
+    turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    match shape:
+        case Mesh():
+            return np.asarray(shape.points)
+        case Box():
+            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            return np.asarray(signs * shape.size / 2)
+        case HalfSpace():
+            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.005, 0)])
+            return np.asarray(signs * size / 2)
+        case Cylinder():
+            ends = [circle * shape.radius + k * shape.length / 2 * up for k in (-1, 1)]
+            return np.concatenate(ends)
+        case Sphere() | Capsule():
+            half = shape.length / 2 if isinstance(shape, Capsule) else 0.0
+            tilts = np.linspace(-np.pi / 2, np.pi / 2, AROUND // 2)
+            rings = [
+                shape.radius * (np.cos(x) * circle + np.sin(x) * up) + np.sign(x) * half * up
+                for x in tilts
+            ]
+            return np.concatenate(rings)
+    raise TypeError(f"A shape of the kind {type(shape).__name__} cannot be drawn.")

@@ -1,0 +1,190 @@
+"""Shapes of bodies, each in a frame of its own."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+
+# A mesh whose largest size [m] is outside this range was probably read in another unit.
+SMALLEST, LARGEST = 1e-3, 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shape(ABC):
+    """A shape in a frame of its own."""
+
+    @property
+    @abstractmethod
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the shape."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sphere(Shape):
+    """A ball about the origin.
+
+    Args:
+        radius: Its radius [m].
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        _set_positive(self, "radius")
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of the ball itself."""
+        return np.zeros(3), self.radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Capsule(Shape):
+    """All points near a stretch of the z axis, half of which is above the origin.
+
+    Args:
+        radius: Distance of the surface from the stretch [m].
+        length: Length of the stretch, without the round ends [m].
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        _set_positive(self, "radius", "length")
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the capsule."""
+        return np.zeros(3), self.length / 2 + self.radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cylinder(Shape):
+    """A round cylinder along the z axis, half of which is above the origin.
+
+    Args:
+        radius: Its radius [m].
+        length: Its length [m].
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        _set_positive(self, "radius", "length")
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the cylinder."""
+        return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Box(Shape):
+    """A box about the origin.
+
+    Args:
+        size: Its lengths along x, y and z [m], (3,).
+    """
+
+    size: FloatArray
+
+    def __post_init__(self) -> None:
+        size = _checks.numbers("size of a box", self.size, "m")
+        if size.shape != (3,) or not (size > 0).all():
+            raise InvalidInput(
+                "The size of a box is 3 lengths above zero [m], along x, y and z, but is "
+                f"{', '.join(f'{x:g}' for x in size.ravel()[:4])}."
+            )
+        object.__setattr__(self, "size", _checks.lock_floats(size))
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the box."""
+        return np.zeros(3), float(np.linalg.norm(self.size) / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HalfSpace(Shape):
+    """All points below the plane z = 0, such as a table or a floor."""
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """No ball holds a half-space: its radius is infinite."""
+        return np.zeros(3), np.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class Mesh(Shape):
+    """A body within triangles; distances are those of its convex hull, or of the triangles.
+
+    Args:
+        points: Corners of the triangles [m], (n, 3).
+        triangles: Indices of the three corners of each triangle, (m, 3); none for the convex hull
+            of the points.
+        source: Where the mesh comes from, for messages.
+
+    Raises:
+        InvalidInput: Fewer than 4 points, points in a plane, or triangles of other points.
+    """
+
+    points: FloatArray
+    triangles: IntArray | None = None
+    source: str = ""
+    _hull: Mesh | None = field(init=False, default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        who = self.source or "a mesh"
+        points = _checks.numbers(f"points of {who}", self.points, "m")
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
+            raise InvalidInput(f"{who} needs at least 4 points of 3 coordinates [m].")
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[2] <= 1e-9 * spread[0]:
+            raise InvalidInput(f"All points of {who} lie in a plane: a body has a volume.")
+        object.__setattr__(self, "points", _checks.lock_floats(points))
+        if self.triangles is None:
+            return
+        corners = np.array(self.triangles, dtype=np.intp)
+        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
+            raise InvalidInput(f"The triangles of {who} are 3 indices of points each.")
+        if corners.min() < 0 or corners.max() >= len(points):
+            raise InvalidInput(f"A triangle of {who} has a corner that is none of its points.")
+        corners.setflags(write=False)
+        object.__setattr__(self, "triangles", corners)
+
+    @property
+    def hull(self) -> Mesh:
+        """Its convex hull: the same points, without triangles."""
+        if self.triangles is None:
+            return self
+        if self._hull is None:
+            # Kept, as libraries keep what they compute of a mesh for as long as it lives.
+            object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
+        assert self._hull is not None
+        return self._hull
+
+    @property
+    def size(self) -> float:
+        """The largest of its lengths along x, y and z [m]."""
+        return float(np.ptp(self.points, axis=0).max())
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds all points."""
+        middle = (self.points.max(axis=0) + self.points.min(axis=0)) / 2
+        return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
+
+
+def _set_positive(shape: Shape, *names: str) -> None:
+    """Check that some lengths of a shape are above zero."""
+    kind = type(shape).__name__.lower()
+    for name in names:
+        value = _checks.positive(f"{name} of a {kind}", getattr(shape, name), "m")
+        object.__setattr__(shape, name, value)

@@ -1,0 +1,125 @@
+"""The library's own limits, all of which the compiled planner knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.motion import JointPath
+from armcontour.timing._all_limits import Joints, Places, Rules, plan_in_brackets, plan_roughly
+from armcontour.timing._block import ENDS, B
+from armcontour.timing._joint_limits import LEFT
+from armcontour.timing.constraints import (
+    CentripetalAcceleration,
+    Constraint,
+    JointAcceleration,
+    JointTorque,
+    JointVelocity,
+    ToolAcceleration,
+    ToolSpeed,
+)
+from armcontour.timing.constraints._torque import terms_on_grid
+from armcontour.timing.constraints.tool import Discs
+from armcontour.timing.grid import Grid
+
+# Constraints whose rows come first stand first.
+ROWS = (JointAcceleration, JointTorque)
+CEILINGS = (JointVelocity, ToolSpeed, CentripetalAcceleration)
+NONE = np.empty(0)
+NO_LINKS, NO_CEILING = np.empty((0, 24)), np.empty((2, 0))
+NO_DISCS = Discs(NO_CEILING, NONE, NONE, np.empty(0, dtype=np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class AllLimits:
+    """Limits of which the compiled planner knows all.
+
+    Args:
+        joints: The arm and the limits of its joints.
+        fixed: Constraints that are ceilings which depend on the place only.
+        disc: The limit of tool acceleration; None for none.
+    """
+
+    joints: Joints
+    fixed: tuple[ToolSpeed | CentripetalAcceleration, ...]
+    disc: ToolAcceleration | None
+
+    @classmethod
+    def of(cls, active: Sequence[Constraint], dof: int) -> AllLimits | None:
+        """The limits of constraints; None if there are others, several of one kind, or too few.
+
+        Args:
+            active: The constraints.
+            dof: Number of joints.
+        """
+        # Subclasses may keep other limits.
+        found = {type(x): x for x in active}
+        order = [type(x) for x in active if type(x) in ROWS]
+        known = set(found) <= {*ROWS, *CEILINGS, ToolAcceleration}
+        if not known or len(found) < len(active) or order != [x for x in ROWS if x in found]:
+            return None
+        if not order and ToolAcceleration not in found:
+            return None
+        velocity, disc = found.get(JointVelocity), found.get(ToolAcceleration)
+        acceleration, torque = found.get(JointAcceleration), found.get(JointTorque)
+        bounds, own = (NONE, NONE), (NONE, NONE, NONE, NO_LINKS, np.empty(3))
+        if isinstance(acceleration, JointAcceleration):
+            bounds = acceleration.low, acceleration.high
+        if isinstance(torque, JointTorque):
+            links, gravity = torque.dynamics.numbers
+            own = torque.limit, torque.viscous, torque.coulomb, links, gravity
+        most = velocity.limit if isinstance(velocity, JointVelocity) else np.full(dof, np.inf)
+        return cls(
+            # Kernels are compiled for arrays that may be written.
+            joints=Joints(*(np.require(x, requirements="W") for x in (most, *bounds, *own))),
+            fixed=tuple(
+                x for x in found.values() if isinstance(x, ToolSpeed | CentripetalAcceleration)
+            ),
+            disc=disc if isinstance(disc, ToolAcceleration) else None,
+        )
+
+    def plan(
+        self, path: JointPath, grid: Grid, coarse: Grid, of: IntArray, rules: Rules
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+        """Plan on a coarse grid, and then with margins on the grid itself.
+
+        Args:
+            path: The joint path.
+            grid: The grid.
+            coarse: The grid of the first pass.
+            of: The coarse interval of each interval, (n,).
+            rules: The rules.
+
+        Returns:
+            What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
+        """
+        n, joints, own = len(grid), self.joints, (path.breaks, path.coefficients)
+        lines = len(joints.torque)
+        rows = len(joints.low) + (2 if joints.viscous.any() else 1) * lines
+        # One piece of memory: several would be given back to the system, which clears each anew.
+        blocks = -(-n // B)
+        memory = np.empty(n * 9 * lines + blocks * 2 * rows * ENDS)
+        terms = memory[: 6 * n * lines].reshape(3, 2, n if lines else 0, lines)
+        middles = memory[6 * n * lines : 9 * n * lines].reshape(3, n if lines else 0, lines)
+        packed = memory[9 * n * lines :].reshape(blocks, 2 * rows, ENDS)
+        if lines:
+            terms_on_grid(joints.links, joints.gravity, *own, grid.piece, grid.s, terms, middles)
+        x, slope, sound = plan_roughly(*own, self._on(coarse), of, joints, rules, terms)
+        if not sound:
+            return x, slope, slope, LEFT
+        on = self._on(grid)
+        return plan_in_brackets(*own, on, of, joints, rules, x, slope, terms, middles, packed)
+
+    def _on(self, grid: Grid) -> Places:
+        """A grid with the limits of the tool on it."""
+        ceilings = [x.fixed_ceiling(grid) for x in self.fixed]
+        return Places(
+            grid.s,
+            grid.piece,
+            np.searchsorted(grid.s, grid.joint_path.stops),
+            np.min(ceilings, axis=0) if ceilings else NO_CEILING,
+            *(NO_DISCS if self.disc is None else self.disc.on(grid)),
+        )

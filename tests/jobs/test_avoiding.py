@@ -1,0 +1,125 @@
+"""Runs keep clear: other configurations, rapids around obstacles, refusals."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.errors import Collision
+from armcontour.frames import Frame
+from armcontour.io import parse_job
+from armcontour.io.summary import summarise_taught
+from armcontour.jobs import teach
+from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
+
+# Stand-ins of the links of a UR5e.
+LINKS = (
+    ("upper arm", 2, Capsule(radius=0.055, length=0.425), ([-0.2125, 0, 0.13], [0, np.pi / 2, 0])),
+    ("forearm", 3, Capsule(radius=0.05, length=0.39), ([-0.195, 0, 0.01], [0, np.pi / 2, 0])),
+    ("wrist 1", 4, Capsule(radius=0.045, length=0.06), ([0, 0, 0], [0, 0, 0])),
+    ("wrist 3", 6, Capsule(radius=0.04, length=0.03), ([0, 0, -0.015], [0, 0, 0])),
+)
+TORCH = LinkShape(
+    name="torch",
+    link=6,
+    shape=Cylinder(radius=0.005, length=0.1),
+    place=Frame(position=[0, 0, 0.05]),
+)
+SHAPES = ArmShapes(
+    shapes=tuple(
+        LinkShape(name=name, link=k, shape=shape, place=Frame.rpy(*place))
+        for name, k, shape, place in LINKS
+    )
+).with_tool([TORCH])
+JOB = """
+name: cell
+title: two seams
+arm: ur5e
+path: {points: [[0.40, 0, 0.1], [0.45, 0, 0.1]]}
+limits: {speed: 0.1}
+servo: {kp: 25, kv: 150}
+command_interval: 0.004
+runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def job() -> ac.Job:
+    found = parse_job(JOB, source="test")
+    arm = found.arm.with_tool(Frame(position=[0, 0, 0.1])).with_shapes(SHAPES)
+    seams = [
+        ac.Path.polyline([[x, -0.02, 0.1], [x, 0.02, 0.1]]).pointing([0, 0, -1])
+        for x in (0.40, 0.50)
+    ]
+    program = ac.Program(
+        moves=tuple(ac.Contour(path=x, name=f"seam {k}") for k, x in enumerate(seams))
+    )
+    return dataclasses.replace(found, arm=arm, path=program)
+
+
+def wall(x: float, height: float, *, y: float = 0.0, width: float = 0.2) -> Scene:
+    """A thin wall across x."""
+    shape = Box(size=[0.01, width, height])
+    place = Frame(position=[x, y, 0.08 + height / 2])
+    return Scene(obstacles=(Obstacle(name="wall", shape=shape, place=place),))
+
+
+def test_a_clear_job_says_so(job: ac.Job) -> None:
+    (plan,) = teach(job).values()
+    assert plan.clearance is not None and plan.clearance.kept
+    assert plan.avoided == ()
+    assert plan.clearance_note is not None and plan.clearance_note.startswith("Run taught: Clear: ")
+
+
+def test_a_rapid_goes_around_a_wall(job: ac.Job) -> None:
+    walled = dataclasses.replace(job, scene=wall(0.45, 0.06))
+    (plan,) = teach(walled).values()
+    assert plan.clearance is not None and plan.clearance.kept
+    assert plan.avoided == ("1 rapid goes around what the direct way would come too near to",)
+    (free,) = teach(job).values()
+    assert plan.trajectory.duration > free.trajectory.duration
+    # Contours stay the same, and the rapid starts and ends where they end and start.
+    kinds = [x.kind for x in plan.trajectory.spans]
+    assert kinds == ["contour", "rapid", "contour"]
+    torch = job.arm.forward(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
+    inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
+    assert not inside.any()
+    data = json.loads(summarise_taught(walled, {"taught": plan}))
+    assert data["runs"]["taught"]["clearance"]["kept"] is True
+    assert data["runs"]["taught"]["clearance"]["avoided"] == list(plan.avoided)
+
+
+def test_collisions_are_refused_with_pair_place_and_time(job: ac.Job) -> None:
+    blocked = dataclasses.replace(job, scene=wall(0.50, 0.06, width=0.02))
+    with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
+        teach(blocked)
+    assert e.value.t is not None and e.value.point is not None and e.value.exit_code == 8
+    assert abs(e.value.point[0] - 0.5) < 0.02
+    ignored = dataclasses.replace(blocked, ignore_collisions=True)
+    (plan,) = teach(ignored).values()
+    assert any("collisions are ignored: torch and wall" in x for x in plan.warnings)
+    assert plan.clearance is not None and not plan.clearance.kept
+
+
+def test_contours_are_followed_in_another_configuration(job: ac.Job) -> None:
+    (free,) = teach(job).values()
+    elbow = job.arm.links(free.trajectory(0.0))[3]
+    post = Obstacle(
+        name="post", shape=Box(size=[0.06, 0.06, 0.06]), place=Frame(position=elbow + [0, 0, 0.03])
+    )
+    (plan,) = teach(dataclasses.replace(job, scene=Scene(obstacles=(post,)))).values()
+    assert plan.clearance is not None and plan.clearance.kept
+    assert plan.avoided[0] == "another configuration is taken, in which the contours are clear"
+    assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1
+    assert job.arm.forward(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
+
+
+def test_the_executed_motion_is_looked_at_too(job: ac.Job) -> None:
+    study = ac.run(job)
+    result = study.runs["taught"]
+    assert result.executed_clearance is not None and result.executed_clearance.kept
+    planned, executed = result.clearance, result.executed_clearance
+    assert planned is not None
+    assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)

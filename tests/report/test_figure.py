@@ -1,0 +1,80 @@
+"""Figures as plain data: what plotly.py, which checks and copies everything, makes of the same."""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from plotly.subplots import make_subplots as plots_of_plotly
+
+from armcontour.report.figure import Figure, Node, make_subplots, make_trace, to_json
+from armcontour.report.style import finish
+
+PLACES = [
+    {"rows": 6, "cols": 3, "shared_xaxes": True, "column_titles": ["a", "b", "c"],
+     "vertical_spacing": 0.025, "horizontal_spacing": 0.06},
+    {"rows": 3, "cols": 2, "shared_xaxes": True, "subplot_titles": list("abcde"),
+     "vertical_spacing": 0.22 / 3, "horizontal_spacing": 0.09},
+    {"rows": 2, "cols": 1, "shared_xaxes": True, "row_heights": [0.75, 0.25],
+     "vertical_spacing": 0.05},
+    {"rows": 2, "cols": 2, "subplot_titles": list("abc"), "vertical_spacing": 0.16},
+]  # fmt: skip
+
+
+def written(figure: Figure) -> list[Any]:
+    """What a page gives to plotly.js: its key, data, layout, configuration."""
+    page = figure.to_html("key")
+    found, at = [], page.index("Plotly.newPlot(") + len("Plotly.newPlot(")
+    while page[at - 1] != ")":
+        value, at = json.JSONDecoder().raw_decode(page, at)
+        found.append(value)
+        at += 1
+    return found
+
+
+@pytest.mark.parametrize("options", PLACES)
+def test_several_plots_are_where_plotly_puts_them(options: dict[str, Any]) -> None:
+    ours, theirs = make_subplots(**options), plots_of_plotly(**options)
+    ours.add_trace(make_trace("bar", y=[1, 2]), row=2, col=1)
+    theirs.add_trace(go.Bar(y=[1, 2]), row=2, col=1)
+    for made in (ours, theirs):
+        made.update_yaxes(title="y", row=2, col=1)
+        made.update_xaxes(range=[0, 1])
+        made.add_hline(y=3.0, line={"color": "#000000"}, row=2, col=1)
+    finish(ours, title="several", height=300)
+    finish(theirs.update_layout(template="plotly_white"), title="several", height=300)
+    expected = json.loads(theirs.to_json())
+    assert written(ours)[1:3] == [expected["data"], expected["layout"]]
+
+
+def test_values_are_merged_and_read_as_attributes() -> None:
+    figure = Figure()
+    figure.update_layout({"scene.xaxis.range": [0, 1]}, scene={"camera": {"eye": {"x": 1}}})
+    figure.update_layout(scene={"camera": {"eye": {"y": 2}}}, title="one", legend=None)
+    assert figure.layout.scene == {"xaxis": {"range": [0, 1]}, "camera": {"eye": {"x": 1, "y": 2}}}
+    assert figure.layout.scene.camera.eye.y == 2 and figure.layout.title.text == "one"
+    assert figure.layout.legend is None
+    curve = make_trace("scatter", x=[1])
+    curve.name = "curve"
+    assert curve == {"type": "scatter", "x": [1], "name": "curve"}
+
+
+def test_arrays_are_written_in_base64() -> None:
+    for values in (np.array([1.5, np.nan], np.float32), np.arange(6.0).reshape(2, 3)):
+        found = json.loads(to_json({"x": values}))["x"]
+        back = np.frombuffer(base64.b64decode(found["bdata"]), found["dtype"])
+        np.testing.assert_array_equal(back, values.ravel())
+        assert found.get("shape") == (None if values.ndim == 1 else "2, 3")
+    for whole, kind in (([3, -4], "i1"), ([200], "i2"), ([-40_000], "i4")):
+        assert json.loads(to_json(np.array(whole)))["dtype"] == kind
+    assert json.loads(to_json([np.float32(0.5), np.array([]), np.array(["a"])])) == [0.5, [], ["a"]]
+
+
+def test_json_cannot_end_a_script() -> None:
+    text = to_json(Node({"name": "</script><b>", "y": [1.0, np.nan, np.inf]}))
+    assert not set("<>/") & set(text)
+    assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
