@@ -160,7 +160,7 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
                     done += _kill_workers(process, draw, options.times - done)
                 else:
                     try:
-                        process.wait(draw.uniform(0.0, min(whole, 10.0)))
+                        process.wait(draw.uniform(0.0, whole))
                     except subprocess.TimeoutExpired:
                         process.kill()
                         done += 1

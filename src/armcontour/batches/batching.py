@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour._checks import IntArray
 from armcontour._progress import Progress
 from armcontour._warming import warm_for_run
 from armcontour.batches.conducting import conduct
@@ -17,7 +18,7 @@ from armcontour.batches.executors import Engine, open_engine, refuse_unclear
 from armcontour.batches.folder import BatchFolder, blocks, look
 from armcontour.batches.ledger import Ledger
 from armcontour.batches.plan import Plan, read_plan
-from armcontour.batches.working import Outcome, work_on
+from armcontour.batches.working import Outcome, Work, work_on
 from armcontour.errors import InvalidInput
 
 # Results wait so long at most until they are on the disk [s], and so many.
@@ -158,18 +159,7 @@ def batch(
             dimensions = _warm(found, compiling)
             with open_engine(workers=workers, cluster=cluster, executor=executor) as engine:
                 recorder = _Recorder(folder, engine, len(todo), progress)
-                try:
-                    conduct(
-                        engine.executor,
-                        work_on(found, engine, dimensions),
-                        ((k, (found.base(k), found.values(k))) for k in map(int, todo)),
-                        workers=engine.workers,
-                        take=recorder.take,
-                        tick=recorder.tick,
-                        time=found.time,
-                    )
-                finally:
-                    recorder.close()
+                _work(found, todo, engine, work_on(found, engine, dimensions), recorder)
         folder.finish()
         result = Batch(
             plan=found, folder=folder.folder, counts=ledger.counts(), errors=ledger.errors()
@@ -200,6 +190,22 @@ def _warm(plan: Plan, compiling: Progress | None) -> list[int]:
     for x in dimensions:
         warm_for_run(x, compiling or (lambda step: None))
     return dimensions
+
+
+def _work(plan: Plan, todo: IntArray, engine: Engine, work: Work, recorder: _Recorder) -> None:
+    """Have the jobs done that have no result; what came of them is kept after an error too."""
+    try:
+        conduct(
+            engine.executor,
+            work,
+            ((k, (plan.base(k), plan.values(k))) for k in map(int, todo)),
+            workers=engine.workers,
+            take=recorder.take,
+            tick=recorder.tick,
+            time=plan.time,
+        )
+    finally:
+        recorder.close()
 
 
 class _Recorder:

@@ -80,7 +80,7 @@ def conduct(
     mean = CHUNK
     while True:
         while len(away) < AHEAD * workers:
-            size = max(1, min(MOST, int(CHUNK / mean)))
+            size = max(1, int(min(MOST, CHUNK / max(mean, CHUNK / MOST))))
             chunk = again.popleft() if again else _Chunk(list(islice(left, size)))
             if not chunk.jobs:
                 break
