@@ -157,7 +157,7 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
             with _started(plan, out) as process:
                 _wait_for_work(process, out)
                 if name == "worker":
-                    done += _kill_workers(process, draw, options.times - done)
+                    done += _kill_workers(process, draw, options.times - done, whole)
                 else:
                     try:
                         process.wait(draw.uniform(0.0, whole))
@@ -191,12 +191,18 @@ def _wait_for_work(process: subprocess.Popen[bytes], out: FilePath) -> None:
         time.sleep(0.02)
 
 
-def _kill_workers(process: subprocess.Popen[bytes], draw: random.Random, most: int) -> int:
-    """Kill workers of a batch at random moments, until it ends; returns how many."""
+def _kill_workers(
+    process: subprocess.Popen[bytes], draw: random.Random, most: int, whole: float
+) -> int:
+    """Kill workers of a batch at random moments, until it ends; returns how many.
+
+    Kills come about twice in the time of a whole batch: a job in work in three workers that are
+    killed would be given up, as it should.
+    """
     done = 0
     while done < most:
         try:
-            process.wait(draw.uniform(0.0, 6.0))
+            process.wait(draw.uniform(0.0, whole))
             break
         except subprocess.TimeoutExpired:
             children = _children(process.pid)
