@@ -254,7 +254,7 @@ class ProcessPool(Executor):
         self.processes = processes or processors()
         self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
         self._lock, self._open = Lock(), True
-        # A thread that ends has ended its process; so the threads do not outlive the program.
+        # A program may end without these threads, and then their processes end too.
         self._threads = [
             Thread(target=self._feed, name="pool", daemon=True) for _ in range(self.processes)
         ]
