@@ -173,7 +173,7 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
             good &= _same(rows(ac.batch(plan, out, workers=0)), want)
         say(f"{name}: killed {done} times, {'the same rows' if good else 'OTHER ROWS'}")
         if lost:
-            say(f"parent: the newest part was at most {max(lost):.1f} s old")
+            say(f"parent: the newest part was at most {max(lost):.1f} s old, starts included")
     return good
 
 
