@@ -58,7 +58,7 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 <joint name="end" type="fixed"><parent link="four"/><child link="tcp"/>
 <origin xyz="0.18 0 0"/></joint></robot>
 """
-FILES = {"part.svg": DRAWING, "robot.urdf": ROBOT}
+FILES = {"part.svg": DRAWING, "robot.urdf": ROBOT, "plan.yaml": b"{job: job.yaml, do: teach}"}
 
 SERVO = {"kp": 25.0, "kv": 150.0}
 # An arm in the plane and a path of two lines, of which a run takes a moment.
@@ -413,11 +413,11 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--arms", "--base", "--cell", "--color", "--columns", "--continuity", "--contour",
-    "--corner-shape", "--export", "--format",
+    "--arm", "--arms", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
+    "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
-    "--run", "--shapes", "--skip", "--taught",
+    "--run", "--scene", "--shapes", "--shard", "--skip", "--taught",
     "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units", "--xacro-arg",
 }  # fmt: skip
 

@@ -105,7 +105,7 @@ BESIDE_ALL = {
 def _of_options() -> Iterator[Case]:
     text = yaml.safe_dump(PLANE | {"certificate": {"tolerance": 2e-3, "servo": 1e-4}})
     for command, option, form in numeric_options():
-        source = "{log}" if command == "identify" else "{job}"
+        source = {"identify": "{log}", "batch": "{plan}"}.get(command, "{job}")
         for word, value in HOSTILE.items():
             number = str(value) if isinstance(value, str) else f"{value:g}"
             given = form.replace("#", number)
@@ -134,7 +134,8 @@ def tried(case: Case) -> Outcome:
         (folder / "job.yaml").write_text(case.job)
         (folder / "log.csv").write_text(log_text())
         places = {x: str(folder / y) for x, y in
-                  (("{job}", "job.yaml"), ("{log}", "log.csv"), ("{out}", "out"))}  # fmt: skip
+                  (("{job}", "job.yaml"), ("{log}", "log.csv"), ("{plan}", "plan.yaml"),
+                   ("{out}", "out"))}  # fmt: skip
         arguments = [places.get(x, x) for x in case.arguments]
         sys.stdout.flush()
         child = os.fork()

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour._processes import map_ahead, map_in_processes, pack, share_work, unpack
+from armcontour._processes import (
+    ProcessEnded,
+    ProcessPool,
+    map_ahead,
+    map_in_processes,
+    pack,
+    share_work,
+    unpack,
+)
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -78,6 +86,13 @@ def test_packed_arrays_are_read_only():
     assert np.array_equal(found, values) and not found.flags.writeable
 
 
+class Unpackable:
+    """What can be packed, but not unpacked."""
+
+    def __reduce__(self):
+        return int, ("x",)
+
+
 class Halves:
     """Numbers, of which each comes after its half."""
 
@@ -133,3 +148,57 @@ def test_a_frozen_application_does_all_itself(monkeypatch, eager):
     order = Halves([8, 4, 3, 2, 1])
     share_work(halve, order, processes=2)
     assert order.found == {x: 1 / x for x in (1, 2, 3, 4, 8)}
+
+
+PID = "__import__('os').getpid()"
+
+
+def test_a_pool_is_an_executor_of_other_processes():
+    with ProcessPool(2) as pool:
+        assert list(pool.map(abs, [-1, 2, -3])) == [1, 2, 3]
+        pids = {pool.submit(eval, PID).result() for _ in range(10)}
+        assert os.getpid() not in pids and len(pids) <= 2
+        # Each of them computes in one thread, and starts no further ones.
+        one = "__import__('os').environ['OMP_NUM_THREADS']"
+        assert pool.submit(eval, one).result() == "1"
+        assert len(set(pool.submit(map_in_processes, eval, [PID] * 20).result())) == 1
+        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+            pool.submit(eval, "1 / 0").result()
+        # What cannot be sent back, and what the other process cannot unpack.
+        with pytest.raises(RuntimeError, match="pickle"):
+            pool.submit(eval, "lambda: 1").result()
+        with pytest.raises(RuntimeError, match="ValueError"):
+            pool.submit(abs, Unpackable()).result()
+    with pytest.raises(RuntimeError, match="shut down"):
+        pool.submit(abs, 1)
+
+
+def test_an_executor_does_work_on_many_items():
+    with ProcessPool(1) as pool:
+        told = []
+        items = list(range(1, 101))
+        found = map_in_processes(halve, items, executor=pool, done=told.append)
+        assert found == [1 / x for x in items] and told[-1] < 100 and len(told) > 10
+        assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
+
+
+def test_a_process_of_a_pool_that_ends_costs_its_work_only():
+    with ProcessPool(1) as pool:
+        found = [pool.submit(eval, x) for x in ("1", "__import__('os')._exit(3)", "2")]
+        with pytest.raises(ProcessEnded) as caught:
+            found[1].result()
+        assert (found[0].result(), found[2].result()) == (1, 2)
+        assert 0 <= caught.value.after < 60
+
+
+def test_a_pool_works_here_where_no_process_can_start(monkeypatch):
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    with ProcessPool(2) as pool:
+        assert pool.submit(eval, PID).result() == os.getpid()
+
+
+def test_work_that_has_not_begun_can_be_given_up():
+    pool = ProcessPool(1)
+    slow = [pool.submit(eval, "__import__('time').sleep(0.3)") for _ in range(9)]
+    pool.shutdown(cancel_futures=True)
+    assert sum(x.cancelled() for x in slow) >= 7

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         PlanarTwoLink,
         SerialArm,
     )
+    from armcontour.batches import Batch, Tally, batch
     from armcontour.certification import Certificate, Sweep, certify, sweep
     from armcontour.clearance import Clearance, check_clearance
     from armcontour.compensation import compensate
@@ -94,6 +95,7 @@ _HOME = {
         "PlanarTwoLink",
         "SerialArm",
     ),
+    "batches": ("Batch", "Tally", "batch"),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
     "clearance": ("Clearance", "check_clearance"),
     "compensation": ("compensate",),
@@ -165,6 +167,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "Batch",
     "Certificate",
     "Check",
     "Clearance",
@@ -215,6 +218,7 @@ __all__ = [
     "Sweep",
     "Switch",
     "Tabs",
+    "Tally",
     "TaughtData",
     "Trajectory",
     "TransferredData",
@@ -222,6 +226,7 @@ __all__ = [
     "Weave",
     "__version__",
     "arm_names",
+    "batch",
     "certify",
     "check",
     "check_clearance",

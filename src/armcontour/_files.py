@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 
 from armcontour.errors import InvalidInput
@@ -13,6 +15,19 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
+
+# Who is told of the content of every file that is read.
+_listeners: list[Callable[[FilePath, bytes], None]] = []
+
+
+@contextmanager
+def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
+    """Call a function with the place and the content of each file that is read meanwhile."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
 
 
 def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
@@ -51,6 +66,8 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
             f"{most / MEGABYTE:.0f} MB that are read: split it."
         )
+    for tell in tuple(_listeners):
+        tell(place, content)
     return content
 
 

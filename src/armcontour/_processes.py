@@ -6,16 +6,19 @@ imported, and end when this process ends, however it does: their input ends then
 
 from __future__ import annotations
 
+import copyreg
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from functools import cached_property
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from functools import cached_property, partial
+from queue import SimpleQueue
 from threading import Condition, Lock, Thread
+from types import MappingProxyType
 from typing import IO, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
 from armcontour.errors import ExecutionError
@@ -28,6 +31,8 @@ Packed: TypeAlias = tuple[bytes, list[bytes]]
 # Starting a process takes as long as some items, so that fewer of them are not given away.
 FEWEST = 12
 SERVE = "from armcontour._processes import serve; serve()"
+# Parts of the items that an executor gets, each with the work: more would send it too often.
+CHUNKS = 32
 # Work ahead begins when this process has worked so long on its own [s of processor time], if twice
 # as much is left for each of the others: a start takes about as long.
 ALONE = 1.0
@@ -37,11 +42,31 @@ MOST_AHEAD = 7
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
+def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+    """A mapping that does not change."""
+    return MappingProxyType(dict(mapping))
+
+
+# Values have such mappings, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
+
+
+class ProcessEnded(ExecutionError):
+    """Another process ended before its work did.
+
+    Attributes:
+        after: How long it had worked [s]; None if unknown.
+    """
+
+    after: float | None = None
+
+
 def map_in_processes(
     work: Callable[[T], R],
     items: Sequence[T],
     *,
     processes: int | None = None,
+    executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Do some work on all items; results are in the order of the items.
@@ -49,17 +74,21 @@ def map_in_processes(
     Args:
         work: The work; it can be pickled, as items and results can.
         items: The items.
-        processes: Number of processes; by default that of processors. 1 works in this process.
+        processes: Number of processes; by default that of processors. 1 works in this process, and
+            so does one of the other processes itself.
+        executor: An executor that does the work in place of processes of its own.
         done: Called with the number of items that are done, from time to time.
 
     Raises:
         ExecutionError: A process ended before its work did.
         Exception: As the work raises, or a RuntimeError with its text from another process.
     """
-    count = min(processes or os.cpu_count() or 1, len(items))
     tell = done or (lambda number: None)
+    if executor is not None:
+        return _map_on(executor, work, items, tell)
+    count = min(processes or os.cpu_count() or 1, len(items))
     found: list[Any] = [None] * len(items)
-    if count < 2 or len(items) < FEWEST or not can_start():
+    if count < 2 or len(items) < FEWEST or is_other() or not can_start():
         for k, item in enumerate(items):
             tell(k)
             found[k] = work(item)
@@ -79,6 +108,25 @@ def map_in_processes(
                 tell(len(finished))
 
     _feed_all(children, feed)
+    return found
+
+
+def _map_on(
+    executor: Executor,
+    work: Callable[[T], R],
+    items: Sequence[T],
+    tell: Callable[[int], None],
+) -> list[R]:
+    """Have an executor do some work on all items, some at a time."""
+    step = max(1, len(items) // CHUNKS)
+    unpacked = _Several(pack(work))
+    away = [
+        executor.submit(unpacked, pack(items[k : k + step])) for k in range(0, len(items), step)
+    ]
+    found: list[R] = []
+    for x in away:
+        tell(len(found))
+        found += x.result()
     return found
 
 
@@ -189,6 +237,89 @@ class _Serving:
     """Whether this process is one of the others, which start no further ones."""
 
     here = False
+
+
+class ProcessPool(Executor):
+    """Other processes that do one piece of work after the other.
+
+    A process that ends costs what it was working on: that raises `ProcessEnded`, and another
+    process takes its place. Other errors of the work come as a RuntimeError with their text. Where
+    no process can be started, threads of this one work.
+
+    Args:
+        processes: Number of processes; by default that of processors.
+    """
+
+    def __init__(self, processes: int | None = None) -> None:
+        self.processes = processes or processors()
+        self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
+        self._lock, self._open = Lock(), True
+        # A program may end without these threads, and then their processes end too.
+        self._threads = [
+            Thread(target=self._feed, name="pool", daemon=True) for _ in range(self.processes)
+        ]
+        for x in self._threads:
+            x.start()
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Have a process call a function; function, arguments and result can be pickled."""
+        future: Future[R] = Future()
+        with self._lock:
+            if not self._open:
+                raise RuntimeError("The pool is shut down, and takes no more work.")
+            self._given.put((future, partial(fn, *args, **kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes after the work that is given, or after what they are at."""
+        with self._lock:
+            if self._open:
+                self._open = False
+                while cancel_futures and not self._given.empty():
+                    left = self._given.get()
+                    assert left is not None
+                    left[0].cancel()
+                for _ in self._threads:
+                    self._given.put(None)
+        if wait:
+            for x in self._threads:
+                x.join()
+
+    def _feed(self) -> None:
+        """Give work to one process, and to another if it ends."""
+        child: subprocess.Popen[bytes] | None = None
+        while (given := self._given.get()) is not None:
+            future, work = given
+            if not future.set_running_or_notify_cancel():
+                continue
+            begin = time.monotonic()
+            try:
+                if not can_start():
+                    future.set_result(work())
+                    continue
+                if child is None:
+                    child = _start()
+                    assert child.stdin is not None
+                    _send(child.stdin, _call)
+                assert child.stdin is not None and child.stdout is not None
+                # As bytes in bytes: what the other process cannot unpack is an error of the work.
+                _send(child.stdin, pickle.dumps(work))
+                future.set_result(_receive(child.stdout))
+            except BaseException as error:
+                if isinstance(error, ProcessEnded) and child is not None:
+                    error.after = time.monotonic() - begin
+                    child.kill()
+                    _end(child)
+                    child = None
+                future.set_exception(error)
+        if child is not None:
+            child.kill()
+            _end(child)
+
+
+def _call(work: bytes) -> Any:
+    """Do a piece of work of a pool."""
+    return pickle.loads(work)()
 
 
 class _Team(Generic[T, R]):
@@ -307,6 +438,14 @@ class _Unpacked:
         return self.work(unpack(item))
 
 
+class _Several(_Unpacked):
+    """Work on several items that come packed together."""
+
+    def __call__(self, item: Packed) -> list[Any]:
+        """Do the work on each of the items."""
+        return [self.work(x) for x in unpack(item)]
+
+
 def pack(value: Any) -> Packed:
     """A value as bytes. Arrays are read-only when they are unpacked, as checked values have them.
 
@@ -336,10 +475,10 @@ def serve() -> None:
         while True:
             item = pickle.load(sys.stdin.buffer)
             try:
-                answer = True, work(item)
+                answer = pickle.dumps((True, work(item)))
             except Exception as error:
-                answer = False, f"{type(error).__name__}: {error}"
-            _send(answers, answer)
+                answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+            _write(answers, answer)
     except (EOFError, OSError):
         return
 
@@ -393,26 +532,34 @@ def _send(pipe: IO[bytes], value: Any) -> None:
     """Write a value to a pipe.
 
     Raises:
-        ExecutionError: The other process has ended.
+        ProcessEnded: The other process has ended.
     """
-    data = pickle.dumps(value)
+    _write(pipe, pickle.dumps(value))
+
+
+def _write(pipe: IO[bytes], data: bytes) -> None:
+    """Write bytes to a pipe.
+
+    Raises:
+        ProcessEnded: The other process has ended.
+    """
     try:
         pipe.write(data)
         pipe.flush()
     except OSError as error:
-        raise ExecutionError(f"Another process of this work has ended: {error}.") from None
+        raise ProcessEnded(f"Another process of this work has ended: {error}.") from None
 
 
 def _receive(pipe: IO[bytes]) -> Any:
     """Read an answer from a pipe.
 
     Raises:
-        ExecutionError: The other process has ended.
+        ProcessEnded: The other process has ended.
     """
     try:
         worked, value = pickle.load(pipe)
     except (EOFError, OSError, pickle.UnpicklingError):
-        raise ExecutionError(
+        raise ProcessEnded(
             "Another process of this work has ended before it gave an answer, as when memory "
             "runs out: take fewer processes, or free some memory."
         ) from None

@@ -24,8 +24,9 @@ LONGEST_NAME = 40
 
 # A thread that moves results into place has this lock; a thread that ends the program waits for it.
 _placing = threading.Lock()
-# For each staging folder its destination, and the parent folders that were made for it.
-_open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
+# For each staging folder its destination, unless that grows in parts, and the parent folders that
+# were made for it.
+_open: dict[FilePath, tuple[FilePath | None, list[FilePath]]] = {}
 
 
 class Staging:
@@ -35,19 +36,28 @@ class Staging:
         place: Path of the staging folder; `beside` and `inside` give it for a destination.
         destination: The file or folder that is made in it, for messages.
         parents: Whether to make missing parent folders; they are removed if they stay empty.
+        growing: Whether the destination is written in parts: then it is not unwritten if the
+            program ends because of a signal.
 
     Raises:
         InvalidInput: Another process uses the folder.
         OSError: The folder cannot be made.
     """
 
-    def __init__(self, place: FilePath, destination: FilePath, *, parents: bool = False) -> None:
+    def __init__(
+        self,
+        place: FilePath,
+        destination: FilePath,
+        *,
+        parents: bool = False,
+        growing: bool = False,
+    ) -> None:
         self.place = place
         # The program must not be ended by a signal between these steps.
         with moving():
             self._made = _make_parents(place) if parents else []
             self._handle = _take(place, destination)
-            _open[place] = (destination, self._made)
+            _open[place] = (None if growing else destination, self._made)
 
     def __enter__(self) -> Staging:
         return self
@@ -143,7 +153,8 @@ def abandon(patience: float) -> list[str]:
             if not place.exists():
                 break
         _remove_empty(made)
-        unwritten.append(str(destination))
+        if destination is not None:
+            unwritten.append(str(destination))
     return unwritten
 
 

@@ -158,3 +158,20 @@ def test_fastest_plans_alone_need_no_goal(compared):
     page = render_sweep(found)
     assert "shaped, optimum" in page and "refused" not in section_of(found).tables[0].rows[0]
     assert json.loads(sweep_json(found))["goal"] is None
+
+
+def test_an_executor_finds_the_same_points(swept):
+    from armcontour._processes import ProcessPool
+
+    steps = []
+    with ProcessPool(1) as pool:
+        found = ac.sweep(
+            parse_job(JOB),
+            tolerances=[4e-3, 1e-3, 2e-3],
+            speeds=[0.15, 0.05],
+            executor=pool,
+            progress=steps.append,
+        )
+    assert (found.tolerances, found.speeds) == (swept.tolerances, swept.speeds)
+    # The job's own choice, on both lines, is one point.
+    assert [x.done for x in steps] == [0.0, 0.25, 0.5, 0.75]

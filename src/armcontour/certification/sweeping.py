@@ -6,11 +6,13 @@ Over the tolerances, arcs and paths of the shape free may be compared.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
+from armcontour._processes import Packed, pack, unpack
 from armcontour._progress import Progress, Step, under
 from armcontour.certification.certificate import Certificate
 from armcontour.certification.certifying import certify, goal_of, run_of
@@ -102,6 +104,7 @@ def sweep(
     speeds: Sequence[float] | None = None,
     shapes: Sequence[str] | None = None,
     certified: bool = True,
+    executor: Executor | None = None,
     progress: Progress | None = None,
     **overrides: Any,
 ) -> Sweep:
@@ -118,7 +121,10 @@ def sweep(
             iterations per point, unless the run gives their number.
         certified: Whether to certify the points; without it they are fastest plans only, which need
             no goal and a fraction of the time.
-        progress: Called with a step, a point and a few words, before every trial.
+        executor: An executor that works on the points, such as a
+            `concurrent.futures.ProcessPoolExecutor`; by default this process does.
+        progress: Called with a step, a point and a few words, before every trial; with an executor,
+            before its result is there.
         overrides: Fields of `Goal` that replace those of the job.
 
     Raises:
@@ -149,14 +155,18 @@ def sweep(
         )
     call = _Point(job, this, goal, under(progress))
     compared = _shapes(this, shapes) if tolerance_values else [None]
+    tolerance_points = [
+        (x, this.limits.speed, shape) for shape in compared for x in tolerance_values
+    ]
+    speed_points = [(own, x, call.shape) for x in speed_values]
+    if executor is not None:
+        call.share([*tolerance_points, *speed_points], executor)
     return Sweep(
         job=job,
         run=this,
         goal=goal,
-        tolerances=tuple(
-            call.at(x, this.limits.speed, shape) for shape in compared for x in tolerance_values
-        ),
-        speeds=tuple(call.at(own, x, call.shape) for x in speed_values),
+        tolerances=tuple(call.at(*x) for x in tolerance_points),
+        speeds=tuple(call.at(*x) for x in speed_points),
     )
 
 
@@ -178,13 +188,31 @@ def _values(
     return [] if own is None else [own * x for x in multiples]
 
 
+# Tolerance [m], assigned velocity [m/s] and shape of a point.
+Choice = tuple[float | None, float | None, str | None]
+
+
+def _point(packed: Packed, choice: Choice) -> SweepPoint:
+    """A point, in another process."""
+    job, this, goal = unpack(packed)
+    return _Point(job, this, goal, under(None)).at(*choice)
+
+
 class _Point:
     """Certifies one choice; a choice that both lines share is certified once."""
 
     def __init__(self, job: Job, this: Run, goal: Goal | None, progress: Progress) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
         self.shape = None if this.rounding is None else this.rounding.shape
-        self.known: dict[tuple[float | None, float | None, str | None], SweepPoint] = {}
+        self.known: dict[Choice, SweepPoint] = {}
+
+    def share(self, choices: Sequence[Choice], executor: Executor) -> None:
+        """Have an executor work on several points."""
+        packed = pack((self.job, self.this, self.goal))
+        away = {x: executor.submit(_point, packed, x) for x in dict.fromkeys(choices)}
+        for k, (x, future) in enumerate(away.items()):
+            self.progress(Step((f"{k + 1} of {len(away)} points",), k / len(away)))
+            self.known[x] = future.result()
 
     def at(self, tolerance: float | None, speed: float | None, shape: str | None) -> SweepPoint:
         """The point of a corner tolerance [m], an assigned velocity [m/s] and a shape."""

@@ -10,6 +10,7 @@ import typer
 
 from armcontour._version import __version__
 from armcontour.cli.options import (
+    BatchOptions,
     CertifyOptions,
     CheckOptions,
     DrawingOptions,
@@ -188,6 +189,26 @@ def place(
     from armcontour.cli.placing import place_file
 
     place_file(job, out, job_options, options)
+
+
+@app.command()
+@grouped
+def batch(
+    plan: Annotated[FilePath, typer.Argument(help="Plan of many jobs (.yaml).")],
+    out: Annotated[
+        FilePath,
+        typer.Option("--out", "-o", help="Folder for the results; that of an earlier run goes on."),
+    ],
+    options: BatchOptions,
+) -> None:
+    """Work on many jobs: a job file over values of its keys; an interrupted batch goes on.
+
+    Exit codes: 0 every job has a result, which may be a refusal; 1 some were killed, timed out, ran
+    out of memory or failed; 2 a wrong plan.
+    """
+    from armcontour.cli.batching import batch_file
+
+    raise typer.Exit(batch_file(plan, out, options))
 
 
 @app.command()

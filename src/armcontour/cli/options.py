@@ -602,3 +602,42 @@ class LearnOptions:
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchOptions:
+    """Options of the command `batch`."""
+
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            min=0,
+            max=1000,
+            help="Processes on this machine; by default one a processor. 0 works in this one.",
+        ),
+    ] = None
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster", help="Address of a Dask scheduler that does the work: tcp://10.0.0.1:8786."
+        ),
+    ] = None
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            "--shard", help="Only this part of the jobs, such as 3/64; all write to one folder."
+        ),
+    ] = None
+    retry: Annotated[
+        bool,
+        typer.Option(
+            "--retry",
+            help="Try jobs again that are neither done nor refused, but killed or failed.",
+        ),
+    ] = False
+    trust_xacro: TrustXacro = False
+    open_report: Open = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print progress and the end as lines of JSON.")
+    ] = False

@@ -10,10 +10,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armcontour._progress import COMPILING, Progress, Step, hear_compiling
 from armcontour._text import to_line
+
+if TYPE_CHECKING:
+    from armcontour.batches import Tally
 
 # Time between two lines of progress in a pipe, and before the first [s].
 EVERY = 10.0
@@ -57,6 +60,38 @@ def share_progress() -> Iterator[Progress]:
             lines.tell(words, f"{step.done:.0%}" if step.done else None)
 
         yield show
+
+
+@contextmanager
+def batch_progress() -> Iterator[tuple[Callable[[Tally], None], Progress]]:
+    """Show how far a batch is: a bar with rate and time left; a pipe gets a line now and then.
+
+    Yields the functions that update it, with how far the batch is, and before that with a step.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn
+
+    with _bar(BarColumn(), MofNCompleteColumn()) as bar:
+        task = bar.add_task("starting", total=None)
+        lines = Lines(bar.disable)
+
+        def show(tally: Tally) -> None:
+            words = to_line(describe_tally(tally))
+            bar.update(task, description=words, completed=tally.done, total=tally.total)
+            lines.tell(f"{tally.done} of {tally.total}", words)
+
+        def tell(step: Step) -> None:
+            bar.update(task, description=to_line(str(step)))
+
+        yield show, tell
+
+
+def describe_tally(tally: Tally) -> str:
+    """How fast a batch is, how long it takes yet, and what its jobs were refused for, in a line."""
+    left = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
+    several = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
+    kinds = [f"{n} {name}" for name, n in tally.errors.items()]
+    shown = f"; {', '.join(several)} ({', '.join(kinds)})" if several else ""
+    return f"{tally.rate:.3g} jobs/s on {tally.workers}{left}{shown}"
 
 
 @contextmanager

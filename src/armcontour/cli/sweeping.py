@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
@@ -34,7 +34,7 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
     corners = read_option_list("--tolerances", x.tolerances, Length)
     speeds = read_option_list("--speeds", x.speeds, Speed)
     servo = read_option("--servo", x.servo, Length)
-    goal = {} if servo is None else {"servo": servo}
+    goal: dict[str, Any] = {} if servo is None else {"servo": servo}
     with ResultFolder(out, force=x.force) as folder:
         from armcontour.certification import sweep
         from armcontour.report import render_sweep

@@ -11,6 +11,7 @@ from typing import Any
 from armcontour._checks import LONGEST_NAME
 from armcontour._progress import Progress
 from armcontour._text import make_printable, shorten
+from armcontour._yaml import load
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
@@ -74,15 +75,10 @@ def read_cell(
     text, source, folder = _text(str(cell))
     place = FilePath(drawing)
     found = read_model(CellModel, text, source)
-    title = f"{place.name} on {found.title}" if found.title is not None else place.name
     given = read_keys(Given(PathModel), path or {}, f"{source}: path")
     drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
     model = dataclasses.replace(
-        found,
-        # The name of a file may be longer than that of a job, and hold unprintable characters.
-        name=_fit(place.stem, LONGEST_NAME),
-        title=_fit(title, LONGEST_TITLE),
-        path=dataclasses.replace(found.path, **drawn),
+        found, **_names(found, place), path=dataclasses.replace(found.path, **drawn)
     )
     with locate_errors(source):
         return job_of(override(model, overrides), folder, reading, trust_xacro)
@@ -99,6 +95,37 @@ def open_text(cell: str) -> tuple[str, FilePath]:
     """
     text, _, folder = _text(cell)
     return text, folder
+
+
+def cell_data(
+    cell: str | FilePath, drawing: str | FilePath
+) -> tuple[dict[str, Any], str, FilePath]:
+    """A cell and a drawing as the data of a job file.
+
+    Args:
+        cell: As in `read_cell`.
+        drawing: The file of the drawing.
+
+    Returns:
+        The data, the name of the cell for messages, and the folder of its relative files.
+
+    Raises:
+        InvalidInput: No such cell, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    place = FilePath(drawing)
+    found = read_model(CellModel, text, source)
+    data = load(text, source)
+    own = {key: x for key, x in (data.get("path") or {}).items() if key not in OWN_PATH}
+    path = {**own, "file": str(place.absolute())}
+    return {**data, **_names(found, place), "path": path}, source, folder
+
+
+def _names(cell: CellModel, drawing: FilePath) -> dict[str, Any]:
+    """Name and title of the job of a drawing."""
+    title = f"{drawing.name} on {cell.title}" if cell.title is not None else drawing.name
+    # The name of a file may be longer than that of a job, and hold unprintable characters.
+    return {"name": _fit(drawing.stem, LONGEST_NAME), "title": _fit(title, LONGEST_TITLE)}
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:

@@ -15,6 +15,7 @@ from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_model import (
     CompensationModel,
@@ -29,6 +30,8 @@ from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
+from armcontour.program import Program
+from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 
 Model = TypeVar("Model", bound=JobModel)
@@ -141,10 +144,46 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
     Raises:
         InvalidInput: Values that do not make a job.
     """
+    return job_on(model, *parts_of(model, folder, reading, trust_xacro=trust_xacro))
+
+
+def parts_of(
+    model: JobModel,
+    folder: FilePath,
+    reading: Progress | None = None,
+    *,
+    trust_xacro: bool = False,
+) -> tuple[Arm, Path | Program, Scene | None]:
+    """Make what a job file reads other files for: its arm, its path and its scene.
+
+    Args:
+        model: The keys of the file.
+        folder: Folder of relative file names.
+        reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: Files or values that do not make them.
+    """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
-    path, process = add_process(
-        path_of(model.path, folder, arm.dimension, reading), model.process, model.path
-    )
+    drawn = path_of(model.path, folder, arm.dimension, reading)
+    scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
+    return arm, drawn, scene
+
+
+def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
+    """Make the job of a job file, whose arm, path and scene are made already.
+
+    Args:
+        model: The keys of the file.
+        arm: The arm of its key `arm`.
+        drawn: The path of its key `path`.
+        scene: The scene of its key `scene`.
+
+    Raises:
+        InvalidInput: Values that do not make a job.
+    """
+    path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
@@ -164,7 +203,7 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
         memory=model.memory,
-        scene=None if model.scene is None else scene_of(model.scene, folder, part_of(model.path)),
+        scene=scene,
         ignore_collisions=model.ignore_collisions,
     )
 

@@ -1,6 +1,7 @@
 """The report of a study: the only package that plots."""
 
 from armcontour.report.report import (
+    render_batch,
     render_drawing,
     render_learning,
     render_placement,
@@ -10,6 +11,7 @@ from armcontour.report.report import (
 )
 
 __all__ = [
+    "render_batch",
     "render_drawing",
     "render_learning",
     "render_placement",

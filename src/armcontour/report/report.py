@@ -15,6 +15,7 @@ from armcontour.report import sections
 from armcontour.report.figure import Figure, plotly_js
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
+from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate, Sweep
@@ -87,6 +88,17 @@ def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str
     return _page(placement.job, [sections.placement(placement, compared)], source=source)
 
 
+def render_batch(view: BatchView, *, refresh: int | None = None) -> str:
+    """Render the results of a batch as one HTML page without other files.
+
+    Args:
+        view: What is shown of it.
+        refresh: Time after which browsers load the page again [s]; None never.
+    """
+    section = sections.batch(view)
+    return _page(None, [section], title=view.name, about=view.about, refresh=refresh)
+
+
 def render_drawing(program: Program, title: str) -> str:
     """Render a preview of a drawing as one HTML page without other files.
 
@@ -115,6 +127,7 @@ def _page(
     title: str | None = None,
     about: str = "",
     source: str = OF_SIMULATION,
+    refresh: int | None = None,
 ) -> str:
     """Render sections as one HTML page, of a job or with another title."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -135,6 +148,7 @@ def _page(
         source="" if job is None else source,
         version=__version__,
         sections=found,
+        refresh=refresh,
         drawing=drawing,
         plotly=Markup(plotly_js()),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,6 +82,7 @@ def spread_on_bodies(
     *,
     seed: int | None = None,
     processes: int | None = None,
+    executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Spread:
     """Execute taught data on robots with given errors, as rigid bodies.
@@ -90,6 +92,7 @@ def spread_on_bodies(
         errors: Errors of the unknowns, (n, k).
         seed: Seed that the errors were drawn with; None for corners.
         processes: Number of processes; by default that of processors.
+        executor: An executor that does the work in place of these processes.
         done: Called with the number of robots that are done.
 
     Raises:
@@ -97,7 +100,7 @@ def spread_on_bodies(
     """
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
-    found = map_in_processes(runs, rows, processes=processes, done=done)
+    found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     for row, result in zip(rows, found, strict=True):
         if isinstance(result, str):
             robot = describe(unknowns, row) if row.any() else "no errors"

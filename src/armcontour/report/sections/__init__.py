@@ -1,5 +1,6 @@
 """Sections of the report: each function makes data for the template from a study."""
 
+from armcontour.report.sections.batch import batch
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
 from armcontour.report.sections.clearance import clearance
@@ -25,6 +26,7 @@ from armcontour.report.sections.sweep import sweep
 
 __all__ = [
     "accelerations",
+    "batch",
     "bindings",
     "certificate",
     "clearance",

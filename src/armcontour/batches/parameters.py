@@ -1,0 +1,180 @@
+"""Parameters of a plan: keys of job files, with the values that they take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._quantities import Quantity
+from armcontour._text import show
+from armcontour.errors import InvalidInput
+from armcontour.io.job_model import JobModel
+from armcontour.io.si_data import in_si, quantity_of
+from armcontour.io.units import parse, read_quantity
+
+RANGE = ("from", "to", "steps", "scale")
+SCALES = ("linear", "log")
+# Largest number of values of one parameter.
+MOST_VALUES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A key of job files, with its values.
+
+    Args:
+        key: The key, with dots between the keys that lead there.
+        unit: Unit of its numbers; None if they are no quantities.
+        values: Its values, in SI units; the ends of a range that is sampled.
+        ranged: Whether its values are a range.
+        log: Whether that has a logarithmic scale.
+        sampled: Whether a plan draws samples of it.
+    """
+
+    key: str
+    unit: str | None
+    values: tuple[Any, ...]
+    ranged: bool = False
+    log: bool = False
+    sampled: bool = False
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The keys that lead to its key, and the last one."""
+        return tuple(self.key.split("."))
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all its values are numbers."""
+        return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
+
+    def at(self, shares: FloatArray) -> FloatArray:
+        """Values of a range, from its start to its end.
+
+        Args:
+            shares: Places in the range, from 0 to 1.
+        """
+        return _between(self.values[0], self.values[-1], shares, log=self.log)
+
+
+def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
+    """Read the values of a key of a plan.
+
+    Args:
+        key: The key.
+        given: A list of values, a range, or a value that holds for all jobs.
+        sampled: Whether the plan draws samples of its ranges.
+
+    Raises:
+        InvalidInput: A wrong range, or no value.
+    """
+    place = f"over.{key}"
+    if not all(key.split(".")):
+        raise InvalidInput(f"{place}: a key has names with dots between them, like limits.speed.")
+    quantity = quantity_of(JobModel, key.split("."))
+    unit = None if quantity is None else quantity.unit
+    if isinstance(given, Mapping):
+        low, high, count, log = _read_range(place, given, quantity, sampled)
+        if sampled:
+            return Parameter(key, unit, (low, high), True, log, True)
+        values = _between(low, high, np.linspace(0.0, 1.0, count), log=log).tolist()
+        if quantity is None and all(_whole(given[x]) for x in ("from", "to")):
+            # Counts, such as knots, have to be whole.
+            values = [round(x) if abs(x - round(x)) < 1e-9 * abs(x) else x for x in values]
+        return Parameter(key, unit, tuple(values), True, log)
+    several = isinstance(given, list)
+    if sampled and several and len(given) > 1:
+        raise InvalidInput(
+            f"{place}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, "
+            "or combine: product."
+        )
+    if several and not given:
+        raise InvalidInput(f"{place} is an empty list: give a value, or leave the key out.")
+    if several and len(given) > MOST_VALUES:
+        raise InvalidInput(f"{place} has {len(given)} values, more than {MOST_VALUES}.")
+    return Parameter(key, unit, tuple(_in_si(key, x) for x in (given if several else [given])))
+
+
+def _read_range(
+    place: str, given: Mapping[str, Any], quantity: Quantity | None, sampled: bool
+) -> tuple[float, float, int, bool]:
+    """Start, end and number of values of a range, and whether it is logarithmic.
+
+    Raises:
+        InvalidInput: An unknown key, a missing one, an empty range, or a wrong value.
+    """
+    for name in given:
+        if name not in RANGE:
+            near = get_close_matches(str(name), RANGE, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"a range has {', '.join(RANGE)}."
+            raise InvalidInput(f"{place}: unknown key {show(name)} of a range: {hint}")
+    wanted = ("from", "to") if sampled else ("from", "to", "steps")
+    for name in wanted:
+        if given.get(name) is None:
+            raise InvalidInput(
+                f"{place}.{name} is missing: a range is written as {{from: ..., to: ..., "
+                "steps: 5}."
+            )
+    if sampled and "steps" in given:
+        raise InvalidInput(
+            f"{place}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
+            "steps out."
+        )
+    scale = _checks.choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
+    low, high = (_read_end(f"{place}.{x}", given[x], quantity) for x in ("from", "to"))
+    count = 2 if sampled else given["steps"]
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
+        raise InvalidInput(
+            f"{place}.steps must be a whole number from 1 to {MOST_VALUES}, but is {show(count)}."
+        )
+    if low == high and count > 1:
+        raise InvalidInput(f"{place} is an empty range: from and to are both {show(given['to'])}.")
+    if low != high and count == 1:
+        raise InvalidInput(f"{place}.steps is 1, but from and to differ: write one value, or more.")
+    if scale == "log" and (low <= 0 or high <= 0):
+        raise InvalidInput(
+            f"{place}: a range with scale: log must be above zero, but goes from "
+            f"{show(given['from'])} to {show(given['to'])}: write scale: linear."
+        )
+    return low, high, count, scale == "log"
+
+
+def _read_end(place: str, value: Any, quantity: Quantity | None) -> float:
+    """An end of a range in SI units."""
+    try:
+        return parse(value, "1") if quantity is None else read_quantity(value, quantity)
+    except ValueError as error:
+        raise InvalidInput(f"{place}: {str(error).rstrip('.')}.") from None
+
+
+def _in_si(key: str, value: Any) -> Any:
+    """A value of a key in SI units; what is no quantity stays as it is."""
+    nested = value
+    for name in reversed(key.split(".")):
+        nested = {name: nested}
+    nested = in_si(nested, JobModel)
+    for name in key.split("."):
+        nested = nested[name]
+    return nested
+
+
+def _between(low: float, high: float, shares: FloatArray, *, log: bool) -> FloatArray:
+    """Values between two ends, which are met exactly."""
+    if log:
+        found = np.exp(math.log(low) + shares * (math.log(high) - math.log(low)))
+    else:
+        found = low + shares * (high - low)
+    found = np.where(shares == 0.0, low, np.where(shares == 1.0, high, found))
+    return np.clip(found, min(low, high), max(low, high))
+
+
+def _whole(value: Any) -> bool:
+    """Whether a value is written as a whole number."""
+    return isinstance(value, int) and not isinstance(value, bool)

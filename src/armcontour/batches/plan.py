@@ -1,0 +1,350 @@
+"""Plans of many jobs: what a plan file says, and the jobs that it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from armcontour import _checks
+from armcontour._checks import FloatArray
+from armcontour._files import read_text
+from armcontour._quantities import AtLeast, Choice, Interval, Memory
+from armcontour._yaml import load
+from armcontour.batches.columns import COLUMNS, RUN, WORKS, read_columns
+from armcontour.batches.parameters import Parameter, read_parameter
+from armcontour.batches.resolving import (
+    Base,
+    Identity,
+    named_files,
+    read_base,
+    refuse_without_effect,
+)
+from armcontour.errors import InvalidInput, locate_errors
+from armcontour.io.keys import Keys, read_keys
+
+PRODUCT, ZIP = "product", "zip"
+# Largest number of jobs of a plan: their keys take 0.1 kB each.
+MOST_JOBS = 10_000_000
+# A job that takes longer is ended, unless the plan says otherwise [s].
+LONGEST = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawingModel:
+    """A drawing and the cell that it is run in.
+
+    Args:
+        drawing: The drawing, relative to the plan.
+        cell: Name of a built-in cell, or a job file relative to the plan.
+    """
+
+    drawing: str
+    cell: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SamplesModel:
+    """Samples of a Sobol sequence, which fill all ranges evenly.
+
+    Args:
+        sobol: Number of samples; powers of 2 fill most evenly.
+        seed: Seed of the scrambling of the sequence.
+    """
+
+    sobol: Annotated[int, AtLeast(1)]
+    seed: Annotated[int, AtLeast(0)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundsModel:
+    """What one job may take at most.
+
+    Args:
+        time: Time of a job [s]; null for no bound.
+        memory: Memory that a job adds to its process [bytes]; by default its share of the machine.
+    """
+
+    time: Interval | None = LONGEST
+    memory: Memory | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanModel:
+    """A plan of many jobs.
+
+    Args:
+        name: Name of the plan; by default that of its file.
+        job: A job file relative to the plan, or a drawing and its cell.
+        jobs: Several of them, each with all parameters.
+        run: Name of the run of the jobs; it may be left out where they have one run.
+        do: What is done with each job: `teach` plans and compensates, `run` simulates too,
+            `certify` finds the fastest plan that keeps the job's certificate.
+        over: Values of keys of the jobs, by the keys with dots between them.
+        combine: How the values are combined: `product` is each with each other, `zip` the first
+            of all, the second of all and so on; or samples of ranges.
+        columns: Figures of each job that are kept; the guide lists them.
+        limits: What one job may take at most.
+    """
+
+    name: str | None = None
+    job: str | DrawingModel | None = None
+    jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
+    run: str | None = None
+    do: Annotated[str, Choice(WORKS)] = RUN
+    over: dict[str, Any] = field(default_factory=dict)
+    combine: Literal["product", "zip"] | SamplesModel = "product"
+    columns: list[str] | None = None
+    limits: BoundsModel = BoundsModel()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """Many jobs, each a base with values of all parameters; it is a sequence of them.
+
+    Args:
+        name: Name of the plan.
+        bases: The jobs before their parameters have values.
+        parameters: The parameters.
+        work: What is done with each job: "teach", "run" or "certify".
+        columns: Names of the figures that are kept.
+        combine: "product" or "zip"; samples are combined already.
+        samples: Values of the parameters that are sampled, (n, sampled); None without samples.
+        time: Longest time of one job [s]; None without a bound.
+        memory: Memory that one job may add to its process [bytes]; None is its share.
+        trust_xacro: Whether arms may be .xacro files.
+    """
+
+    name: str
+    bases: tuple[Base, ...]
+    parameters: tuple[Parameter, ...]
+    work: str
+    columns: tuple[str, ...]
+    combine: str = PRODUCT
+    samples: FloatArray | None = None
+    time: float | None = LONGEST
+    memory: float | None = None
+    trust_xacro: bool = False
+
+    @property
+    def each(self) -> int:
+        """Number of jobs of one base."""
+        if self.samples is not None:
+            return len(self.samples)
+        counts = [len(x.values) for x in self.parameters]
+        return max(counts, default=1) if self.combine == ZIP else math.prod(counts)
+
+    def __len__(self) -> int:
+        return len(self.bases) * self.each
+
+    @property
+    def keys(self) -> tuple[tuple[str, ...], ...]:
+        """For each parameter, the keys that lead to its values."""
+        return tuple(x.parts for x in self.parameters)
+
+    @property
+    def varied(self) -> tuple[Parameter, ...]:
+        """The parameters with more than one value."""
+        return tuple(x for x in self.parameters if len(x.values) > 1)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of all columns of results that are numbers."""
+        found = {x.key: x.unit for x in self.parameters if x.unit is not None}
+        return found | {x: COLUMNS[x].unit for x in self.columns}
+
+    def base(self, index: int) -> int:
+        """Index of the base of a job."""
+        return index // self.each
+
+    def values(self, index: int) -> tuple[Any, ...]:
+        """The values of the parameters of a job, in SI units.
+
+        Args:
+            index: Index of the job, from 0.
+        """
+        at = index % self.each
+        if self.samples is not None:
+            sampled = iter(self.samples[at].tolist())
+            return tuple(next(sampled) if x.sampled else x.values[0] for x in self.parameters)
+        if self.combine == ZIP:
+            return tuple(x.values[at if len(x.values) > 1 else 0] for x in self.parameters)
+        found: list[Any] = []
+        for x in reversed(self.parameters):
+            at, k = divmod(at, len(x.values))
+            found.append(x.values[k])
+        return tuple(reversed(found))
+
+    def digests(self) -> Iterator[bytes]:
+        """What identifies each job, in order.
+
+        Raises:
+            InvalidInput: A file that a job names is missing.
+        """
+        asked = (f"do {self.work}", *(f"column {x}" for x in self.columns))
+        for k, base in enumerate(self.bases):
+            identity = Identity(base, self.keys, asked)
+            for index in range(k * self.each, (k + 1) * self.each):
+                yield identity.of(self.values(index))
+
+
+def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = False) -> Plan:
+    """Read a plan of many jobs.
+
+    Args:
+        plan: A plan file (YAML), or its data; then files are relative to the current folder.
+        trust_xacro: Whether arms may be .xacro files, as in `read_job`.
+
+    Raises:
+        InvalidInput: No such file, an unknown key, an empty range, or a job that is not valid; one
+            sentence with the place.
+    """
+    if isinstance(plan, Mapping):
+        data, source, folder = dict(plan), "the plan", FilePath()
+    else:
+        file = FilePath(plan)
+        source, folder = file.name, file.parent
+        data = load(read_text(file, "plan"), source)
+        if not isinstance(data, dict):
+            raise InvalidInput(f"{source} must hold a mapping of keys such as job, run and over.")
+    model: PlanModel = read_keys(Keys(PlanModel), data, source)
+    with locate_errors(source):
+        return _plan(model, folder, FilePath(source).stem, trust_xacro)
+
+
+def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
+    """The plan of its model."""
+    if (model.job is None) == (model.jobs is None):
+        raise InvalidInput("a plan has either job, one job, or jobs, a list of several.")
+    sampled = isinstance(model.combine, SamplesModel)
+    parameters = tuple(read_parameter(k, x, sampled=sampled) for k, x in model.over.items())
+    _refuse_overlaps([x.key for x in parameters])
+    columns = read_columns(model.columns, model.do)
+    bases = tuple(
+        read_base(
+            x if isinstance(x, str) else {"drawing": x.drawing, "cell": x.cell},
+            folder,
+            model.run,
+            model.do,
+        )
+        for x in ([model.job] if model.job is not None else model.jobs or [])
+    )
+    for base in bases:
+        refuse_without_effect(base, [x.key for x in parameters])
+        _refuse_unreadable(base, parameters)
+    found = Plan(
+        name=_checks.check_name("name of the plan", model.name or name),
+        bases=tuple(_heard(x, parameters, trust_xacro) for x in bases),
+        parameters=parameters,
+        work=model.do,
+        columns=columns,
+        combine=PRODUCT if isinstance(model.combine, SamplesModel) else model.combine,
+        samples=_samples(model.combine, parameters),
+        time=model.limits.time,
+        memory=model.limits.memory,
+        trust_xacro=trust_xacro,
+    )
+    _refuse_uneven(found)
+    if len(found) > MOST_JOBS:
+        raise InvalidInput(
+            f"the plan has {len(found)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
+            "with combine: {sobol: 4096}."
+        )
+    return found
+
+
+def _heard(base: Base, parameters: Sequence[Parameter], trust_xacro: bool) -> Base:
+    """A base with the digests of all files that it reads."""
+    data = base.at([x.parts for x in parameters], [x.values[0] for x in parameters])
+    return base.heard(data, trust_xacro=trust_xacro)
+
+
+def _refuse_overlaps(keys: Sequence[str]) -> None:
+    """Refuse two parameters of which one is inside the other."""
+    for key in keys:
+        for other in keys:
+            if other.startswith(f"{key}."):
+                raise InvalidInput(f"over.{key} and over.{other} set the same: leave one out.")
+
+
+def _refuse_uneven(plan: Plan) -> None:
+    """Refuse parameters that are zipped but have different numbers of values."""
+    if plan.combine != ZIP:
+        return
+    counts = {x.key: len(x.values) for x in plan.varied}
+    if len(set(counts.values())) > 1:
+        named = ", ".join(f"{key} has {n}" for key, n in counts.items())
+        raise InvalidInput(
+            f"combine: zip takes parameters with the same number of values, but {named}: make "
+            "them equal, or write combine: product."
+        )
+
+
+def _refuse_unreadable(base: Base, parameters: Sequence[Parameter]) -> None:
+    """Refuse keys and values that a job file cannot have.
+
+    Values that go only with other values of the plan, such as gains of a servo model, may pass:
+    the jobs in which they do not are refused one by one.
+
+    Raises:
+        InvalidInput: There is such a key or value.
+    """
+    keys = [x.parts for x in parameters]
+    for k, x in enumerate(parameters):
+        # Values of a range are as valid as its ends.
+        tried = {0, len(x.values) - 1} if x.ranged else range(len(x.values))
+        for i in sorted(tried):
+            place = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
+            alone = _problem(base, [x.parts], [x.values[i]])
+            if alone is None:
+                continue
+            # With the first values of the others, and with those that stand at the same place.
+            found = []
+            for j in (0, i):
+                values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
+                values[k] = x.values[i]
+                found.append(_problem(base, keys, values))
+            if None not in found:
+                raise alone.at(place)
+
+
+def _problem(
+    base: Base, keys: Sequence[tuple[str, ...]], values: Sequence[Any]
+) -> InvalidInput | None:
+    """Why some values are not valid in a job; None if they are."""
+    try:
+        data = base.at(keys, values)
+        base.model(data)
+    except InvalidInput as error:
+        return error
+    missing = [x for x in named_files(data) if not (base.folder / x).is_file()]
+    if missing:
+        return InvalidInput(f"There is no file {base.folder / missing[0]}.")
+    return None
+
+
+def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None:
+    """Values of all parameters that are sampled, (n, sampled); None without samples.
+
+    Raises:
+        InvalidInput: There is no range to sample.
+    """
+    if not isinstance(combine, SamplesModel):
+        return None
+    ranges = [x for x in parameters if x.sampled]
+    if not ranges:
+        raise InvalidInput(
+            "combine.sobol draws samples of ranges, but over has none: write {from: ..., to: ...}."
+        )
+    if combine.sobol > MOST_JOBS:
+        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MOST_JOBS} jobs.")
+    from scipy.stats import qmc
+
+    drawn = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)
+    shares = drawn.random_base2(math.ceil(math.log2(combine.sobol)))[: combine.sobol]
+    return np.column_stack([x.at(shares[:, k]) for k, x in enumerate(ranges)])

@@ -1,0 +1,146 @@
+"""The command `batch`: work on all jobs of a plan, show how far it is, and what came of them."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour.cli.console import Console, open_page
+from armcontour.cli.progress import batch_progress
+
+if TYPE_CHECKING:
+    from armcontour._progress import Progress
+    from armcontour.batches import Batch, Tally
+    from armcontour.cli.options import BatchOptions
+
+SHARD = re.compile(r"\s*([0-9]{1,6})\s*/\s*([0-9]{1,6})\s*")
+# Time between two lines of JSON [s].
+EVERY = 1.0
+
+
+def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
+    """Work on all jobs of a plan.
+
+    Args:
+        plan: The plan file.
+        out: The folder for results.
+        x: Options of the command.
+
+    Returns:
+        The exit code: 1 if some jobs have no answer of their own.
+
+    Raises:
+        ArmContourError: A wrong plan, or an executor that takes no work.
+    """
+    from armcontour.batches import batch
+
+    shard = _read_shard(x.shard)
+    with _shown(x.as_json) as (progress, compiling):
+        found = batch(
+            plan,
+            out,
+            workers=x.workers,
+            cluster=x.cluster,
+            shard=shard,
+            retry=x.retry,
+            trust_xacro=x.trust_xacro,
+            progress=progress,
+            compiling=compiling,
+        )
+    report = (out / "report.html").resolve()
+    if x.as_json:
+        _say_json({"end": _end(found)})
+    else:
+        _print(found, report)
+    if x.open_report and report.exists():
+        open_page(report)
+    return int(any(name not in ("done", "refused") for name in found.counts))
+
+
+def _read_shard(text: str | None) -> tuple[int, int] | None:
+    """Number of a shard and number of all, from text such as 3/64.
+
+    Raises:
+        InvalidInput: Text of another form.
+    """
+    if text is None:
+        return None
+    from armcontour.errors import InvalidInput
+
+    found = SHARD.fullmatch(text)
+    if found is None:
+        raise InvalidInput(
+            f"--shard takes a number and how many there are, such as 3/64, not {text!r}."
+        )
+    return int(found[1]), int(found[2])
+
+
+@contextmanager
+def _shown(as_json: bool) -> Iterator[tuple[Callable[[Tally], None], Progress]]:
+    """Show how far a batch is, as a bar or as lines of JSON."""
+    if not as_json:
+        with batch_progress() as shown:
+            yield shown
+        return
+    said = -EVERY
+
+    def say(tally: Tally) -> None:
+        nonlocal said
+        if tally.seconds - said >= EVERY or tally.done == tally.total:
+            said = tally.seconds
+            _say_json({"progress": describe(tally)})
+
+    yield say, lambda step: None
+
+
+def describe(tally: Tally) -> dict[str, object]:
+    """How far a batch is, as data."""
+    return {
+        "done": tally.done,
+        "total": tally.total,
+        "before": tally.before,
+        "seconds": round(tally.seconds, 3),
+        "rate": round(tally.rate, 4),
+        "left": None if tally.left is None else round(tally.left, 1),
+        "statuses": tally.statuses,
+        "errors": tally.errors,
+    }
+
+
+def _end(found: Batch) -> dict[str, object]:
+    """What came of a batch, as data."""
+    return {
+        "batch": found.plan.name,
+        "folder": str(found.folder),
+        "complete": found.complete,
+        "statuses": dict(found.counts),
+        "errors": dict(found.errors),
+    }
+
+
+def _say_json(data: object) -> None:
+    """Write a line of JSON."""
+    sys.stdout.write(json.dumps(data) + "\n")
+    sys.stdout.flush()
+
+
+def _print(found: Batch, report: FilePath) -> None:
+    """Print what came of a batch."""
+    console = Console()
+    rows = [[name, str(n)] for name, n in found.counts.items()]
+    console.show_table(["jobs", "number"], rows, title=f"{found.plan.name}: {len(found.plan)} jobs")
+    for name, n in found.errors.items():
+        console.say(f"{name}: {n}")
+    if not found.complete:
+        missing = len(found.plan) - sum(found.counts.values())
+        console.say(
+            f"Note: {missing} jobs have no result yet; when the last shard ends, or the same "
+            f"command without --shard, all results are in one file in {found.folder}."
+        )
+        return
+    console.say(f"Report: {report.as_uri()}")

@@ -1,0 +1,135 @@
+"""The section on a batch: how many jobs came to what, and their figures over the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.report.figure import Figure, make_trace
+from armcontour.report.section import Section, Table, Tile
+from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
+
+# Largest number of figures on a page.
+MOST_FIGURES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Values of a parameter or of a figure of jobs.
+
+    Args:
+        title: Its name with its unit.
+        values: One value for each job that is shown; NaN where there is none.
+        log: Whether its axis is logarithmic.
+    """
+
+    title: str
+    values: FloatArray
+    log: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchView:
+    """What a page shows of a batch.
+
+    Args:
+        name: Name of the batch.
+        about: What it is, in a line.
+        total: Number of its jobs.
+        counts: Number of jobs by their status.
+        errors: Number of jobs by the name of their error.
+        axes: Parameters that are numbers, with more than one value.
+        figures: Figures of the jobs.
+        status: Status of each job that is shown; empty without a result.
+        done: The status of jobs with figures.
+        stride: Of so many jobs, one is shown.
+        left: Time left [s]; None if unknown.
+    """
+
+    name: str
+    about: str
+    total: int
+    counts: Mapping[str, int]
+    errors: Mapping[str, int]
+    axes: tuple[Axis, ...]
+    figures: tuple[Axis, ...]
+    status: tuple[str, ...]
+    done: str
+    stride: int
+    left: float | None
+
+
+def batch(view: BatchView) -> Section:
+    """Counts of a batch, and each figure over its parameters."""
+    known = sum(view.counts.values())
+    tiles = [Tile(label="jobs with a result", value=f"{known} of {view.total}")]
+    tiles += [Tile(label=name, value=str(n)) for name, n in view.counts.items()]
+    if view.left is not None and known < view.total:
+        tiles.append(Tile(label="time left", value=f"{view.left / 60:.1f} min"))
+    header = ("figure", "least", "median", "largest")
+    rows = []
+    for x in view.figures:
+        there = x.values[np.isfinite(x.values)]
+        if len(there):
+            of = (there.min(), np.median(there), there.max())
+            rows.append((x.title, *(f"{y:.6g}" for y in of)))
+    tables = [Table(header=header, rows=tuple(rows), caption="Figures of the jobs that are done")]
+    if view.errors:
+        errors = tuple((name, str(n)) for name, n in view.errors.items())
+        tables.append(Table(header=("error", "jobs"), rows=errors, caption="Why others are not"))
+    text = "Each point is a job; crosses are jobs without figures."
+    if view.stride > 1:
+        text += f" One of {view.stride} jobs is shown."
+    return Section(
+        key="batch",
+        title="Results",
+        text=text,
+        tiles=(("", tuple(tiles)),),
+        figures=tuple(_figure(view, x) for x in view.figures[:MOST_FIGURES]) if view.axes else (),
+        tables=tuple(tables),
+    )
+
+
+def _figure(view: BatchView, of: Axis) -> Any:
+    """A figure over one parameter, or in colours over two; others are drawn over each other."""
+    status = np.array(view.status)
+    done, vain = status == view.done, (status != view.done) & (status != "")
+    first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else of
+    flat = second is not of
+    marker: dict[str, Any] = {"color": EXECUTED_COLOUR, "size": 5}
+    if flat:
+        values = of.values[done]
+        marker = {"color": values, "colorscale": "Viridis", "size": 7, "showscale": True}
+        marker["colorbar"] = {"title": {"text": of.title}}
+    figure = Figure()
+    figure.add_trace(
+        make_trace(
+            "scattergl",
+            x=first.values[done],
+            y=second.values[done],
+            customdata=of.values[done],
+            name=view.done,
+            mode="markers",
+            marker=marker,
+            hovertemplate="%{x:.6g}, %{y:.6g}: %{customdata:.6g}<extra></extra>",
+        )
+    )
+    if flat and vain.any():
+        figure.add_trace(
+            make_trace(
+                "scattergl",
+                x=first.values[vain],
+                y=second.values[vain],
+                text=status[vain],
+                name="without figures",
+                mode="markers",
+                marker={"color": PATH_COLOUR, "size": 6, "symbol": "x"},
+            )
+        )
+    figure.update_xaxes(title=first.title, type="log" if first.log else "linear")
+    figure.update_yaxes(title=second.title, type="log" if second.log else "linear")
+    return finish(figure, title=of.title.split(" [")[0], height=460)

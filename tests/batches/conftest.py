@@ -1,0 +1,38 @@
+"""A small job and plans over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+
+JOB = """\
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 10 ms
+runs: {only: {compensation: {method: none}}}
+"""
+
+
+@pytest.fixture(scope="session")
+def jobs(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A folder with the small job."""
+    folder = tmp_path_factory.mktemp("jobs")
+    (folder / "bend.yaml").write_text(JOB)
+    return folder
+
+
+@pytest.fixture
+def planned(jobs: FilePath) -> Callable[..., dict[str, Any]]:
+    """A plan over the small job, as data."""
+
+    def plan(over: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+        return {"job": str(jobs / "bend.yaml"), "over": over or {}, **more}
+
+    return plan

@@ -1,0 +1,208 @@
+"""Plans: which jobs they mean, and what is wrong with them in one sentence."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from armcontour.batches import read_plan
+from armcontour.errors import InvalidInput
+
+SPEED, TOLERANCE = "limits.speed", "corners.tolerance"
+
+
+def values(plan):
+    return [plan.values(k) for k in range(len(plan))]
+
+
+def test_a_product_has_each_value_with_each_other(planned):
+    plan = read_plan(planned({SPEED: ["50 mm/s", 0.1], TOLERANCE: ["1 mm", "2 mm", 3e-3]}))
+    assert values(plan) == list(itertools.product([0.05, 0.1], [1e-3, 2e-3, 3e-3]))
+    assert plan.units == {SPEED: "m/s", TOLERANCE: "m", "duration": "s", "corner_error": "m"} | {
+        "contour_error.rms": "m",
+        "contour_error.max": "m",
+        "demand_ratio": "1",
+    }
+
+
+def test_zipped_values_go_together_and_a_single_one_with_all(planned):
+    over = {SPEED: [0.05, 0.1], TOLERANCE: ["1 mm", "2 mm"], "command_interval": "8 ms"}
+    assert values(read_plan(planned(over, combine="zip"))) == [
+        (0.05, 1e-3, 8e-3),
+        (0.1, 2e-3, 8e-3),
+    ]
+
+
+def test_ranges_meet_their_ends_and_are_even(planned):
+    over = {
+        SPEED: {"from": "50 mm/s", "to": "0.25 m/s", "steps": 5},
+        TOLERANCE: {"from": "0.1 mm", "to": "10 mm", "steps": 3, "scale": "log"},
+        "runs.only.timing.intervals": {"from": 100, "to": 300, "steps": 3},
+    }
+    plan = read_plan(planned(over))
+    speed, tolerance, intervals = (x.values for x in plan.parameters)
+    assert speed == pytest.approx([0.05, 0.1, 0.15, 0.2, 0.25]) and speed[-1] == 0.25
+    assert tolerance == pytest.approx([1e-4, 1e-3, 1e-2], rel=1e-12)
+    assert tolerance[0] == 1e-4 and tolerance[-1] == 1e-2
+    assert intervals == (100, 200, 300) and all(isinstance(x, int) for x in intervals)
+
+
+def test_samples_fill_ranges_evenly_and_come_again(planned):
+    over = {
+        SPEED: {"from": 0.05, "to": 0.25},
+        TOLERANCE: {"from": "0.1 mm", "to": "10 mm", "scale": "log"},
+        "command_interval": "8 ms",
+    }
+    plan = read_plan(planned(over, combine={"sobol": 64, "seed": 1}))
+    drawn = np.array(values(plan))
+    assert len(plan) == 64 and set(drawn[:, 2]) == {8e-3}
+    # One of 64 samples in each 64th of each range, and one in each cell of 8 times 8.
+    shares = np.column_stack(
+        [(drawn[:, 0] - 0.05) / 0.2, np.log(drawn[:, 1] / 1e-4) / math.log(100)]
+    )
+    for column in shares.T:
+        assert sorted((column * 64).astype(int)) == list(range(64))
+    assert len({(int(a * 8), int(b * 8)) for a, b in shares}) == 64
+    again = read_plan(planned(over, combine={"sobol": 64, "seed": 1}))
+    assert values(again) == values(plan)
+    assert values(read_plan(planned(over, combine={"sobol": 64, "seed": 2}))) != values(plan)
+    # A number that is no power of 2 is the start of the next one.
+    assert values(read_plan(planned(over, combine={"sobol": 50, "seed": 1}))) == values(plan)[:50]
+
+
+def test_several_jobs_have_all_values_each(planned, jobs):
+    (jobs / "other.yaml").write_text((jobs / "bend.yaml").read_text().replace("0.33", "0.34"))
+    data = planned({SPEED: [0.05, 0.1]})
+    data["jobs"] = [data.pop("job"), str(jobs / "other.yaml")]
+    plan = read_plan(data)
+    assert [(plan.bases[plan.base(k)].name, *plan.values(k)) for k in range(4)] == [
+        ("bend", 0.05), ("bend", 0.1), ("other", 0.05), ("other", 0.1),
+    ]  # fmt: skip
+
+
+def test_a_drawing_in_a_cell_is_a_job(tmp_path):
+    (tmp_path / "line.csv").write_text("x [mm],y [mm]\n300,200\n330,200\n")
+    data = {
+        "job": {"drawing": "line.csv", "cell": "pmk3s"},
+        "over": {"limits.speed": ["20 mm/s", "40 mm/s"]},
+        "do": "teach",
+    }
+    (tmp_path / "plan.yaml").write_text(repr(data))
+    plan = read_plan(tmp_path / "plan.yaml")
+    assert plan.name == "plan" and plan.bases[0].name == "line" and len(plan) == 2
+    job = plan.bases[0].job(plan.bases[0].at(plan.keys, plan.values(1)))
+    assert job.runs[0].limits.speed == 0.04 and job.program.length == pytest.approx(0.03)
+
+
+WRONG = {
+    "unknown key of a plan": ({"ower": {}}, {}, ["the plan", "ower", "did you mean over?"]),
+    "unknown key of a job": (
+        {},
+        {"limits.spede": [1]},
+        ["over.limits.spede", "did you mean speed?"],
+    ),
+    "wrong unit": ({}, {SPEED: [0.1, "5 mm"]}, ["over.limits.speed (item 2)", "m/s", "'5 mm'"]),
+    "without unit": (
+        {},
+        {SPEED: {"from": "1", "to": "2 m/s", "steps": 2}},
+        [f"{SPEED}.from", "no unit"],
+    ),
+    "negative": ({}, {SPEED: [0.1, -0.1]}, ["over.limits.speed (item 2)", "above zero"]),
+    "unknown method": (
+        {},
+        {"runs.only.timing.method": ["optimal", "fastest"]},
+        ["(item 2)", "optimal", "fastest"],
+    ),
+    "empty list": ({}, {SPEED: []}, ["over.limits.speed", "empty"]),
+    "empty range": ({}, {SPEED: {"from": 0.1, "to": 0.1, "steps": 5}}, ["empty range", "0.1"]),
+    "no steps": ({}, {SPEED: {"from": 0.1, "to": 0.2}}, ["over.limits.speed.steps is missing"]),
+    "half a step": ({}, {SPEED: {"from": 0.1, "to": 0.2, "steps": 2.5}}, ["whole number", "2.5"]),
+    "unknown key of a range": ({}, {SPEED: {"from": 1, "to": 2, "step": 3}}, ["'step'", "steps?"]),
+    "log of zero": (
+        {},
+        {TOLERANCE: {"from": 0, "to": 1, "steps": 3, "scale": "log"}},
+        ["above zero", "from 0"],
+    ),
+    "unknown scale": (
+        {},
+        {TOLERANCE: {"from": 1, "to": 2, "steps": 3, "scale": "cubic"}},
+        ["linear, log", "cubic"],
+    ),
+    "uneven": (
+        {"combine": "zip"},
+        {SPEED: [1, 2], TOLERANCE: [1, 2, 3]},
+        [f"{SPEED} has 2", "has 3"],
+    ),
+    "overlap": (
+        {},
+        {"corners": ["sharp"], TOLERANCE: [1]},
+        ["over.corners and over.corners.tolerance"],
+    ),
+    "no range to sample": ({"combine": {"sobol": 8}}, {SPEED: [1]}, ["combine.sobol", "ranges"]),
+    "list with samples": (
+        {"combine": {"sobol": 8}},
+        {SPEED: [1, 2]},
+        ["over.limits.speed", "ranges"],
+    ),
+    "steps with samples": (
+        {"combine": {"sobol": 8}},
+        {SPEED: {"from": 1, "to": 2, "steps": 3}},
+        ["leave", "steps out"],
+    ),
+    "no such run": ({"run": "onyl"}, {}, ["bend.yaml", "no run 'onyl'", "only"]),
+    "no such job": ({"job": "none.yaml"}, {}, ["no job file none.yaml"]),
+    "two kinds of jobs": ({"jobs": ["a.yaml"]}, {}, ["either job", "or jobs"]),
+    "unknown column": (
+        {"columns": ["duratoin"]},
+        {},
+        ["columns (item 1)", "did you mean duration?"],
+    ),
+    "column of other work": (
+        {"do": "teach", "columns": ["contour_error.rms"]},
+        {},
+        ["do: run", "does teach"],
+    ),
+    "column twice": ({"columns": ["duration", "duration"]}, {}, ["item 2", "twice"]),
+    "no column": ({"columns": []}, {}, ["columns is empty"]),
+    "key in a text": ({}, {"arm.tool": [{}]}, ["bend.yaml", "arm is 'pmk3s'", "no key tool"]),
+    "another run": ({}, {"runs.other.duration": [1]}, ["no effect", "only"]),
+    "too many": (
+        {},
+        {x: {"from": 1, "to": 2, "steps": 9999} for x in (SPEED, TOLERANCE)},
+        ["99980001 jobs"],
+    ),
+    "missing arm": ({}, {"arm": ["pmk3s", "none.urdf"]}, ["over.arm (item 2)", "none.urdf"]),
+    "no time": ({"limits": {"time": "0 s"}}, {}, ["limits.time", "above zero"]),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_said_in_one_sentence(name, planned):
+    more, over, words = WRONG[name]
+    with pytest.raises(InvalidInput) as caught:
+        list(read_plan(planned(over) | more).digests())
+    said = str(caught.value)
+    assert [x for x in ("the plan", *words) if x not in said] == []
+    assert said[-1] in ".?)" and "\n" not in said
+
+
+def test_a_key_that_the_run_has_itself_has_no_effect(planned, jobs, refuses):
+    text = (jobs / "bend.yaml").read_text()
+    own = text.replace("only: {", "only: {limits: {speed: 0.2 m/s}, corners: {tolerance: 2 mm}, ")
+    (jobs / "own.yaml").write_text(own)
+    for key in (SPEED, TOLERANCE):
+        data = planned({key: [0.1]}) | {"job": str(jobs / "own.yaml")}
+        refuses(lambda data=data: read_plan(data), InvalidInput, "no effect", f"runs.only.{key}")
+    # Another limit than the one that the run has.
+    assert len(read_plan(planned({"limits.tool_acceleration": [1, 2]}) | {"job": data["job"]})) == 2
+
+
+def test_values_that_only_go_together_are_not_refused_alone(planned):
+    over = {"servo.order": ["second", "first"], "servo.kv": [150, None]}
+    plan = read_plan(planned(over, combine="zip"))
+    base = plan.bases[0]
+    orders = [base.job(base.at(plan.keys, plan.values(k))).servo.order for k in range(2)]
+    assert orders == ["second", "first"]
