@@ -58,7 +58,16 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 <joint name="end" type="fixed"><parent link="four"/><child link="tcp"/>
 <origin xyz="0.18 0 0"/></joint></robot>
 """
-FILES = {"part.svg": DRAWING, "robot.urdf": ROBOT, "plan.yaml": b"{job: job.yaml, do: teach}"}
+# A tetrahedron, and a scene with a ball.
+MESH = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+BALL = b"(cell)+\n* ball\n1\nsphere\n0.1\n0 0 -2\n0 0 0 1\n0 0 0 0\n.\n"
+FILES = {
+    "part.svg": DRAWING,
+    "robot.urdf": ROBOT,
+    "plan.yaml": b"{job: job.yaml, do: teach}",
+    "body.obj": MESH,
+    "cell.scene": BALL,
+}
 
 SERVO = {"kp": 25.0, "kv": 150.0}
 # An arm in the plane and a path of two lines, of which a run takes a moment.
@@ -212,6 +221,27 @@ _FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.0, "settled": 1.5}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
+_SIZES: dict[str, dict[str, Any]] = {
+    "boxes": {"size": [0.1, 0.1, 0.1]},
+    "cylinders": {"radius": 0.05, "length": 0.1},
+    "spheres": {"radius": 0.05},
+    "capsules": {"radius": 0.05, "length": 0.1},
+    "halfspaces": {},
+    "meshes": {"file": "body.obj"},
+}
+_BODY_TURNS: tuple[dict[str, Any], ...] = (
+    {"rpy": [0.0, 0.0, 0.0]},
+    {"quaternion": [0.0, 0.0, 0.0, 1.0]},
+)
+
+
+def _bodies(*kinds: str, **more: Any) -> dict[str, Any]:
+    """Bodies of some kinds below everything, one of each."""
+    at = [0.0, 0.0, -2.0]
+    return {x: [{"name": f"a {x}", "at": at, **_SIZES[x], **more}] for x in kinds}
+
+
+_MOVING = tuple(x for x in _SIZES if x != "halfspaces")
 # The schema allows them, but what they stand in is refused whatever the number is.
 NEVER: set[Place] = {
     # Only a .xacro has arguments, and no job can trust one.
@@ -221,6 +251,13 @@ NEVER: set[Place] = {
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
+    # Obstacles have margins, and half-spaces stand still.
+    *(("arm", *x, kind, 0, "margin") for x in (("shapes",), ("tool", "shapes")) for kind in _SIZES),
+    *(
+        ("arm", *x, "halfspaces", 0, key, 0)
+        for x in (("shapes",), ("tool", "shapes"))
+        for key in ("at", "rpy", "quaternion", "normal")
+    ),
 }
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
@@ -291,6 +328,22 @@ BASES: list[dict[str, Any]] = [
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
+    *(_with(SPACE, scene=_bodies(*_SIZES, margin=0.01, **x)) for x in _BODY_TURNS),
+    _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
+    _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
+    *(
+        _with(SPACE, scene={"files": [
+            {"file": "cell.scene", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
+        ]})
+        for x in _BODY_TURNS
+    ),
+    *(_with(SPACE, arm={"tool": {"shapes": _bodies(*_MOVING, **x)}}) for x in _BODY_TURNS),
+    *(_with(SPACE, arm={"shapes": _bodies(*_MOVING, link="base", **x)}) for x in _BODY_TURNS),
+    *(
+        _with(SPACE, arm=of(_bodies(*_SIZES, margin=0.01, **x)))
+        for of in (lambda x: {"tool": {"shapes": x}}, lambda x: {"shapes": x})
+        for x in (*_BODY_TURNS, {"normal": [0.0, 0.0, 1.0]})
+    ),
 ]  # fmt: skip
 
 

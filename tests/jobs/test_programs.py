@@ -207,6 +207,7 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation() -> None:
         "rounding",
         "tracing",
         "timing",
+        "clearance",
         "compensation",
         "execution",
         "evaluation",
