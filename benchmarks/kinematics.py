@@ -24,7 +24,7 @@ from armcontour.motion import quintic
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import FirstPoses, pose_derivatives_at, poses_at
+from armcontour.tracing.poses import FirstPoses, motion_at
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -150,4 +150,4 @@ def verified(
 
 def _evaluate(task: Task) -> tuple[FloatArray, FloatArray]:
     knots = task.knots
-    return poses_at(task.path, knots, knots.u0), pose_derivatives_at(task.path, knots, knots.u0)
+    return motion_at(task.path, knots, knots.u0)
