@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 
 from armcontour._checks import FloatArray
@@ -72,7 +70,7 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
         widths.append(line)
         if cut[k + 1] > 0:
             r = cut[k + 1]
-            # From r before the corner to r behind it; dq_ds turns from one way to the next.
+            # From r before the corner to r after it; dq_ds turns from one way to the next.
             rows.append([postures[k + 1] - r * way, 2 * r * way, r * (ways[k + 1] - way)])
             widths.append(2 * r)
     coefficients = np.zeros((len(rows), 6, postures.shape[1]))
@@ -87,33 +85,40 @@ def _search(
     low = np.maximum(np.minimum(first, last) - AROUND, ranges[0])
     high = np.minimum(np.maximum(first, last) + AROUND, ranges[1])
     random = np.random.default_rng(0)
-    left = _counted(cell)
+    lines = _Lines(cell)
     trees = _Tree(first), _Tree(last)
-    while True:
+    while lines.left > 0:
         goal = random.uniform(low, high)
         for a, b in (trees, trees[::-1]):
-            try:
-                reached = a.grow(goal, left)
-                if reached is None:
-                    continue
-                met = b.grow(a.postures[reached], left, whole=True)
-            except StopIteration:
-                return None
+            reached = a.grow(goal, lines)
+            if reached is None:
+                continue
+            met = b.grow(a.postures[reached], lines, whole=True)
             if met is not None and np.array_equal(b.postures[met], a.postures[reached]):
                 ends = (a.back(reached), b.back(met))
                 begin, rest = ends if a is trees[0] else ends[::-1]
                 return np.array([*begin[::-1], *rest[1:]])
+    return None
 
 
-def _counted(cell: Cell) -> Callable[[FloatArray, FloatArray], bool]:
-    """Whether the line between two postures is clear; it raises StopIteration after many lines."""
-    pieces: Iterator[int] = iter(range(MOST_PIECES))
+class _Lines:
+    """Straight lines in joint space, of which a limited number is looked at.
 
-    def clear(first: FloatArray, last: FloatArray) -> bool:
-        next(pieces)
-        return cell.keeps(JointPath.spline([first, last]))
+    Args:
+        cell: The arm and its cell.
 
-    return clear
+    Attributes:
+        left: How many more are looked at.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self._cell = cell
+        self.left = MOST_PIECES
+
+    def clear(self, first: FloatArray, last: FloatArray) -> bool:
+        """Whether the line between two postures is clear; none is after the last one looked at."""
+        self.left -= 1
+        return self.left >= 0 and self._cell.keeps(JointPath.spline([first, last]))
 
 
 class _Tree:
@@ -127,18 +132,12 @@ class _Tree:
         self.postures = [root]
         self.parents = [0]
 
-    def grow(
-        self,
-        goal: FloatArray,
-        clear: Callable[[FloatArray, FloatArray], bool],
-        *,
-        whole: bool = False,
-    ) -> int | None:
+    def grow(self, goal: FloatArray, lines: _Lines, *, whole: bool = False) -> int | None:
         """Grow from the nearest posture towards a goal; index of the last new posture, or None.
 
         Args:
             goal: The goal [rad], (dof,).
-            clear: Whether the line between two postures is clear.
+            lines: The lines of the search.
             whole: Whether to go on until the goal, not for one step only.
         """
         rows = np.array(self.postures)
@@ -151,7 +150,7 @@ class _Tree:
                 return k
             ends = length <= STEP
             new = goal if ends else self.postures[k] + way * (STEP / length)
-            if not clear(self.postures[k], new):
+            if not lines.clear(self.postures[k], new):
                 return found
             self.postures.append(new)
             self.parents.append(k)

@@ -16,7 +16,6 @@ from armcontour.scene import ArmShapes, LeftOut, Mesh, Scene, Shape
 from armcontour.scene.scene import BASE, TOOL
 
 ENVIRONMENT, OWN = "environment", "own"
-KINDS = (ENVIRONMENT, OWN, TOOL)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,7 +28,6 @@ class Body:
         shape: The shape.
         place: The frame of the shape, in the frame of the link.
         exact: The body itself, where the shape is a larger one.
-        obstacle: Whether it belongs to the scene.
         tool: Whether it belongs to the tool.
     """
 
@@ -38,7 +36,6 @@ class Body:
     shape: Shape
     place: Frame
     exact: Shape | None = None
-    obstacle: bool = False
     tool: bool = False
 
 
@@ -155,7 +152,7 @@ def _with_obstacles(
         hull, exact = x.shape, None
         if isinstance(hull, Mesh) and hull.triangles is not None:
             hull, exact = hull.hull, hull
-        obstacle = Body(name=x.name, link=0, shape=hull, place=place, exact=exact, obstacle=True)
+        obstacle = Body(name=x.name, link=0, shape=hull, place=place, exact=exact)
         for body in own:
             of_kind = scene.margins.tool if body.tool else scene.margins.environment
             margin = of_kind if x.margin is None else x.margin

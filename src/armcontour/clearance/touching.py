@@ -47,10 +47,7 @@ def leave_out_touching(arm: Arm) -> ArmShapes:
 
 def _postures(arm: Arm) -> FloatArray:
     """All joints at 0, and postures spread over the ranges of the joints [rad], (n, dof)."""
-    low, high = np.full((2, arm.dof), np.pi) * [[-1], [1]]
-    if arm.limits.joint_lower is not None and arm.limits.joint_upper is not None:
-        low = np.clip(arm.limits.joint_lower, -np.pi, np.pi)
-        high = np.clip(arm.limits.joint_upper, -np.pi, np.pi)
+    low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
     # Square roots of primes spread evenly, each joint in an order of its own.
     steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
     steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])

@@ -16,13 +16,11 @@ from armcontour._kernels import compiled
 from armcontour.motion._intervals import law_of_squares
 from armcontour.timing._block import ENDS, count_blocks
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
-from armcontour.timing._joint_limits import FOUND, LEFT, TOO_MUCH, at_points
+from armcontour.timing._joint_limits import FOUND, LEFT, TOO_MUCH, at_points, reach_ends
 from armcontour.timing._reach import (
     BELOW_CEILING,
     BINDING,
-    PLAY,
     pack,
-    reach,
     skew_along_discs,
     skew_along_rows,
 )
@@ -203,26 +201,7 @@ def _drag(
     return a, b, low, high, along, aside
 
 
-@compiled(inner=True, allocates=True)
-def _reach(
-    width: FloatArray,
-    packed: FloatArray,
-    ceiling: FloatArray,
-    curvature: FloatArray,
-    radius: FloatArray,
-    shifts: FloatArray,
-    rules: Rules,
-) -> tuple[FloatArray, bool]:
-    """The largest x at all points, and whether both ends have the speeds that are asked for."""
-    n, start, end = len(width), rules.start, rules.end
-    if start > ceiling[0] * (1 + PLAY) or end > ceiling[n] * (1 + PLAY):
-        return ceiling, False
-    first, last = min(start, ceiling[0]), min(end, ceiling[n])
-    x, _, stuck = reach(width, packed, ceiling, curvature, radius, shifts, first, last)
-    return x, stuck < 0 and x[n] >= last * (1 - PLAY)
-
-
-@compiled(inner=True, allocates=True)
+@compiled(inner=True)
 def _lower(ends: FloatArray, fixed: FloatArray, shifts: FloatArray) -> None:
     """Lower ceilings, (2, n), to fixed ones, and by how far x lies above its chord.
 
@@ -310,7 +289,7 @@ def plan_roughly(
             pack(width, none, first, second, low, high, no_margin, 0, packed, lost)
         if lines:
             pack(width, none, a, b, floor, top, no_margin, rows, packed, lost)
-        x, sound = _reach(width, packed, ceiling, *discs, none, rules)
+        x, sound = reach_ends(width, packed, ceiling, *discs, none, rules.start, rules.end)
         if not sound:
             return x, skew, False
         if k == rules.tangents or not torques.drag.shape[1]:
@@ -523,7 +502,8 @@ def plan_in_brackets(
                 return best, best_skew, lost, FOUND if duration < math.inf else TOO_MUCH
             continue
         ceiling = at_points(ends, fine.stops)
-        x, sound = _reach(width, packed, ceiling, fine.curvature, radius, shifts, rules)
+        discs = fine.curvature, radius
+        x, sound = reach_ends(width, packed, ceiling, *discs, shifts, rules.start, rules.end)
         if not sound:
             if duration == math.inf and n > rules.fine_enough:
                 return x, skew, lost, LEFT

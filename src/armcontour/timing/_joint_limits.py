@@ -82,21 +82,33 @@ def at_points(ceiling: FloatArray, stops: IntArray) -> FloatArray:
 
 
 @compiled(inner=True, allocates=True)
-def _reach(
+def reach_ends(
     width: FloatArray,
     packed: FloatArray,
     ceiling: FloatArray,
+    curvature: FloatArray,
+    radius: FloatArray,
     shifts: FloatArray,
     start: float,
     end: float,
 ) -> tuple[FloatArray, bool]:
-    """The largest x at all points, and whether both ends have the speeds that are asked for."""
+    """The largest x at all points, and whether both ends have the speeds that are asked for.
+
+    Args:
+        width: As in `reach`, as `packed`, `ceiling`, `curvature`, `radius` and `shifts`.
+        packed: See above.
+        ceiling: See above.
+        curvature: See above.
+        radius: See above.
+        shifts: See above.
+        start: ds² at the start.
+        end: ds² at the end.
+    """
     n = len(width)
     if start > ceiling[0] * (1 + PLAY) or end > ceiling[n] * (1 + PLAY):
         return ceiling, False
     first, last = min(start, ceiling[0]), min(end, ceiling[n])
-    no_disc, no_radius = np.empty((2, 0)), np.empty(0)
-    x, _, stuck = reach(width, packed, ceiling, no_disc, no_radius, shifts, first, last)
+    x, _, stuck = reach(width, packed, ceiling, curvature, radius, shifts, first, last)
     return x, stuck < 0 and x[n] >= last * (1 - PLAY)
 
 
@@ -137,7 +149,8 @@ def _first_pass(
         _put_ceiling(of, fixed, begin, ceiling)
     highest = at_points(ceiling, stops)
     width = s[1:] - s[:-1]
-    x, sound = _reach(width, packed, highest, none, start, end)
+    no_discs = np.empty((2, 0)), np.empty(0)
+    x, sound = reach_ends(width, packed, highest, *no_discs, none, start, end)
     if sound:
         _steer_along_joints(width, ends, own, x, highest, skew)
     return x, skew, sound
@@ -317,6 +330,7 @@ def plan_in_one_go(
     dips, left = np.empty(n, np.bool_), np.empty(n, np.bool_)
     block, c, ends = np.empty(INTERVAL), np.empty((dof, 5 * B)), np.empty((dof, ENDS))
     shifts, ceiling, known = np.empty(n), np.empty((2, n)), -1
+    no_discs = np.empty((2, 0)), np.empty(0)
     for _ in range(tries):
         largest, smallest = bound_x(most, least, ratio, skew, width)
         for i in range(n):
@@ -346,7 +360,8 @@ def plan_in_one_go(
             if not changed:
                 return x, skew, lost, TOO_MUCH
             continue
-        x, sound = _reach(width, packed, at_points(ceiling, stops), shifts, start, end)
+        highest = at_points(ceiling, stops)
+        x, sound = reach_ends(width, packed, highest, *no_discs, shifts, start, end)
         if not sound:
             return x, skew, lost, LEFT
         any_dips, any_left = judge(
