@@ -405,8 +405,7 @@ def _block(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
     """A mapping or list in lines of its own, of which the first is not indented."""
     if isinstance(value, dict):
         lines = [
-            flow_text(key) + ":" + _after(x, column, eol, in_list=False)
-            for key, x in value.items()
+            flow_text(key) + ":" + _after(x, column, eol, in_list=False) for key, x in value.items()
         ]
     else:
         lines = ["-" + _after(x, column, eol, in_list=True) for x in value]

@@ -65,3 +65,16 @@ class FastLane:
                 # The lane goes on: the next edit may do without what failed here.
                 told = f"The preview failed: {type(error).__name__}: {error}"
                 self._deliver(Frame("notice", {"sentence": told}))
+
+
+class SlowLane:
+    """stub"""
+
+    def __init__(self, deliver):
+        self._deliver = deliver
+
+    def submit(self, id, task, request):
+        self._deliver(Frame("failed", {"id": id, "sentence": "not yet"}))
+
+    def cancel(self, id): ...
+    def close(self): ...
