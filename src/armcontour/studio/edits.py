@@ -17,9 +17,11 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, quaternions, to_rpy
 from armcontour.io.job_edits import Change, Key, Keys
+from armcontour.io.job_file import COMPENSATION_OPTIONS, TIMING_OPTIONS
 from armcontour.io.job_model import FrameModel, JobModel
 from armcontour.io.si_data import in_si, quantity_of
 from armcontour.io.units import unit_of, write_like
+from armcontour.jobs import Job, Run
 from armcontour.studio.converting import waypoint_changes
 from armcontour.studio.handles import (
     BODIES,
@@ -36,6 +38,9 @@ from armcontour.studio.handles import (
     Waypoint,
 )
 
+SHARP = "sharp"
+# The tolerance of corners that were sharp before.
+FIRST_TOLERANCE = "1 mm"
 # Largest number of a waypoint.
 MOST_POINTS = 10_000_000
 # Keys of lists of obstacles by the names of their kinds.
@@ -147,8 +152,70 @@ def value_at(data: Any, keys: Keys) -> Any:
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
-    keys = place_of(edit["key"], state)
-    return [Change(keys, _written(edit["value"], value_at(state.data, keys), keys))]
+    keys, value = place_of(edit["key"], state), edit["value"]
+    if keys[-2:] == ("corners", "shape"):
+        return _set_shape(keys, value, state)
+    joint, of = keys[-1], value_at(state.data, keys[:-1])
+    if isinstance(joint, int) and not isinstance(of, list | dict):
+        return [Change(keys[:-1], _for_joints(keys, value, of, state))]
+    changes = [Change(keys, _written(value, value_at(state.data, keys), keys))]
+    for name, options in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
+        if keys[-2:] == (name, "method"):
+            # What goes with another method would be refused.
+            others = (x for x, method in options.items() if method != value)
+            there = value_at(state.data, keys[:-1]) or {}
+            changes += [Change((*keys[:-1], x)) for x in others if x in there]
+    return changes
+
+
+def _set_shape(keys: Keys, shape: Any, state: EditState) -> list[Change]:
+    """Set the shape of the corners, of which sharp ones are no shape in the file."""
+    own = value_at(state.data, keys[:-1])
+    if shape == SHARP:
+        return [Change(keys[:-1], SHARP)]
+    if isinstance(own, dict):
+        return [Change(keys, shape)]
+    return [Change(keys[:-1], {"shape": shape, "tolerance": FIRST_TOLERANCE})]
+
+
+def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
+    """One value per joint, where there was one for all: one of them is new.
+
+    Raises:
+        InvalidInput: The key has no values of joints, or there is no such joint.
+    """
+    *outer, joint = keys
+    now = joint_values(tuple(outer), state.handles.job, state.run)
+    if now is None:
+        raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
+    _checks.whole("number of the joint", joint, 0, len(now) - 1)
+    si = [value if k == joint else float(x) for k, x in enumerate(now)]
+    return [_written(x, old, (*outer, k)) for k, x in enumerate(si)]
+
+
+def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
+    """The values of all joints for limits and gains of a run in SI units, (dof,); None for others.
+
+    Args:
+        keys: The keys, such as limits and joint_velocity, or servo and kp.
+        job: The job.
+        run: The name of the run.
+    """
+    sources: dict[Key, Any] = {"limits": run_of(job, run).limits, "servo": job.servo}
+    found = getattr(sources.get(keys[-2]), str(keys[-1]), None)
+    return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
+
+
+def run_of(job: Job, name: str) -> Run:
+    """The run of a job with a name.
+
+    Raises:
+        InvalidInput: There is no such run.
+    """
+    for x in job.runs:
+        if x.name == name:
+            return x
+    raise InvalidInput(f"The job has no run {show(name)}.")
 
 
 def _written(value: Any, old: Any, keys: Keys) -> Any:
@@ -156,14 +223,13 @@ def _written(value: Any, old: Any, keys: Keys) -> Any:
 
     A number without a unit that somebody typed has the unit of the old value.
     """
+    if isinstance(value, list):
+        olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
+        pairs = enumerate(zip(value, olds, strict=True))
+        return [_written(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
     if kind is None or isinstance(value, bool):
         return value
-    if isinstance(value, list):
-        olds = old if isinstance(old, list) and len(old) == len(value) else [None] * len(value)
-        return [
-            _written(x, y, (*keys, k)) for k, (x, y) in enumerate(zip(value, olds, strict=True))
-        ]
     if isinstance(value, str):
         number = plain_number(value)
         return value if number is None else _typed(value.strip(), old, kind)
