@@ -173,21 +173,39 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
         Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
         or by a few units in the last place of a float.
     """
-    if old is None:
-        old = kind.example
-    if not isinstance(old, str):
-        found = float(_shortest(value, value, lambda x: float(x), within))
-        return int(found) if isinstance(old, int) and found == int(found) else found
-    pattern = PERCENT if kind.unit == "1" else QUANTITY
-    match = pattern.fullmatch(old)
-    if match is None:
-        return write_like(value, None, kind, within=within)
-    before, after = old[: match.start(1)], old[match.end(1) :]
+    found = _written(old, kind)
+    if found is None:
+        number = float(_shortest(value, value, float, within))
+        return int(number) if isinstance(old, int) and number == int(number) else number
+    before, after = found
     one = read_plain(f"{before}1{after}", kind)
-    number = _shortest(
-        value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within
-    )
-    return before + number + after
+    text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
+    return before + text + after
+
+
+def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
+    """The unit in which a quantity is written, and its size in SI units.
+
+    Args:
+        old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
+        kind: The kind of the quantity.
+    """
+    found = _written(old, kind)
+    if found is None:
+        return ("" if kind.unit == "1" else kind.unit), 1.0
+    return found[1].strip(), read_plain(f"1{found[1]}", kind)
+
+
+def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
+    """What is before and behind the number of a quantity; None for a plain number."""
+    if isinstance(old, int | float) and not isinstance(old, bool):
+        return None
+    pattern = PERCENT if kind.unit == "1" else QUANTITY
+    match = pattern.fullmatch(old) if isinstance(old, str) else None
+    if match is None:
+        old, match = kind.example, pattern.fullmatch(kind.example)
+    assert match is not None
+    return old[: match.start(1)], old[match.end(1) :]
 
 
 def read_plain(value: Any, kind: Quantity) -> float:
@@ -214,6 +232,8 @@ def _shortest(number: float, value: float, read: Callable[[str], float], within:
     """
     allowed = max(within, NOISE * abs(value))
     text = "0"
+    if abs(value) <= allowed:
+        return text
     for digits in range(1, 18):
         text = _positional(f"{number:.{digits}g}")
         if abs(read(text) - value) <= allowed:

@@ -190,7 +190,7 @@ class Part:
     def part(self, key: Any) -> Part | None:
         """The value of a key or a position."""
         if isinstance(self.node, yaml.SequenceNode):
-            return self.parts[key]
+            return self.parts[int(key)]
         return next((x for x in self.parts if type(x.key) is type(key) and x.key == key), None)
 
     def replace(self, old: Any, new: Any) -> list[Splice]:
@@ -405,8 +405,7 @@ def _block(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
     """A mapping or list in lines of its own, of which the first is not indented."""
     if isinstance(value, dict):
         lines = [
-            flow_text(key) + ":" + _after(x, column, eol, in_list=False)
-            for key, x in value.items()
+            flow_text(key) + ":" + _after(x, column, eol, in_list=False) for key, x in value.items()
         ]
     else:
         lines = ["-" + _after(x, column, eol, in_list=True) for x in value]
