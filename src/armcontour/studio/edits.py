@@ -94,7 +94,7 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
         raise InvalidInput(f"The edit {do} lacks {error.args[0]}.") from None
 
 
-def place_of(key: str | Sequence[Key], state: EditState) -> Keys:
+def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Keys:
     """The keys at which a value of the job is set, for the run that is shown.
 
     A key of the run goes to the run. Limits, corners and the command interval go to the run if it
@@ -102,23 +102,24 @@ def place_of(key: str | Sequence[Key], state: EditState) -> Keys:
 
     Args:
         key: The key, such as "limits.speed" or "timing.method".
-        state: The job.
+        data: The data of the job file, as written.
+        run: The name of the run.
 
     Raises:
         InvalidInput: The key is empty.
     """
-    parts = key.split(".") if isinstance(key, str) else list(key)
+    parts: list[Key] = [*(key.split(".") if isinstance(key, str) else key)]
     if not parts or "" in parts:
         raise InvalidInput("A key is empty: write one such as limits.speed.")
     first = parts[0]
-    if first in OF_RUN or (first in OF_BOTH and _is_own(parts, state)):
-        parts = ["runs", state.run, *parts]
-    return _with_positions(parts, state.data)
+    if first in OF_RUN or (first in OF_BOTH and _is_own(parts, data, run)):
+        parts = ["runs", run, *parts]
+    return _with_positions(parts, data)
 
 
-def _is_own(parts: Sequence[Key], state: EditState) -> bool:
+def _is_own(parts: Sequence[Key], data: Mapping[str, Any], run: str) -> bool:
     """Whether a run has a value of its own in the place of the job's."""
-    own = (state.data["runs"].get(state.run) or {}).get(parts[0])
+    own = (data["runs"].get(run) or {}).get(parts[0])
     if parts[0] == "limits" and len(parts) > 1:
         return isinstance(own, dict) and parts[1] in own
     return own is not None
@@ -152,7 +153,7 @@ def value_at(data: Any, keys: Keys) -> Any:
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
-    keys, value = place_of(edit["key"], state), edit["value"]
+    keys, value = place_of(edit["key"], state.data, state.run), edit["value"]
     if keys[-2:] == ("corners", "shape"):
         return _set_shape(keys, value, state)
     joint, of = keys[-1], value_at(state.data, keys[:-1])
@@ -249,7 +250,7 @@ def _typed(number: str, old: Any, kind: Quantity) -> Any:
 
 def _unset(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a key."""
-    return [Change(place_of(edit["key"], state))]
+    return [Change(place_of(edit["key"], state.data, state.run))]
 
 
 def _move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -374,7 +375,7 @@ def _renumbered(index: int, by: int, state: EditState) -> list[Change]:
 def _corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set the tolerance of one corner; null takes it away."""
     index = _checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
-    keys = place_of(["corners", "at"], state)
+    keys = place_of(["corners", "at"], state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)
     if edit["value"] is None:
@@ -439,10 +440,11 @@ def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 def _obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Add, change or remove an obstacle."""
     action = _checks.choice("action", edit["action"], ("add", "change", "remove"))
-    kind = _checks.choice("kind of obstacles", BODY_KINDS.get(edit["kind"], edit["kind"]), BODIES)
+    named = str(edit["kind"])
+    kind = _checks.choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
     there = value_at(state.data, ("scene", kind)) or []
     if action == "add":
-        new = {"name": _free_name(edit.get("name") or edit["kind"], state)}
+        new = {"name": _free_name(edit.get("name") or named, state)}
         keys: Keys = ("scene", kind, len(there))
         given = {key: _written(x, None, (*keys, key)) for key, x in _body(edit).items()}
         return [Change(keys, {**new, **given}, insert=True)]
