@@ -343,6 +343,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
 
     # Only what should not happen is logged; no addresses of requests.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
+    logging.getLogger("uvicorn.access").disabled = True
     server = uvicorn.Server(
         uvicorn.Config(
             Guard(Server(door, desk), door),
