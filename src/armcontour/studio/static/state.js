@@ -13,7 +13,7 @@
 //   link                    listener(link state)      see link.js
 //   layout                  listener()                a region may have another size
 
-/** @typedef {Float32Array | Float64Array | Uint8Array | Uint32Array | Int32Array} Numbers */
+/** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
 /**
  * One frame of the server. `head` is its JSON header; `arrays` are views into the frame, row by row.
  * @typedef {{kind: string, seq: number | null, rev: number, head: any, arrays: Record<string, Numbers>,

@@ -5,7 +5,7 @@
 /** @typedef {import("./state.js").Numbers} Numbers */
 
 const TYPES = /** @type {Record<string, any>} */ ({
-  f4: Float32Array, f8: Float64Array, u1: Uint8Array, u4: Uint32Array, i4: Int32Array,
+  f4: Float32Array, f8: Float64Array, u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Array,
 });
 
 /**
@@ -20,7 +20,8 @@ export function unpack(bytes) {
   const arrays = {};
   /** @type {Record<string, number[]>} */
   const shapes = {};
-  for (const { name, type, shape, at } of head.arrays ?? []) {
+  for (const [name, told] of Object.entries(head.arrays ?? {})) {
+    const { type, shape, at } = /** @type {{type: string, shape: number[], at: number}} */ (told);
     const count = shape.reduce((/** @type {number} */ all, /** @type {number} */ n) => all * n, 1);
     arrays[name] = new TYPES[type](bytes, start + at, count);
     shapes[name] = shape;
