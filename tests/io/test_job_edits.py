@@ -41,10 +41,10 @@ def test_a_block_is_replaced_by_one_line_and_what_follows_stays() -> None:
     assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {}\n" in found
 
 
-def test_new_keys_come_first_in_their_mapping() -> None:
+def test_new_keys_come_last_in_their_mapping() -> None:
     found = set_keys(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
-    assert "limits: {tool: 2, speed: 1 m/s}  # of the tool" in found
-    assert "  # Before the work frame.\n  tool: 1\n  name: ur5e\n" in found
+    assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in found
+    assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in found
     assert "runs: {a: {b: 3}}" in found
 
 

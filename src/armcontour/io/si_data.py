@@ -67,8 +67,10 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
             found += _fields(kind).get(key, ())
             continue
         origin: Any = get_origin(kind)
-        if origin in (dict, Mapping) and isinstance(key, str):
-            found += _alternatives(get_args(kind)[1])
+        if origin in (dict, Mapping):
+            numbered = get_args(kind)[0] is int
+            if isinstance(key, int if numbered else str):
+                found += _alternatives(get_args(kind)[1])
         elif origin in (list, tuple) and isinstance(key, int):
             found += _alternatives(get_args(kind)[0])
     return tuple(found)
