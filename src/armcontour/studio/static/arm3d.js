@@ -1,7 +1,7 @@
 // The arm in its cell: shows the posture at the cursor, in WebGL, or as lines where there is none.
 
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
-import { PAINTS, boxOf, cellOf } from "./cell.js";
+import { PAINTS, cellOf, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
 import { jointsAt, motionOf } from "./motion.js";
 import { Readout } from "./readout.js";
@@ -12,6 +12,7 @@ import { passed, trailOf } from "./trail.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./motion.js").Motion} Motion */
 
@@ -28,7 +29,8 @@ const REST = 250;
 export function init(store, _link) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
-  for (const event of ["cursor", "pose", "view", "layout", "document", "refusal"]) store.on(event, view.draw);
+  for (const event of ["cursor", "view", "layout"]) store.on(event, view.draw);
+  store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
 /** The 3D view. Nothing is drawn while it is hidden, or while nothing changes. */
@@ -51,6 +53,8 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** @type {Frame | null} the newest answer to a question for a posture */
+    this.exact = null;
     this.frames = new Rate();
     this.draw = oncePerFrame(() => this.drawNow());
     this.canvas = make("canvas", {
@@ -116,6 +120,16 @@ class ArmView {
    */
   outdate(what) {
     this.stale.add(what);
+    this.exact = null;
+    this.draw();
+  }
+
+  /**
+   * The server's joint positions for a time; they are of the motion that is shown until that changes.
+   * @param {Frame} frame
+   */
+  takePose(frame) {
+    this.exact = frame;
     this.draw();
   }
 
@@ -210,10 +224,9 @@ class ArmView {
    * @returns {number[] | null}
    */
   exactPose(t) {
-    const pose = this.store.latest("pose");
-    const picture = this.store.latest("picture");
-    if (!pose || !this.motion || pose.head.of !== this.motion.of || pose.rev !== picture?.rev) return null;
-    return Math.abs(pose.head.t - t) < SAME_TIME ? [...(pose.arrays.q ?? pose.head.q)] : null;
+    const { exact, motion } = this;
+    if (!exact || exact.head.of !== motion?.of || Math.abs(exact.head.t - t) > SAME_TIME) return null;
+    return [...(exact.arrays.q ?? exact.head.q)];
   }
 
   /**
@@ -226,8 +239,7 @@ class ArmView {
     const key = `${cell.name} ${cell.chain.joints.length}`;
     if (key === this.fitted) return;
     this.fitted = key;
-    const box = boxOf(cell, links, this.motion?.trail ?? new Float32Array());
-    this.camera.fit(box.low, box.high, aspect);
+    this.camera.fit(pointsOf(cell, links, this.motion?.trail ?? new Float32Array()), aspect);
   }
 
   /**

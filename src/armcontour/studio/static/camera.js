@@ -13,6 +13,9 @@ const VIEWS = {
 /** Names of the views, in the order of their buttons. */
 export const VIEW_NAMES = /** @type {View[]} */ (Object.keys(VIEWS));
 
+/** What is seen when all is to be seen: so much more. */
+const ROOM = 1.12;
+
 /** Where one looks from: z is up. */
 export class Camera {
   constructor() {
@@ -65,22 +68,15 @@ export class Camera {
   }
 
   /**
-   * See all of a box.
-   * @param {number[]} low (3,)
-   * @param {number[]} high (3,)
+   * See all of some points.
+   * @param {ArrayLike<number>[]} points (n, 3)
    * @param {number} aspect width of the picture by its height
    */
-  fit(low, high, aspect) {
-    const middle = (/** @type {number} */ k) => (low[k] + high[k]) / 2;
-    this.target = [middle(0), middle(1), middle(2)];
-    const { across, over } = this.axes();
-    let [wide, tall] = [0, 0];
-    for (let corner = 0; corner < 8; corner += 1) {
-      const d = [0, 1, 2].map((k) => (corner & (1 << k) ? high[k] : low[k]) - this.target[k]);
-      wide = Math.max(wide, Math.abs(dot(d, across)));
-      tall = Math.max(tall, Math.abs(dot(d, over)));
-    }
-    this.reach = Math.max(0.005, 1.08 * Math.max(tall, wide / aspect));
+  fit(points, aspect) {
+    const { across, over, eye } = this.axes();
+    const [x, y, z] = [across, over, eye].map((axis) => rangeOf(points.map((p) => dot(p, axis))));
+    for (let k = 0; k < 3; k += 1) this.target[k] = x.middle * across[k] + y.middle * over[k] + z.middle * eye[k];
+    this.reach = Math.max(0.005, ROOM * Math.max(y.half, x.half / aspect));
   }
 
   /**
@@ -110,6 +106,13 @@ export class Camera {
   }
 }
 
+/** @param {number[]} values @returns {{middle: number, half: number}} */
+function rangeOf(values) {
+  const low = values.reduce((a, b) => Math.min(a, b), Infinity);
+  const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+  return { middle: (low + high) / 2, half: (high - low) / 2 };
+}
+
 /**
  * @param {ArrayLike<number>} a
  * @param {ArrayLike<number>} b
@@ -119,7 +122,7 @@ function dot(a, b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/** Pixels of the keys, and how far they turn [rad] or move. */
+/** How far a key turns [rad]. */
 const KEY_TURN = 0.1;
 
 /**

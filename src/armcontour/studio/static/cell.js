@@ -10,7 +10,7 @@ import { Chain, compose, place, poseOf } from "./kinematics.js";
  * @typedef {object} Body
  * @property {string} name
  * @property {number} link 0 is the base, and what stands still
- * @property {string} colour "link", "tool", "obstacle" or "table"
+ * @property {string} colour "link", "tool", "obstacle", "part" or "table"
  * @property {Numbers} triangles corners in the body's frame [m], 9 numbers a triangle
  * @property {Pose} at the body's frame in the frame of the link
  */
@@ -40,11 +40,11 @@ import { Chain, compose, place, poseOf } from "./kinematics.js";
 export const PAINTS = /** @type {Record<string, Paint>} */ ({
   light: {
     ground: "#f4f5f7", ink: "#1c1f24", grid: "#d5d9df", axis: "#aab1bb", tip: "#1c1f24",
-    bodies: { link: "#b9c3d0", tool: "#7b8794", obstacle: "#e69f00", table: "#d9cfbf" },
+    bodies: { link: "#b9c3d0", tool: "#7b8794", obstacle: "#e69f00", table: "#d9d3c8", part: "#c7d6c9" },
   },
   dark: {
     ground: "#14171c", ink: "#e8eaee", grid: "#2a2f37", axis: "#4a525e", tip: "#ffffff",
-    bodies: { link: "#8593a6", tool: "#c2cad4", obstacle: "#e69f00", table: "#4d463b" },
+    bodies: { link: "#8593a6", tool: "#c2cad4", obstacle: "#e69f00", table: "#3a3730", part: "#4f6354" },
   },
 });
 
@@ -99,28 +99,33 @@ function sizeOf(limbs) {
   return Math.max(0.05, sum);
 }
 
+/** So many points of every body and of the path are looked at. */
+const FEW = 150;
+
 /**
- * A box around the arm in a posture, the path and the obstacles, in the frame of the base.
+ * Points of the arm in a posture, of the path and of obstacles, in the frame of the base.
  * @param {Cell} cell
  * @param {Pose[]} links
  * @param {Numbers} trail tool points in the work frame [m], (n, 3)
- * @returns {{low: number[], high: number[]}}
+ * @returns {Point[]}
  */
-export function boxOf(cell, links, trail) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  const take = (/** @type {ArrayLike<number>} */ p) => {
-    for (let k = 0; k < 3; k += 1) {
-      low[k] = Math.min(low[k], p[k]);
-      high[k] = Math.max(high[k], p[k]);
-    }
-  };
-  for (const x of cell.limbs) [x.from, x.to].forEach((p) => take(place(links[x.link], p)));
-  const step = Math.max(1, Math.floor(trail.length / 3 / 200)) * 3;
-  for (let k = 0; k + 2 < trail.length; k += step) take(place(cell.work, trail.subarray(k, k + 3)));
-  for (const body of cell.bodies.filter((x) => x.colour !== "table")) {
-    const frame = compose(links[body.link], body.at);
-    for (let k = 0; k + 2 < body.triangles.length; k += 9) take(place(frame, body.triangles.subarray(k, k + 3)));
+export function pointsOf(cell, links, trail) {
+  const found = cell.limbs.flatMap((x) => [x.from, x.to].map((p) => place(links[x.link], p)));
+  found.push(...sampled(trail, cell.work));
+  for (const body of cell.bodies) {
+    if (body.colour !== "table") found.push(...sampled(body.triangles, compose(links[body.link], body.at)));
   }
-  return { low, high };
+  return found;
+}
+
+/**
+ * @param {Numbers} points (n, 3)
+ * @param {Pose} frame
+ * @returns {Point[]}
+ */
+function sampled(points, frame) {
+  const step = 3 * Math.max(1, Math.floor(points.length / 3 / FEW));
+  const found = /** @type {Point[]} */ ([]);
+  for (let k = 0; k + 2 < points.length; k += step) found.push(place(frame, points.subarray(k, k + 3)));
+  return found;
 }

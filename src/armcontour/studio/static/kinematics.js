@@ -8,7 +8,7 @@
  * @property {number} parent the link that carries the joint
  * @property {number[]} axis unit vector, in the joint's frame
  * @property {number[][]} origin the joint's frame at zero in the frame of `parent`, 4x4
- * @property {[number, number]|null} [limits]
+ * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
  */
 
 /**

@@ -29,7 +29,9 @@ export function motionOf(store, of) {
   if (!t?.length || !q?.length) return null;
   const dof = q.length / t.length;
   const trailTimes = of === "planned" ? pathTimes : t;
-  return { of, t, q, dof, duration: t[t.length - 1], trail: xyz, trailTimes };
+  // The last time is in single precision, which may be after the end.
+  const duration = of === "planned" ? frame.head.duration : t[t.length - 1];
+  return { of, t, q, dof, duration, trail: xyz, trailTimes };
 }
 
 /**

@@ -41,7 +41,9 @@ export class Readout {
     this.cell = cell;
     this.cells = cell.chain.joints.map(() => make("td"));
     const rows = cell.chain.joints.map((joint, k) => {
-      const range = joint.limits ? joint.limits.map((x) => positionText(joint.type, x)).join(" to ") : "no limit";
+      const [low, high] = joint.limits ?? [null, null];
+      const bound = (/** @type {number | null} */ x) => (x === null ? "no limit" : positionText(joint.type, x));
+      const range = low === null && high === null ? "no limit" : `${bound(low)} to ${bound(high)}`;
       return make("tr", {}, [make("th", { scope: "row", text: joint.name }), this.cells[k], make("td", { text: range })]);
     });
     this.body.replaceChildren(...rows);

@@ -17,7 +17,9 @@ const BEFORE = 0.01;
 export class Ribbon {
   constructor() {
     this.thick = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ vertexColors: true, side: DoubleSide }));
-    this.thin = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true }));
+    this.thin = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true, depthTest: false, transparent: true, opacity: 0.55 }));
+    // What is before the tool is seen through the arm.
+    this.thin.renderOrder = 1;
     for (const x of [this.thick, this.thin]) x.frustumCulled = false;
     /** Ends of the pieces in the frame of the base [m]. */
     this.ends = new Float32Array();

@@ -63,7 +63,7 @@ export class Scene3D {
     this.work = cell.work;
     this.addFloor(cell, paint);
     const size = cell.size;
-    this.tip.scale.setScalar(size * 0.012);
+    this.tip.scale.setScalar(size * 0.008);
     this.repaint(paint);
   }
 

@@ -6,6 +6,7 @@ import { kindAt } from "./strokes.js";
 
 /** @typedef {import("./motion.js").Motion} Motion */
 /** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./state.js").Numbers} Numbers */
 /**
  * @typedef {object} Trail
  * @property {Float32Array} ends of its pieces in the work frame [m], (n, 6)
@@ -23,29 +24,54 @@ const MOST_PIECES = 4000;
  * @param {"light" | "dark"} theme
  * @returns {Trail}
  */
-export function trailOf({ trail, trailTimes }, picture, theme) {
-  const count = Math.min(trail.length / 3, trailTimes.length);
-  const step = Math.max(1, Math.ceil((count - 1) / MOST_PIECES));
-  const pieces = Math.max(0, Math.ceil((count - 1) / step));
-  const ends = new Float32Array(6 * pieces);
-  const colours = new Float32Array(6 * pieces);
-  const times = new Float64Array(pieces);
-  /** @type {Map<string, number[]>} */
+export function trailOf(motion, picture, theme) {
+  const all = [...runsOf(motion, picture)].sort((a, b) => motionTime(a) - motionTime(b));
+  const count = all.reduce((sum, x) => sum + x.times.length - 1, 0);
+  const step = Math.max(1, Math.ceil(count / MOST_PIECES));
+  const ends = /** @type {number[]} */ ([]);
+  const colours = /** @type {number[]} */ ([]);
+  const times = /** @type {number[]} */ ([]);
   const known = new Map();
-  for (let k = 0; k < pieces; k += 1) {
-    const [from, to] = [k * step, Math.min((k + 1) * step, count - 1)];
-    for (let j = 0; j < 3; j += 1) {
-      ends[6 * k + j] = trail[3 * from + j];
-      ends[6 * k + 3 + j] = trail[3 * to + j];
+  for (const { points, times: at, rapid } of all) {
+    for (let from = 0; from < at.length - 1; from += step) {
+      const to = Math.min(from + step, at.length - 1);
+      const kind = rapid ? "other" : kindAt(picture, indexAt(picture.arrays.path_t, at[from]));
+      const colour = known.get(kind) ?? channels(styleOf(kind, theme).colour);
+      known.set(kind, colour);
+      ends.push(...points.subarray(3 * from, 3 * from + 3), ...points.subarray(3 * to, 3 * to + 3));
+      colours.push(...colour, ...colour);
+      times.push(at[to]);
     }
-    const kind = kindAt(picture, indexAt(picture.arrays.path_t, trailTimes[from]));
-    const colour = known.get(kind) ?? channels(styleOf(kind, theme).colour);
-    known.set(kind, colour);
-    colours.set(colour, 6 * k);
-    colours.set(colour, 6 * k + 3);
-    times[k] = trailTimes[to];
   }
-  return { ends, colours, times };
+  return { ends: Float32Array.from(ends), colours: Float32Array.from(colours), times: Float64Array.from(times) };
+}
+
+/** @typedef {{points: Numbers, times: Numbers, rapid: boolean}} Stretch */
+
+/**
+ * Contours and the ways between them; an executed motion is one stretch.
+ * @param {Motion} motion
+ * @param {Frame} picture
+ * @returns {Generator<Stretch>}
+ */
+function* runsOf({ of, trail, trailTimes }, picture) {
+  if (of === "executed") {
+    yield { points: trail, times: trailTimes, rapid: false };
+    return;
+  }
+  for (const { from, to } of picture.head.contours) {
+    yield { points: trail.subarray(3 * from, 3 * to), times: trailTimes.subarray(from, to), rapid: false };
+  }
+  const { rapid_xyz: points, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
+  for (let k = 0; breaks && k + 1 < breaks.length; k += 1) {
+    const [from, to] = [breaks[k], breaks[k + 1]];
+    yield { points: points.subarray(3 * from, 3 * to), times: times.subarray(from, to), rapid: true };
+  }
+}
+
+/** @param {Stretch} stretch @returns {number} when it begins [s] */
+function motionTime({ times }) {
+  return times[0] ?? 0;
 }
 
 /**
