@@ -1,5 +1,7 @@
 """The arm and its cell in space."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,9 +10,8 @@ from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.robot import arm_frame, triangles_of
-from tests.studio.conftest import ROOT
 
-URDF = ROOT / "tests" / "io" / "robots" / "data" / "robot.urdf"
+URDF = Path(__file__).parents[1] / "io" / "robots" / "data" / "robot.urdf"
 
 
 class Bare:
