@@ -11,9 +11,13 @@ import { positionOf, STEPS, valueAt } from "./scales.js";
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./scales.js").Slider} Slider */
 
-const GROUPS = ["Speed and corners", "Joint limits", "Servo", "Set-points", "Part"];
-/** Where a value is written: those of the job need no word. */
-const FROM = /** @type {Record<string, string>} */ ({ job: "", run: "this run", arm: "arm", default: "default" });
+/** Groups of the server in this order, with their titles. @type {Record<string, string>} */
+const GROUPS = { path: "Speed and corners", joints: "Joint limits", servo: "Servo and set-points", run: "Run", part: "Part" };
+/** Where a value is written: a mark beside it, and a sentence. @type {Record<string, [string, string]>} */
+const FROM = {
+  job: ["", "Written for all runs of the job"], run: ["run", "Written for this run alone"],
+  arm: ["arm", "Of the arm; not written in the job"], default: ["", "The default; not written in the job"],
+};
 
 /** One row: name, text, slider. */
 class Row {
@@ -30,7 +34,7 @@ class Row {
     this.from = make("span", { class: "from" });
     this.unset = make("button", { type: "button", class: "unset", text: "↺", title: "Leave it out of the file again", "aria-label": `Leave ${slider.label} out of the file again`, onclick: () => link.edit([{ do: "unset", key: this.slider.key }]) });
     this.element = make("div", { class: "slider", "data-key": slider.key }, [
-      make("label", { for: id, text: slider.label }), this.from, this.unset, this.text, this.select, this.range,
+      make("label", { for: id, text: sentenceCase(slider.label) }), this.from, this.unset, this.text, this.select, this.range,
     ]);
     this.listen(ghost);
     this.show(slider);
@@ -87,8 +91,11 @@ class Row {
     this.text.hidden = Boolean(choices);
     this.select.hidden = !choices;
     this.range.hidden = Boolean(choices) || !numeric;
-    this.unset.hidden = from !== "job" && from !== "run";
-    say(this.from, FROM[from] ?? from ?? "");
+    this.unset.hidden = Boolean(choices) || (from !== "job" && from !== "run");
+    const [mark, title] = FROM[from] ?? [from ?? "", ""];
+    say(this.from, mark);
+    this.element.dataset.from = from;
+    this.text.title = this.select.title = title;
     if (choices) this.showChoices(choices, value);
     if (this.gesture) return;
     if (document.activeElement !== this.text) this.text.value = this.written;
@@ -103,6 +110,9 @@ class Row {
     this.select.value = String(value);
   }
 }
+
+/** @param {string} text */
+const sentenceCase = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 class Panel {
   /** @param {Store} store @param {Link} link */
@@ -126,7 +136,7 @@ class Panel {
       row.element.remove();
       this.rows.delete(key);
     }
-    const order = [...GROUPS, ...sliders.map((s) => s.group)];
+    const order = new Set([...Object.keys(GROUPS), ...sliders.map((s) => s.group)]);
     for (const name of order) if (sliders.some((s) => s.group === name)) this.region.append(this.group(name));
     for (const slider of sliders) this.showOne(slider);
     for (const [name, group] of this.groups) group.hidden = !sliders.some((s) => s.group === name);
@@ -145,7 +155,7 @@ class Panel {
   group(name) {
     let found = this.groups.get(name);
     if (!found) {
-      found = make("details", { class: "group", open: true }, [make("summary", { text: name })]);
+      found = make("details", { class: "group", open: true }, [make("summary", { text: GROUPS[name] ?? name })]);
       this.groups.set(name, found);
     }
     return found;
