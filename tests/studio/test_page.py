@@ -5,10 +5,10 @@ import struct
 
 import numpy as np
 import pytest
+from tests.studio.test_arithmetic import NODE, STATIC, compute
 
 from armcontour.frames import Frame as Pose
 from armcontour.studio.wire import Frame
-from tests.studio.test_arithmetic import NODE, STATIC, compute
 
 with_node = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 OWN = {x.name: x.read_text() for x in sorted(STATIC.glob("*.*"))}

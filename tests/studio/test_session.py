@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.studio.serving import JOB, NoLane
 
 from armcontour.studio import screen
 from armcontour.studio.document import Document
@@ -16,7 +17,6 @@ from armcontour.studio.opening import open_session
 from armcontour.studio.preview import Previewer
 from armcontour.studio.session import Session
 from armcontour.studio.wire import Frame
-from tests.studio.serving import JOB, NoLane
 
 NEVER = 1e6
 MOVE = {"do": "move_waypoint", "index": 1, "to": [0.4, 0.16]}
