@@ -1,19 +1,48 @@
-// The page: the store, the connection, and one module per region. Each module has `init(store, link)`.
+// The page: the store, the connection, and one module per region.
 
+import { init as dock } from "./dock.js";
+import { init as figures } from "./figures.js";
+import { init as files } from "./files.js";
+import { init as handles } from "./handles.js";
+import { init as header } from "./header.js";
+import { init as keys } from "./keys.js";
 import { Link } from "./link.js";
+import { init as marks } from "./marks.js";
+import { init as messages } from "./messages.js";
+import { init as notes } from "./notes.js";
+import { init as panel } from "./panel.js";
+import { init as runs } from "./runs.js";
 import { Store } from "./state.js";
-
-/** @typedef {import("./state.js").Store} TheStore */
-/** @typedef {(store: TheStore, link: Link) => void} Init */
-
-/** In this order; a module that fails does not take the others with it. @type {Init[]} */
-const MODULES = [];
+import { init as tables } from "./tables.js";
+import { init as textpane } from "./textpane.js";
+import { init as theme } from "./theme.js";
+import { View2d } from "./view2d.js";
+import { init as viewbar } from "./viewbar.js";
 
 const store = new Store();
 const link = new Link(store);
-for (const init of MODULES) {
+messages(store);
+theme(store);
+const view = new View2d(store);
+/** What makes the regions; one that fails does not take the others with it. @type {(() => unknown)[]} */
+const regions = [
+  () => dock(store),
+  () => header(store, link),
+  () => figures(store),
+  () => viewbar(store, view),
+  () => handles(store, link, view),
+  () => marks(store, view),
+  () => panel(store, link),
+  () => tables(store, link),
+  () => runs(store, link),
+  () => files(store, link),
+  () => textpane(store, link),
+  () => notes(store),
+  () => keys(store, link, view),
+];
+for (const make of regions) {
   try {
-    init(store, link);
+    make();
   } catch (error) {
     console.error(error);
   }

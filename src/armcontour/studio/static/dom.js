@@ -1,5 +1,7 @@
 // Small helpers for elements. Text is always set as text: nothing of a file becomes markup.
 
+import { oncePerFrame } from "./state.js";
+
 /**
  * An element that must be there.
  * @template {Element} [T=HTMLElement]
@@ -46,4 +48,23 @@ function put(element, name, value) {
 /** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
+}
+
+/**
+ * Run something when it is due, but only while its panel is seen; else when it is seen again.
+ * @param {import("./state.js").Store} store @param {HTMLElement} panel @param {string[]} events @param {() => void} update
+ */
+export function whileSeen(store, panel, events, update) {
+  let due = false;
+  const run = () => {
+    if (panel.hidden || !store.options.dock) {
+      due = true;
+      return;
+    }
+    due = false;
+    update();
+  };
+  const wish = oncePerFrame(run);
+  for (const event of events) store.on(event, wish);
+  store.on("view", () => due && wish());
 }

@@ -22,12 +22,12 @@ const REFUSED = "This page has no valid token: open the address that `armcontour
 
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
 export function takeToken() {
-  const given = new URLSearchParams(location.hash.slice(1)).get("token") ?? (/^#[0-9a-f]{32,}$/.test(location.hash) ? location.hash.slice(1) : null);
+  const given = location.hash.slice(1);
   if (given) {
     sessionStorage.setItem(KEPT_AS, given);
     history.replaceState(null, "", location.pathname);
   }
-  return given ?? sessionStorage.getItem(KEPT_AS);
+  return given || sessionStorage.getItem(KEPT_AS);
 }
 
 export class Link {
@@ -53,7 +53,7 @@ export class Link {
   /** Connect, and connect again whenever the connection is lost. */
   open() {
     if (!this.token) return this.tell("refused", REFUSED);
-    const address = `ws://${location.host}/ws`;
+    const address = `ws://${location.host}/socket`;
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", token: this.token }));
@@ -79,11 +79,12 @@ export class Link {
   /**
    * Send an edit as soon as the last one is answered; a later one of the same gesture replaces one that waits.
    * @param {object[]} edits all changes since the gesture's start
-   * @param {{gesture?: number, final?: boolean}} [how] without: a gesture of its own
+   * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
+   *   when the person moved (the event's time stamp)
    */
-  edit(edits, { gesture = this.newGesture(), final = true } = {}) {
+  edit(edits, { gesture = this.newGesture(), final = true, at = performance.now() } = {}) {
     if (this.state.state !== "open") return;
-    const message = { op: "edit", gesture, final, edits, at: performance.now() };
+    const message = { op: "edit", gesture, final, edits, at };
     const last = this.pending.at(-1);
     if (last && last.gesture === gesture) this.pending.pop();
     this.pending.push(message);

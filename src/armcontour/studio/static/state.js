@@ -1,6 +1,8 @@
 // The store: the newest frames of the server, the cursor, and what the person looks at.
 // Modules read it, listen to it, and never talk to each other in another way.
 //
+// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
+//
 // Events (`store.on(event, listener)` returns a function that ends the listening):
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   compare                 a frame of the compared variant came or went: listener(frame | null)
@@ -29,6 +31,7 @@
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
+ * @property {boolean} place        whether the part is moved as a whole
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
@@ -36,8 +39,10 @@
 /** @typedef {{kind: string, index: number} | null} Selection */
 
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
+/** Arrays that a picture of a drawing without a plan lacks. */
+const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
-  colour: "limit", executed: true, magnify: 0, stage: "2d", tab: "charts", dock: true,
+  colour: "limit", executed: true, magnify: 0, place: false, stage: "2d", tab: "charts", dock: true,
 });
 
 export class Store {
@@ -92,7 +97,8 @@ export class Store {
 
   /** Take a frame of the server; one that is older than what is shown is dropped. @param {Frame} frame */
   put(frame) {
-    if (OF_A_RUN.has(frame.kind) && frame.head.of === "compare") {
+    if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
+    if (frame.head.of === "compare") {
       this.frames.set(`${frame.kind}/compare`, frame);
       this.tell("compare", frame);
       return;
@@ -136,7 +142,7 @@ export class Store {
   forgetCompared(frame) {
     if (frame.head.compare) return;
     const had = this.frames.has("picture/compare");
-    for (const kind of OF_A_RUN) this.frames.delete(`${kind}/compare`);
+    for (const kind of [...OF_A_RUN, "refusal"]) this.frames.delete(`${kind}/compare`);
     if (had) this.tell("compare", null);
   }
 
@@ -165,13 +171,13 @@ export class Store {
   /** Planned time at an arc length [m]. @param {number} s @returns {number} s */
   timeAt(s) {
     const arrays = this.latest("picture")?.arrays;
-    return arrays ? interpolate(arrays.path_s, arrays.path_t, s) : 0;
+    return arrays?.path_s.length ? interpolate(arrays.path_s, arrays.path_t, s) : 0;
   }
 
   /** Arc length of the path at a planned time [s]. @param {number} t @returns {number} m */
   arcLengthAt(t) {
     const arrays = this.latest("picture")?.arrays;
-    return arrays ? interpolate(arrays.path_t, arrays.path_s, t) : 0;
+    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, t) : 0;
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */
