@@ -1,5 +1,7 @@
 // The page: the store, the connection, and one module per region.
 
+import { init as arm3d } from "./arm3d.js";
+import { init as charts } from "./charts.js";
 import { init as dock } from "./dock.js";
 import { init as figures } from "./figures.js";
 import { init as files } from "./files.js";
@@ -11,9 +13,12 @@ import { init as marks } from "./marks.js";
 import { init as messages } from "./messages.js";
 import { init as notes } from "./notes.js";
 import { init as panel } from "./panel.js";
+import { init as playback } from "./playback.js";
 import { init as runs } from "./runs.js";
+import { init as splitter } from "./splitter.js";
 import { Store } from "./state.js";
 import { init as tables } from "./tables.js";
+import { init as tasks } from "./tasks.js";
 import { init as textpane } from "./textpane.js";
 import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
@@ -27,6 +32,7 @@ const view = new View2d(store);
 /** What makes the regions; one that fails does not take the others with it. @type {(() => unknown)[]} */
 const regions = [
   () => dock(store),
+  () => splitter(store),
   () => header(store, link),
   () => figures(store),
   () => viewbar(store, view),
@@ -38,6 +44,10 @@ const regions = [
   () => files(store, link),
   () => textpane(store, link),
   () => notes(store),
+  () => arm3d(store, link),
+  () => charts(store, link),
+  () => playback(store, link),
+  () => tasks(store, link),
   () => keys(store, link, view),
 ];
 for (const make of regions) {

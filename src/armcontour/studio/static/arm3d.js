@@ -151,7 +151,8 @@ class ArmView {
 
   /** @param {boolean} [rests] */
   drawNow(rests = false) {
-    const shown = this.region.clientHeight > 0 && !this.region.hidden;
+    // Hidden first: asking for a height makes the browser compute the layout.
+    const shown = !this.region.hidden && this.region.clientHeight > 0;
     const frame = this.store.latest("arm");
     if (!shown || !frame) return;
     const { clientWidth: width, clientHeight: height } = this.box;

@@ -12,6 +12,7 @@ const KINDS = {
   jerk: { light: "#2a94d0", dark: "#56B4E9", dash: [12, 3, 3, 3], label: "jerk" },
   tool: { light: "#c28500", dark: "#E69F00", dash: [7, 3, 2, 3], label: "tool" },
   corner: { light: "#8f8400", dark: "#F0E442", dash: [2, 2], label: "corner" },
+  none: { light: "#1b2024", dark: "#e6e9ec", dash: [], label: "path" },
   other: { light: "#777777", dark: "#999999", dash: [1, 3], label: "nothing binds, or another limit" },
 };
 
@@ -46,7 +47,14 @@ export function heat(share, theme) {
   return `rgb(${parts.join(",")})`;
 }
 
+/** Colours of the style sheet by theme and name: reading one makes the browser compute all styles. @type {Map<string, string>} */
+const READ = new Map();
+
 /** A colour of the style sheet, such as "--ink". @param {string} name @returns {string} */
 export function themed(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const root = document.documentElement;
+  const key = `${root.dataset.theme} ${name}`;
+  let found = READ.get(key);
+  if (!found) READ.set(key, (found = getComputedStyle(root).getPropertyValue(name).trim()));
+  return found;
 }

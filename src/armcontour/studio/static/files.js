@@ -30,6 +30,7 @@ class Files {
     });
     this.listenToDrops();
     store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
+    store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
     store.on("diff", (/** @type {any} */ frame) => this.showDiff(frame.head.text));
     store.on("conflict", (/** @type {any} */ frame) => this.conflict(frame.head));
     store.on("document", (/** @type {any} */ frame) => this.offerDraft(frame.head));
@@ -86,6 +87,16 @@ class Files {
     if (answer) this.link.send({ op: answer });
   }
 
+  /** A job without a file is saved by the browser. @param {{file: string, name: string}} head */
+  async download({ file, name }) {
+    const answer = await this.link.request(`/files/${encodeURIComponent(file)}`);
+    if (!answer.ok) return notify(await sentenceOf(answer), "alarm");
+    const address = URL.createObjectURL(await answer.blob());
+    make("a", { href: address, download: name }).click();
+    URL.revokeObjectURL(address);
+    notify(`${name} was given to the browser to save.`);
+  }
+
   /** @param {{sentence: string, diff?: string}} head */
   async conflict({ sentence, diff }) {
     const content = [make("p", { text: sentence }), ...(diff ? [difference(diff)] : [])];
@@ -101,8 +112,10 @@ class Files {
     if (!head.draft || this.offered) return;
     this.offered = true;
     const content = [make("p", { text: `Changes of ${head.name} from an earlier session were kept, but not saved.` })];
-    const answer = await show("Unsaved changes were found", content, [{ value: "draft", text: "Take them up" }, { value: "", text: "Leave them" }]);
-    if (answer) this.link.send({ op: "draft" });
+    const answer = await show("Unsaved changes were found", content, [
+      { value: "restore_draft", text: "Take them up" }, { value: "discard_draft", text: "Throw them away" }, { value: "", text: "Decide later" },
+    ]);
+    if (answer) this.link.send({ op: answer });
   }
 }
 

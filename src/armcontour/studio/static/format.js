@@ -15,7 +15,7 @@ export const seconds = (s) => fixed(s, 3);
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 
 /** A share. @param {number | null | undefined} x @returns {string} percent */
-export const percent = (x) => fixed(x === null || x === undefined ? x : 100 * x, 1);
+export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 * x, x < 10 ? 1 : 0));
 
 /** A difference with its sign. @param {number} x @param {number} decimals @returns {string} */
 export const signed = (x, decimals) => (x > 0 ? "+" : "") + fixed(Math.abs(x) < 0.5 * 10 ** -decimals ? 0 : x, decimals);

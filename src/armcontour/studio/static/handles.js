@@ -60,9 +60,9 @@ export class Handles {
   /** The handles of the document and the picture: elements stay, so that the focus stays. */
   build() {
     const wanted = new Set();
-    for (const { index } of this.waypoints()) {
+    for (const { index, role } of this.waypoints()) {
       wanted.add(this.ensure(`waypoint ${index}`, 2, () => this.waypoint(index)));
-      if (index > 0) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
+      if (index > 0 && isOnPath(role)) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
     }
     for (const corner of this.corners()) wanted.add(this.ensure(`corner ${corner.index}`, 1, () => this.corner(corner.index)));
     for (const [name, handle] of this.handles) {
@@ -83,11 +83,12 @@ export class Handles {
     return name;
   }
 
-  /** Waypoints that can be moved. @returns {{index: number, uv: Point, written: string[]}[]} */
+  /** Waypoints that can be moved. @returns {{index: number, uv: Point, written: string[], role?: string, why_not?: string}[]} */
   waypoints() {
     const found = this.store.document;
     if (!found?.path?.editable) return [];
-    return found.waypoints.length <= MOST_HANDLES ? found.waypoints : found.waypoints.filter((/** @type {any} */ x) => this.inView(x.uv));
+    const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
+    return movable.length <= MOST_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
   }
 
   /** Rounded corners. @returns {any[]} */
@@ -300,7 +301,7 @@ export class Handles {
   /** Every handle at its place on the screen. */
   place() {
     if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
-    const points = this.waypoints().map(({ index }) => this.waypointAt(index));
+    const points = this.waypoints().filter(({ role }) => isOnPath(role)).map(({ index }) => this.waypointAt(index));
     const corners = points.filter((p) => p !== null).map((p) => this.screen(p).map((x) => x.toFixed(1)).join());
     this.polygon.setAttribute("points", corners.join(" "));
     for (const handle of this.handles.values()) {
@@ -312,6 +313,9 @@ export class Handles {
     }
   }
 }
+
+/** Whether the path goes through a point; others shape an arc. @param {string | undefined} role */
+const isOnPath = (role) => role === undefined || role === "point" || role === "end";
 
 /** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */
 export function init(store, link, view) {

@@ -33,6 +33,14 @@ export function init(store) {
     say(/** @type {Element} */ (refused.firstChild), frame.head.sentence);
     say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 ? "The last good motion stays, greyed." : "");
   });
+  const starting = make("div", { class: "message starting", hidden: true });
+  find("#messages").append(starting);
+  store.on("progress", (/** @type {any} */ { head }) => {
+    if (head.task !== "start") return;
+    starting.hidden = false;
+    say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
+  });
+  store.on("picture", () => (starting.hidden = true));
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   store.on("failed", (/** @type {any} */ frame) => notify(frame.head.sentence, "alarm"));
   const place = find("#link-state");

@@ -111,13 +111,10 @@ export class Painter {
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
-    context.lineWidth = 3;
-    context.strokeStyle = this.inks.ground;
     context.fillStyle = this.inks.ink;
     for (const { at, normal, text, length } of this.layers.labels(picture)) {
       if (length * view.scale < SHORTEST_LABELLED) continue;
       const [x, y] = view.toScreen(at);
-      context.strokeText(text, x + 13 * normal[0], y - 13 * normal[1]);
       context.fillText(text, x + 13 * normal[0], y - 13 * normal[1]);
     }
   }

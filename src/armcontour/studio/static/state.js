@@ -7,7 +7,7 @@
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   compare                 a frame of the compared variant came or went: listener(frame | null)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
-//   pose, progress, result, cancelled, failed, saved, conflict, diff, notice    listener(frame)
+//   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
 //   cursor                  listener(cursor)          see `setCursor`
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")

@@ -57,8 +57,9 @@ export function startsOf(picture) {
   return new Set(picture.head.contours.map((/** @type {any} */ contour) => contour.from));
 }
 
-/** Kind of the limit that binds from a point on. @param {Frame} picture @param {number} i @returns {string} */
+/** Kind of the limit that binds from a point on; "none" where nothing is known of limits. @param {Frame} picture @param {number} i @returns {string} */
 export function kindAt(picture, i) {
+  if (!picture.head.limits.length) return "none";
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
 }
 
