@@ -123,6 +123,15 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     return _spliced(text, edits)
 
 
+def file_names(text: str) -> list[str]:
+    """The files and folders that a job file names.
+
+    Args:
+        text: The job file.
+    """
+    return [x.value for x in _file_names(yaml.compose(text, Loader=Loader))]
+
+
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
     """The values of a job file that are names of files or folders."""
     if not isinstance(root, yaml.MappingNode):

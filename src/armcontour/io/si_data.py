@@ -17,7 +17,7 @@ from armcontour.io.units import read_quantity
 Kind = Any
 
 
-def quantity_of(of: type, keys: Sequence[str]) -> Quantity | None:
+def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
     """The quantity that a key of a file takes; None if it takes none.
 
     Args:

@@ -190,7 +190,7 @@ class Part:
     def part(self, key: Any) -> Part | None:
         """The value of a key or a position."""
         if isinstance(self.node, yaml.SequenceNode):
-            return self.parts[key]
+            return self.parts[int(key)]
         return next((x for x in self.parts if type(x.key) is type(key) and x.key == key), None)
 
     def replace(self, old: Any, new: Any) -> list[Splice]:

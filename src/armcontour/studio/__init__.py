@@ -1,1 +1,1 @@
-"""Studio: a local page on which a person moves a path and sees what the robot makes of it."""
+"""The Studio: a local page on which a job is changed while the robot's answer is seen."""

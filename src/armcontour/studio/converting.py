@@ -73,8 +73,8 @@ def _only_path(handles: Handles) -> Path:
     contours = program.contours
     if len(contours) != 1:
         raise InvalidInput(
-            f"{handles.file} has {len(contours)} contours, but the waypoints of a job are one path: "
-            "choose a contour by path.names first."
+            f"{handles.file} has {len(contours)} contours, but waypoints of a job are one path: "
+            "choose one by path.names first."
         )
     path, layer = program.single_path, contours[0].layer
     if path is None:
@@ -93,7 +93,7 @@ def _only_path(handles: Handles) -> Path:
     if own is None:
         return path
     table = path.segments
-    columns = {
+    columns: dict[str, Any] = {
         name: np.where(np.isnan(getattr(table, name)), value, getattr(table, name))
         for name, value in (("speeds", own.speed), ("tolerances", own.tolerance))
         if value is not None

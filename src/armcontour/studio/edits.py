@@ -17,9 +17,11 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, quaternions, to_rpy
 from armcontour.io.job_edits import Change, Key, Keys
+from armcontour.io.job_file import COMPENSATION_OPTIONS, TIMING_OPTIONS
 from armcontour.io.job_model import FrameModel, JobModel
 from armcontour.io.si_data import in_si, quantity_of
 from armcontour.io.units import unit_of, write_like
+from armcontour.jobs import Job, Run
 from armcontour.studio.converting import waypoint_changes
 from armcontour.studio.handles import (
     BODIES,
@@ -36,6 +38,9 @@ from armcontour.studio.handles import (
     Waypoint,
 )
 
+SHARP = "sharp"
+# The tolerance of corners that were sharp before.
+FIRST_TOLERANCE = "1 mm"
 # Largest number of a waypoint.
 MOST_POINTS = 10_000_000
 # Keys of lists of obstacles by the names of their kinds.
@@ -89,7 +94,7 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
         raise InvalidInput(f"The edit {do} lacks {error.args[0]}.") from None
 
 
-def place_of(key: str | Sequence[Key], state: EditState) -> Keys:
+def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Keys:
     """The keys at which a value of the job is set, for the run that is shown.
 
     A key of the run goes to the run. Limits, corners and the command interval go to the run if it
@@ -97,23 +102,24 @@ def place_of(key: str | Sequence[Key], state: EditState) -> Keys:
 
     Args:
         key: The key, such as "limits.speed" or "timing.method".
-        state: The job.
+        data: The data of the job file, as written.
+        run: The name of the run.
 
     Raises:
         InvalidInput: The key is empty.
     """
-    parts = key.split(".") if isinstance(key, str) else list(key)
+    parts: list[Key] = [*(key.split(".") if isinstance(key, str) else key)]
     if not parts or "" in parts:
         raise InvalidInput("A key is empty: write one such as limits.speed.")
     first = parts[0]
-    if first in OF_RUN or (first in OF_BOTH and _is_own(parts, state)):
-        parts = ["runs", state.run, *parts]
-    return _with_positions(parts, state.data)
+    if first in OF_RUN or (first in OF_BOTH and _is_own(parts, data, run)):
+        parts = ["runs", run, *parts]
+    return _with_positions(parts, data)
 
 
-def _is_own(parts: Sequence[Key], state: EditState) -> bool:
+def _is_own(parts: Sequence[Key], data: Mapping[str, Any], run: str) -> bool:
     """Whether a run has a value of its own in the place of the job's."""
-    own = (state.data["runs"].get(state.run) or {}).get(parts[0])
+    own = (data["runs"].get(run) or {}).get(parts[0])
     if parts[0] == "limits" and len(parts) > 1:
         return isinstance(own, dict) and parts[1] in own
     return own is not None
@@ -147,8 +153,70 @@ def value_at(data: Any, keys: Keys) -> Any:
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
-    keys = place_of(edit["key"], state)
-    return [Change(keys, _written(edit["value"], value_at(state.data, keys), keys))]
+    keys, value = place_of(edit["key"], state.data, state.run), edit["value"]
+    if keys[-2:] == ("corners", "shape"):
+        return _set_shape(keys, value, state)
+    joint, of = keys[-1], value_at(state.data, keys[:-1])
+    if isinstance(joint, int) and not isinstance(of, list | dict):
+        return [Change(keys[:-1], _for_joints(keys, value, of, state))]
+    changes = [Change(keys, _written(value, value_at(state.data, keys), keys))]
+    for name, options in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
+        if keys[-2:] == (name, "method"):
+            # What goes with another method would be refused.
+            others = (x for x, method in options.items() if method != value)
+            there = value_at(state.data, keys[:-1]) or {}
+            changes += [Change((*keys[:-1], x)) for x in others if x in there]
+    return changes
+
+
+def _set_shape(keys: Keys, shape: Any, state: EditState) -> list[Change]:
+    """Set the shape of the corners, of which sharp ones are no shape in the file."""
+    own = value_at(state.data, keys[:-1])
+    if shape == SHARP:
+        return [Change(keys[:-1], SHARP)]
+    if isinstance(own, dict):
+        return [Change(keys, shape)]
+    return [Change(keys[:-1], {"shape": shape, "tolerance": FIRST_TOLERANCE})]
+
+
+def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
+    """One value per joint, where there was one for all: one of them is new.
+
+    Raises:
+        InvalidInput: The key has no values of joints, or there is no such joint.
+    """
+    *outer, joint = keys
+    now = joint_values(tuple(outer), state.handles.job, state.run)
+    if now is None:
+        raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
+    _checks.whole("number of the joint", joint, 0, len(now) - 1)
+    si = [value if k == joint else float(x) for k, x in enumerate(now)]
+    return [_written(x, old, (*outer, k)) for k, x in enumerate(si)]
+
+
+def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
+    """The values of all joints for limits and gains of a run in SI units, (dof,); None for others.
+
+    Args:
+        keys: The keys, such as limits and joint_velocity, or servo and kp.
+        job: The job.
+        run: The name of the run.
+    """
+    sources: dict[Key, Any] = {"limits": run_of(job, run).limits, "servo": job.servo}
+    found = getattr(sources.get(keys[-2]), str(keys[-1]), None)
+    return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
+
+
+def run_of(job: Job, name: str) -> Run:
+    """The run of a job with a name.
+
+    Raises:
+        InvalidInput: There is no such run.
+    """
+    for x in job.runs:
+        if x.name == name:
+            return x
+    raise InvalidInput(f"The job has no run {show(name)}.")
 
 
 def _written(value: Any, old: Any, keys: Keys) -> Any:
@@ -156,14 +224,13 @@ def _written(value: Any, old: Any, keys: Keys) -> Any:
 
     A number without a unit that somebody typed has the unit of the old value.
     """
+    if isinstance(value, list):
+        olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
+        pairs = enumerate(zip(value, olds, strict=True))
+        return [_written(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
     if kind is None or isinstance(value, bool):
         return value
-    if isinstance(value, list):
-        olds = old if isinstance(old, list) and len(old) == len(value) else [None] * len(value)
-        return [
-            _written(x, y, (*keys, k)) for k, (x, y) in enumerate(zip(value, olds, strict=True))
-        ]
     if isinstance(value, str):
         number = plain_number(value)
         return value if number is None else _typed(value.strip(), old, kind)
@@ -183,7 +250,7 @@ def _typed(number: str, old: Any, kind: Quantity) -> Any:
 
 def _unset(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a key."""
-    return [Change(place_of(edit["key"], state))]
+    return [Change(place_of(edit["key"], state.data, state.run))]
 
 
 def _move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -308,7 +375,7 @@ def _renumbered(index: int, by: int, state: EditState) -> list[Change]:
 def _corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set the tolerance of one corner; null takes it away."""
     index = _checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
-    keys = place_of(["corners", "at"], state)
+    keys = place_of(["corners", "at"], state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)
     if edit["value"] is None:
@@ -373,10 +440,11 @@ def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 def _obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Add, change or remove an obstacle."""
     action = _checks.choice("action", edit["action"], ("add", "change", "remove"))
-    kind = _checks.choice("kind of obstacles", BODY_KINDS.get(edit["kind"], edit["kind"]), BODIES)
+    named = str(edit["kind"])
+    kind = _checks.choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
     there = value_at(state.data, ("scene", kind)) or []
     if action == "add":
-        new = {"name": _free_name(edit.get("name") or edit["kind"], state)}
+        new = {"name": _free_name(edit.get("name") or named, state)}
         keys: Keys = ("scene", kind, len(there))
         given = {key: _written(x, None, (*keys, key)) for key, x in _body(edit).items()}
         return [Change(keys, {**new, **given}, insert=True)]

@@ -5,7 +5,6 @@ Errors are magnified on the screen, so that they are computed here, in 64 bits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from armcontour.geometry import RoundedPath
 from armcontour.motion import Trajectory
 from armcontour.program import Program
 from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.preview import Executed, Planned, Previewer
+from armcontour.studio.preview import Executed, Planned
 from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
@@ -223,52 +222,6 @@ def refusal_header(
         **{"needed": error.needed, "allowed": error.allowed},
         "at": {name: x for name, x in at.items() if x is not None},
     }
-
-
-def preview_frames(
-    previewer: Previewer,
-    data: Mapping[str, Any],
-    run: str | None,
-    view: View,
-    *,
-    stale: Callable[[], bool],
-    seq: int | None = None,
-    rev: int = 0,
-    of: str = "live",
-    waypoints: FloatArray | None = None,
-) -> Iterator[Frame]:
-    """The frames of a preview: the picture and the execution, or a refusal.
-
-    Args:
-        previewer: Plans and executes.
-        data: The job file as parsed.
-        run: Name of the run.
-        view: How points get on the screen.
-        stale: Tells whether a newer preview waits: then there is no execution.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
-        of: "live" or "compare".
-        waypoints: As in `refusal_header`.
-    """
-    planned: Planned | None = None
-    try:
-        if previewer.is_long(data):
-            yield drawing_frame(previewer.drawn(data), view, seq=seq, rev=rev, run=run or "")
-            return
-        planned = previewer.plan(data, run)
-        # What is done is shown, also if newer edits wait: else nothing is while they keep coming.
-        yield picture_frame(planned, view, seq=seq, rev=rev, of=of)
-        if stale():
-            return
-        executed = previewer.execute(planned)
-        yield executed_frame(executed, view, seq=seq, rev=rev, of=of)
-    except ArmContourError as error:
-        tier = 1 if planned is None else 2
-        name = run or ""
-        told = refusal_header(
-            error, view, tier=tier, run=name, planned=planned, waypoints=waypoints
-        )
-        yield Frame("refusal", {"seq": seq, "rev": rev, "of": of, **told})
 
 
 def _outline(program: Program) -> tuple[FloatArray, IntArray]:

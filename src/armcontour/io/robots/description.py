@@ -15,7 +15,7 @@ from armcontour._text import list_some, show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, exp
+from armcontour.frames import Frame, exp, to_rpy
 from armcontour.io.robots.tree import Joint, Tree
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
