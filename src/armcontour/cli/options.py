@@ -229,12 +229,6 @@ class StudioOptions:
             "without a path.",
         ),
     ] = None
-    save: Annotated[
-        FilePath | None,
-        typer.Option(
-            "--save", help="Job file (.yaml) to save a drawing's job, or the demo's, to; else none."
-        ),
-    ] = None
     open_page: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
     ] = True

@@ -59,8 +59,6 @@ def _check(file: FilePath | None, x: StudioOptions) -> None:
     is_job = file.suffix.lower() in JOBS
     if is_job and x.cell is not None:
         raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
-    if is_job and x.save is not None:
-        raise InvalidInput(f"{file.name} is a job, which is saved where it is: leave --save out.")
     if not is_job and x.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
@@ -73,7 +71,7 @@ def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], Non
     """Open the document; this loads all that computes."""
     from armcontour.studio.opening import open_session
 
-    return open_session(file, cell=x.cell, save=x.save, trust_xacro=x.trust_xacro, say=say)
+    return open_session(file, cell=x.cell, trust_xacro=x.trust_xacro, say=say)
 
 
 def _announce(address: str, open_page: bool) -> None:

@@ -47,7 +47,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def describe(document: Document, seen: Seen, run: str, variants: Variants) -> Frame:
+def describe(document: Document, seen: Seen, run: str, variants: Variants, *, draft: bool) -> Frame:
     """The frame that says what the document is.
 
     Args:
@@ -55,6 +55,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants) -> Fr
         seen: What is seen of it.
         run: Name of the run that is shown.
         variants: Pins, and what it is compared with.
+        draft: Whether there is a draft of an earlier session.
     """
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {
@@ -63,7 +64,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants) -> Fr
         "file": None if document.file is None else str(document.file),
         "folder": str(document.folder),
         "dirty": document.dirty,
-        "on_disk": document.on_disk,
+        "on_disk": document.on_disk(),
         "can_undo": document.can_undo,
         "can_redo": document.can_redo,
         "undo_label": document.undo_label,
@@ -76,7 +77,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants) -> Fr
         "sliders": [] if seen.job is None else sliders_of(data, seen.job, run),
         "obstacles": [] if seen.job is None else obstacles_of(data),
         "text": document.text,
-        "draft": document.draft is not None,
+        "draft": draft,
         "sentence": None if seen.error is None else str(seen.error),
     }
     return Frame("document", header)

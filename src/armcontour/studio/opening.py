@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path as FilePath
@@ -15,6 +13,7 @@ from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.studio.document import Document
+    from armcontour.studio.exact import MakeLane
     from armcontour.studio.session import Session
 
 # The task that a page sees while the Studio starts.
@@ -41,43 +40,46 @@ def open_session(
     file: FilePath | None,
     *,
     cell: str | None = None,
-    save: FilePath | None = None,
     trust_xacro: bool = False,
     say: Callable[[bytes], None] = lambda data: None,
+    slow: MakeLane | None = None,
 ) -> Session:
     """Open a document; `Session.begin` shows it.
 
     Args:
         file: A job file or a drawing; None opens the paper's job.
         cell: Cell of a drawing.
-        save: Where the job of a drawing, or the paper's, is saved.
         trust_xacro: Whether an arm from a .xacro file that the job names may be loaded.
         say: Sends a message to all pages.
+        slow: As of `Session`; by default another process.
 
     Raises:
         ArmContourError: The document cannot be opened.
     """
     tell = Starting(say)
     tell(Step(("loading armcontour",)))
+    from armcontour.studio.lanes import SlowLane
     from armcontour.studio.preview import Previewer
     from armcontour.studio.session import Session
 
-    document = _document(file, cell, save)
-    previewer = Previewer(document.folder, trust_xacro=trust_xacro)
+    document = _document(file, cell)
+    folder = document.folder or FilePath.cwd()
+    previewer = Previewer(folder, trust_xacro=trust_xacro)
     tell(Step(("reading the job",)))
     named: list[FilePath] = []
     with hear_reading(lambda place, content: named.append(place)):
         session = Session(
             document,
             previewer,
-            trusted=_xacro_of(document.data, document.folder) if trust_xacro else (),
+            trusted=_xacro_of(document.data, folder) if trust_xacro else (),
             told=tell,
+            slow=slow or SlowLane,
         )
     session.confine(named)
     return session
 
 
-def _document(file: FilePath | None, cell: str | None, save: FilePath | None) -> Document:
+def _document(file: FilePath | None, cell: str | None) -> Document:
     """The document of a file.
 
     Raises:
@@ -87,14 +89,8 @@ def _document(file: FilePath | None, cell: str | None, save: FilePath | None) ->
 
     if file is None:
         paper = resources.files("armcontour.jobs") / "library" / "paper.yaml"
-        document = Document.of_text(paper.read_text(encoding="utf-8"), FilePath(), "paper.yaml")
-    elif cell is not None:
-        document = Document.of_drawing(file, cell)
-    else:
-        return Document.open(file)
-    if save is not None:
-        document.save_as(save)
-    return document
+        return Document.of_text(paper.read_text(encoding="utf-8"), FilePath.cwd(), "paper.yaml")
+    return Document.open(file) if cell is None else Document.of_drawing(file, cell)
 
 
 def _xacro_of(data: Mapping[str, Any], folder: FilePath) -> list[FilePath]:

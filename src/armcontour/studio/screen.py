@@ -49,7 +49,8 @@ class Shown:
     answers: Mapping[int, int]
     waypoints: FloatArray | None = None
     told: Frame | None = None
-    # Whether nothing changes any more, and whether the execution waits for that.
+    # Whether its plan is drawn, nothing changes any more, and the execution waits for that.
+    drawn: bool = field(default=False, init=False)
     rests: bool = field(default=False, init=False)
     waits: bool = field(default=False, init=False)
 
@@ -170,7 +171,9 @@ class Screen:
                 self._parts = job.arm, job.scene
                 yield arm_frame(job)
             self.planned = planned
-            yield picture_frame(planned, view)
+            if not shown.drawn:
+                shown.drawn = True
+                yield picture_frame(planned, view)
             if stale() or (took > QUICK and self._may_wait(shown)):
                 return
             self.executed = self.previewer.execute(planned)

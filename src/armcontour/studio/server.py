@@ -113,16 +113,14 @@ class Desk:
         self._make = make
         self._lock = threading.Lock()
         self._said: bytes | None = None
+        # Ends the server; set when it runs.
+        self.stop: Callable[[], None] = lambda: None
         self.tabs: list[Tab] = []
         self.session: Session | None = None
         self.failure: BaseException | None = None
 
-    def start(self, then: Callable[[], None]) -> None:
-        """Make the session, in this thread.
-
-        Args:
-            then: Called if that fails.
-        """
+    def start(self) -> None:
+        """Make the session, in this thread; the server ends if that fails."""
         try:
             session = self._make(self._say)
             with self._lock:
@@ -132,7 +130,7 @@ class Desk:
             session.begin()
         except BaseException as error:
             self.failure = error
-            then()
+            self.stop()
 
     def join(self, tab: Tab) -> None:
         """A page is open."""
@@ -347,7 +345,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     server = uvicorn.Server(
         uvicorn.Config(
-            Guard(Server(door, desk), door),  # type: ignore[arg-type]
+            Guard(Server(door, desk), door),
             http="h11",
             loop="asyncio",
             lifespan="off",
@@ -367,16 +365,17 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
         server.should_exit = True
 
     # Python's lock is shared: what computes is loaded after what answers.
-    threading.Thread(target=desk.start, args=(stop,), name="starting", daemon=True).start()
-    watching = asyncio.create_task(_watch(desk, stop if exit_when_closed else None))
+    desk.stop = stop
+    threading.Thread(target=desk.start, name="starting", daemon=True).start()
+    watching = asyncio.create_task(_watch(desk, exit_when_closed))
     try:
         await server.serve(sockets=[listening])
     finally:
         watching.cancel()
 
 
-async def _watch(desk: Desk, close: Callable[[], None] | None) -> None:
-    """Look at the job file now and then; call `close` when no page has been open for a while."""
+async def _watch(desk: Desk, exit_when_closed: bool) -> None:
+    """Look at the job file now and then, and at whether pages are open."""
     loop = asyncio.get_running_loop()
     seen, last = False, loop.time()
     while True:
@@ -385,8 +384,8 @@ async def _watch(desk: Desk, close: Callable[[], None] | None) -> None:
             await asyncio.to_thread(desk.session.look)
         if desk.tabs:
             seen, last = True, loop.time()
-        elif close is not None and seen and loop.time() - last >= CLOSED_FOR:
-            close()
+        elif exit_when_closed and seen and loop.time() - last >= CLOSED_FOR:
+            desk.stop()
 
 
 async def _read_body(receive: Receive) -> bytes:

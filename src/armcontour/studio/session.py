@@ -161,12 +161,18 @@ class Session:
         self._run = ""
         self._made = Made({}, ())
         self._seen = Seen({}, None, None)
-        self._choose_run()
+        self._run = self._run_of(document.data)
         self._seen = self._see(document.data)
         self._on_disk = ""
+        self._draft = self._earlier_draft()
         self.variants = Variants()
         self.screen = Screen(previewer, self._tell_of, fast)
         self.exact = Exact(self._tell_slow, slow)
+
+    @property
+    def folder(self) -> FilePath:
+        """Folder of relative file names."""
+        return self.document.folder or FilePath.cwd()
 
     # What the server calls.
 
@@ -177,7 +183,7 @@ class Session:
             named: Files elsewhere that may be read.
         """
         self._named = tuple(named)
-        folders = [self.document.folder, self.uploads.folder]
+        folders = [self.folder, self.uploads.folder]
         self._ending.enter_context(reading_below(folders, self._named))
 
     def begin(self) -> None:
@@ -220,16 +226,17 @@ class Session:
                     raise InvalidInput(f"The Studio does not know {show(said.get('op'))}.")
                 act(self, tab, said)
             except ArmContourError as error:
-                self._fail(tab, said, str(error))
+                self._fail(tab, said, error)
             except Exception as error:
                 # The page goes on; the terminal shows what went wrong.
                 traceback.print_exc(file=sys.stderr)
-                self._fail(tab, said, f"This failed: {type(error).__name__}: {error}")
+                sentence = f"This failed: {type(error).__name__}: {error}"
+                self._fail(tab, said, ArmContourError(sentence))
 
     def look(self) -> None:
         """See whether the file has changed, and tell the pages if so."""
         with self._lock:
-            if self._on_disk and self.document.on_disk != self._on_disk:
+            if self._on_disk and self.document.on_disk() != self._on_disk:
                 self._tell_document()
 
     def open_upload(self, name: str, content: bytes, cell: str | None) -> None:
@@ -246,9 +253,8 @@ class Session:
         with self._lock:
             opened = self.uploads.open(name, content, cell, self.document)
             if isinstance(opened, Document):
-                self._job_of(opened.data, None)
-                self.document, self._run = opened, ""
-                self.previewer.folder = opened.folder
+                self._job_of(opened.data)
+                self.document, self._run, self._draft = opened, "", None
                 self.previewer.forget()
                 self.variants = Variants()
                 self.screen.forget()
@@ -266,20 +272,16 @@ class Session:
         return number
 
     def close(self) -> str | None:
-        """End all work; unsaved changes stay in the draft.
-
-        Returns:
-            A sentence on the draft, if there is one.
-        """
+        """End all work; returns a sentence on changes that were not saved."""
         self._timer.cancel()
         self.exact.close()
         self.screen.close()
-        draft = self._keep_draft()
+        kept = self.document.dirty and self.document.write_draft()
         self._ending.close()
         self.uploads.close()
-        if draft is None:
+        if not kept:
             return None
-        return f"Changes that were not saved are in {draft}: the Studio offers them next time."
+        return f"Changes of {self.document.source} that were not saved are kept as its draft."
 
     # Edits.
 
@@ -296,8 +298,6 @@ class Session:
                 self._show(made)
                 return
             self._commit(made, label_of(edits))
-        except ArmContourError as error:
-            self._refuse(error, made=final)
         finally:
             if final:
                 self._gestures.pop(tab, None)
@@ -332,7 +332,7 @@ class Session:
         data, handles, changes = dict(seen.data), seen.handles, list[Change]()
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in MOVING:
-                handles = handles_of(self._job_of(data, self._run), data)
+                handles = handles_of(self._job_of(data), data)
             more = changes_of(edit, EditState(data=data, run=self._run, handles=handles))
             data = change_data(data, more)
             changes += more
@@ -344,7 +344,7 @@ class Session:
 
     def _checked(self, made: Made) -> Made:
         """The same, if it names no program that the user has not named."""
-        refuse_new_xacro(made.data, self.document.folder, self._trusted)
+        refuse_new_xacro(made.data, self.folder, self._trusted)
         return made
 
     def _commit(self, made: Made, label: str) -> None:
@@ -353,14 +353,16 @@ class Session:
         Raises:
             InvalidInput: The data make no job, and those before did.
         """
-        if self._seen.job is not None:
-            self._job_of(made.data, self._run)
+        # Seen before anything is changed: what cannot be shown is not made.
+        seen = self._see(made.data)
+        if seen.error is not None and self._seen.job is not None:
+            raise seen.error
         if made.changes is None:
             assert made.text is not None
             self.document.replace(made.text, label)
         else:
             self.document.apply(made.changes, label)
-        self._changed()
+        self._changed(seen)
 
     def _refuse(self, error: ArmContourError, *, made: bool) -> None:
         """Say that an edit is not possible; if it was to be made, show the document as it is."""
@@ -409,7 +411,7 @@ class Session:
                 f"{document.file.name} was changed by another program since it was opened: "
                 "overwrite it, or reload it."
             )
-            self._tell(Frame("conflict", {"sentence": sentence, "diff": document.diff()}), to=tab)
+            self._tell(Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab)
             return
         document.save(force=force)
         self._tell(Frame("saved", {"file": str(document.file)}))
@@ -425,14 +427,21 @@ class Session:
 
     def _restore(self, tab: Tab, said: Said) -> None:
         """Take the draft of an earlier session."""
-        draft = self.document.draft
-        if draft is None:
+        if self._draft is None:
             raise InvalidInput("There is no draft.")
-        self._commit(self._of_text(draft), "take the draft")
+        made, self._draft = self._of_text(self._draft), None
+        self._commit(made, "take the draft")
 
     def _discard(self, tab: Tab, said: Said) -> None:
-        self.document.discard_draft()
+        """Remove the draft of an earlier session."""
+        self._draft = None
+        self.document.write_draft()
         self._tell_document()
+
+    def _earlier_draft(self) -> str | None:
+        """What an earlier session has not saved."""
+        file = self.document.file
+        return None if file is None else Document.draft_of(file)
 
     def _diff(self, tab: Tab, said: Said) -> None:
         self._tell(Frame("diff", {"text": self.document.diff()}), to=tab)
@@ -445,10 +454,10 @@ class Session:
 
     def _select(self, tab: Tab, said: Said) -> None:
         run = _word(said, "run")
-        if run not in self._seen.data.get("runs", {}):
+        if run not in (self._seen.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
         self._run = run
-        self._changed(same=True)
+        self._tell_all()
 
     def _pin(self, tab: Tab, said: Said) -> None:
         name = said.get("name")
@@ -463,7 +472,7 @@ class Session:
 
     def _unpin(self, tab: Tab, said: Said) -> None:
         self.variants.unpin(said.get("pin"))
-        self._compare_as_told()
+        self._tell_all()
 
     def _swap(self, tab: Tab, said: Said) -> None:
         """The document gets the text of a pin, and the pin that of the document."""
@@ -477,15 +486,11 @@ class Session:
             self._run = run
             raise
         self.variants.replace(pin, *before)
-        self._compare_as_told()
+        self._tell_all()
 
     def _compare(self, tab: Tab, said: Said) -> None:
         self.variants.compare(said.get("with"), self._seen.data)
-        self._compare_as_told()
-
-    def _compare_as_told(self) -> None:
-        """Show what the document is compared with now."""
-        self._changed(same=True)
+        self._tell_all()
 
     def _add_run(self, tab: Tab, said: Said) -> None:
         name, like = _word(said, "name"), said.get("like", self._run)
@@ -533,56 +538,58 @@ class Session:
         return {
             "text": text,
             "source": self.document.source,
-            "folder": str(self.document.folder),
+            "folder": str(self.folder),
             "run": self._run,
             "trust_xacro": bool(self._trusted),
-            "allowed": [str(x) for x in (self.document.folder, self.uploads.folder)],
+            "allowed": [str(x) for x in (self.folder, self.uploads.folder)],
             "named": [str(x) for x in self._named],
             "options": dict(options),
         }
 
     # What is shown.
 
-    def _changed(self, *, same: bool = False) -> None:
-        """Show the document after it has changed.
+    def _changed(self, seen: Seen | None = None) -> None:
+        """Show the document after its text has changed.
 
         Args:
-            same: Whether the text is the same, so that edits on their way stay possible.
+            seen: What is seen of it, if that is known.
         """
-        if not same:
-            self.rev += 1
-            self._gestures.clear()
-        self._choose_run()
-        self._seen = self._see(self.document.data)
+        self.rev += 1
+        self._gestures.clear()
+        self._tell_all(seen)
+
+    def _tell_all(self, seen: Seen | None = None) -> None:
+        """Show the document, its run and what it is compared with, as they are now."""
+        self._run = self._run_of(self.document.data)
+        self._seen = seen or self._see(self.document.data)
         self.variants.keep_to(self._seen.data)
         self.screen.compare(*self.variants.compared)
         self._tell_document()
         self._show(Made(self._seen.data, ()))
 
-    def _choose_run(self) -> None:
-        """Show the first run if there is none of the name of the last one."""
-        runs = self.document.data.get("runs") or {}
-        if self._run not in runs:
-            self._run = next(iter(runs), "")
+    def _run_of(self, data: Mapping[str, Any]) -> str:
+        """The run that is shown of a job: that of the last one, or the first."""
+        runs = data.get("runs")
+        names = list(runs) if isinstance(runs, Mapping) else []
+        return self._run if self._run in names else next(iter(names), "")
 
     def _see(self, data: Mapping[str, Any]) -> Seen:
         """The job of the document, and what can be grabbed of it."""
         try:
-            job = self._job_of(data, self._run)
+            job = self._job_of(data)
             return Seen(data, job, handles_of(job, data))
         except InvalidInput as error:
             # What is seen of the last job stays, greyed, until the text makes a job again.
             return Seen(data, None, self._seen.handles, error)
 
-    def _job_of(self, data: Mapping[str, Any], run: str | None) -> Job:
+    def _job_of(self, data: Mapping[str, Any]) -> Job:
         """The job of data.
 
         Raises:
             InvalidInput: They make none.
         """
-        refuse_new_xacro(data, self.document.folder, self._trusted)
-        known = run if run in (data.get("runs") or {}) else None
-        return self.previewer.job(data, known)
+        refuse_new_xacro(data, self.folder, self._trusted)
+        return self.previewer.job(data, self._run_of(data) or None)
 
     def _show(self, made: Made, told: Frame | None = None) -> None:
         """Show a state on all pages, and compute its exact figures when nothing changes."""
@@ -594,11 +601,10 @@ class Session:
             return
         with self._out:
             answers = dict(self._seqs)
-        runs = made.data.get("runs") or {}
         self.screen.show(
             Shown(
                 data=made.data,
-                run=self._run if self._run in runs else next(iter(runs), ""),
+                run=self._run_of(made.data),
                 view=View(handles.plane, handles.centre),
                 rev=self.rev,
                 answers=answers,
@@ -612,10 +618,9 @@ class Session:
         self._timer.start()
 
     def _at_rest(self) -> None:
-        """Nothing has changed for a while: compute what takes longer, and keep a draft."""
+        """Nothing has changed for a while: compute what takes longer."""
         with self._lock:
             self.screen.rest()
-            self._keep_draft()
             with contextlib.suppress(ArmContourError):
                 request = self._request({})
                 self.exact.ask(Asked(self.rev, dict(self._seqs), request))
@@ -631,23 +636,19 @@ class Session:
             "rms": None if executed is None else executed.errors.rms,
         }
 
-    def _keep_draft(self) -> FilePath | None:
-        """Write unsaved changes beside the job file; returns where."""
-        document = self.document
-        if document.file is None or not document.dirty:
-            return None
-        try:
-            return document.write_draft()
-        except OSError:
-            # A folder that cannot be written has no drafts; saving tells why.
-            return None
-
     # What the pages are told.
 
     def _tell_document(self, to: Tab | None = None) -> None:
         """Tell what the document is now."""
-        self._on_disk = self.document.on_disk
-        self._tell(describe(self.document, self._seen, self._run, self.variants), to=to)
+        self._on_disk = self.document.on_disk()
+        frame = describe(
+            self.document,
+            self._seen,
+            self._run,
+            self.variants,
+            draft=self._draft is not None,
+        )
+        self._tell(frame, to=to)
 
     def _tell_of(self, frame: Frame, shown: Shown) -> None:
         """Pass a frame of the fast lane on, unless the document has changed since."""
@@ -657,15 +658,26 @@ class Session:
     def _tell_slow(self, frame: Frame, asked: Asked | None) -> None:
         """Pass a frame of the slow lane on; figures only of the present document."""
         if asked is None:
-            self._tell(frame)
+            self._tell(self._with_file(frame))
             return
         self.variants.learn(asked.request, frame.header)
         if asked.rev == self.rev:
             self._tell(stamped(frame, rev=asked.rev), answers=asked.answers)
 
-    def _fail(self, tab: Tab, said: Said, sentence: str) -> None:
+    def _with_file(self, frame: Frame) -> Frame:
+        """The same frame; a file in it is kept for the pages to save."""
+        if frame.kind != "result" or "content" not in frame.arrays:
+            return frame
+        header, content = frame.header, frame.arrays["content"].tobytes()
+        number = self.keep_file(str(header["name"]), str(header["type"]), content)
+        return Frame("result", {**header, "file": number})
+
+    def _fail(self, tab: Tab, said: Said, error: ArmContourError) -> None:
         """Tell a page why its message was not followed."""
-        header = {"id": said.get("id"), "op": said.get("op"), "sentence": sentence}
+        if said.get("op") == "edit":
+            self._refuse(error, made=bool(said.get("final")))
+            return
+        header = {"id": said.get("id"), "op": said.get("op"), "sentence": str(error)}
         self._tell(Frame("failed", header), to=tab)
 
     def _tell(

@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
-from armcontour.io.cell import YAML
+from armcontour.io.cell import YAML, cell_names, drawing_text
 from armcontour.io.drawings.read import READERS
 from armcontour.io.job_edits import Change
 from armcontour.studio.document import Document
@@ -54,25 +54,24 @@ class Uploads:
         Raises:
             InvalidInput: A file of another kind, or one that is no text.
         """
-        ending = FilePath(name).suffix.lower()
         refuse_name(name)
+        ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
-            return Document.of_text(_text(name, content), document.folder, name)
+            return Document.of_text(_text(name, content), folder, name)
         if ending in ROBOTS:
-            file = self._keep(name, content, document.folder)
+            file = self._keep(name, content, folder)
             return [Change(("arm",), {"file": file})]
         if ending not in READERS:
             raise InvalidInput(
                 f"{name} is neither a job (.yaml), nor a drawing ({', '.join(READERS)}), nor a "
                 "robot (.urdf)."
             )
-        file = self._keep(name, content, document.folder)
+        file = self._keep(name, content, folder)
         if cell is not None:
-            from armcontour.io.cell import cell_names
-
             if cell not in cell_names():
                 raise InvalidInput(f"There is no cell {cell!r}: take {', '.join(cell_names())}.")
-            return Document.of_drawing(document.folder / file, cell)
+            there = (folder / file).resolve()
+            return Document.of_text(drawing_text(cell, there, folder), folder, f"{there.stem}.yaml")
         path = document.data.get("path") or {}
         return [
             *(Change(("path", x)) for x in OWN if x in path),
