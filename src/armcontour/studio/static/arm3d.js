@@ -19,7 +19,9 @@ import { passed, trailOf } from "./trail.js";
 /** Times closer than this are the same [s]. */
 const SAME_TIME = 1e-9;
 /** So long after the last change the view rests [ms]. */
-const REST = 250;
+const REST = 600;
+/** Numbers change so often at most [ms]. */
+const READING = 80;
 
 /**
  * Fill the region of the 3D view.
@@ -56,6 +58,10 @@ class ArmView {
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
     this.frames = new Rate();
+    /** @type {import("./readout.js").Posture | null} */
+    this.told = null;
+    /** @type {number | undefined} */
+    this.telling = undefined;
     this.draw = oncePerFrame(() => this.drawNow());
     this.canvas = make("canvas", {
       tabindex: 0, role: "img", class: "arm-canvas",
@@ -208,7 +214,8 @@ class ArmView {
     const at = cell.chain.toolOf(links);
     scene.pose(links, at, trail ? passed(trail, t) : 0);
     this.fitOnce(cell, links, aspect);
-    this.readout.show(cell, t, q, at, motion?.of ?? "planned");
+    this.told = { cell, t, q, at, of: motion?.of ?? "planned" };
+    this.tellSoon();
     region.dataset.time = String(t);
     region.dataset.of = motion?.of ?? "none";
     region.dataset.exact = String(exact !== null);
@@ -216,6 +223,14 @@ class ArmView {
     region.dataset.tool = [at[3], at[7], at[11]].join(",");
     region.dataset.pieces = String(trail?.times.length ?? 0);
     say(this.note, this.noteText(motion));
+  }
+
+  /** Numbers are for reading: not in every frame. */
+  tellSoon() {
+    this.telling ??= setTimeout(() => {
+      this.telling = undefined;
+      if (this.told) this.readout.show(this.told);
+    }, READING);
   }
 
   /**

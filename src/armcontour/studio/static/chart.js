@@ -32,7 +32,7 @@ import { make, say } from "./dom.js";
  * @property {string} xUnit
  */
 
-const HEIGHT = 190;
+const HEIGHT = 152; // px
 
 /** A chart; it is drawn only while it is in sight. */
 export class Chart {
@@ -47,9 +47,8 @@ export class Chart {
     this.plotBox = make("div", { class: "chart-plot" });
     this.title = make("h3", { text: axes.title });
     this.summary = make("p", { class: "chart-summary" });
-    this.element = make("figure", { class: "chart", "data-chart": name, role: "group", "aria-label": axes.title }, [
-      this.title, this.plotBox, this.summary,
-    ]);
+    const head = make("figcaption", {}, [this.title, this.summary]);
+    this.element = make("figure", { class: "chart", "data-chart": name, role: "group", "aria-label": axes.title }, [head, this.plotBox]);
     /** @type {uPlot | null} */
     this.plot = null;
     this.signature = "";
@@ -142,7 +141,7 @@ export class Chart {
   options(content, width) {
     const { axes } = this;
     const unit = content.yUnit ?? axes.unit;
-    const axis = { stroke: themed("--quiet"), grid: { stroke: themed("--grid"), width: 1 }, ticks: { stroke: themed("--grid"), width: 1, size: 4 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
+    const axis = { stroke: themed("--quiet"), grid: { stroke: themed("--line"), width: 1 }, ticks: { stroke: themed("--line"), width: 1, size: 4 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     return {
       width,
       height: HEIGHT,

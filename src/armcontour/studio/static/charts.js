@@ -1,6 +1,6 @@
 // The charts: tool speed along the path, what the joints do, and the contour error.
 
-import { Chart } from "./chart.js";
+import { Chart, number } from "./chart.js";
 import { RUN_COLOURS, styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
 import { drawStrip, stripOf } from "./strip.js";
@@ -15,6 +15,10 @@ import { drawStrip, stripOf } from "./strip.js";
 const SOURCE = "charts";
 /** While frames come, charts are drawn so often at most [ms]. */
 const PAUSE = 66;
+/** Values at the cursor change so often at most [ms]. */
+const READING = 100;
+/** A chart over arc length has at least so many places. */
+const FEWEST = 600;
 /** Dashes of joints: no two joints with the same colour have the same one. */
 const DASHES = [[], [9, 3], [3, 3], [9, 3, 3, 3], [1, 3], [14, 4]];
 const DEMANDS = /** @type {const} */ ([
@@ -53,6 +57,7 @@ class Charts {
     this.all = [this.speed, ...this.demands, this.error];
     region.append(...this.all.map((x) => x.element));
     this.waits = false;
+    addEventListener("beforeprint", () => this.all.forEach((x) => x.draw()));
   }
 
   /** Draw what is new, soon; a chart never delays the drawing above. */
@@ -78,8 +83,10 @@ class Charts {
     this.speed.show(speedContent(picture, compared, this.store.theme));
     DEMANDS.forEach(([, array, , what], k) => {
       const usage = picture.arrays[array];
-      this.demands[k].element.hidden = !usage?.length;
-      if (usage?.length) this.demands[k].show(demandContent(picture, usage, names, what));
+      // Shares of limits that there are not are zero.
+      const limited = Boolean(usage?.some((x) => x !== 0));
+      this.demands[k].element.hidden = !limited;
+      if (limited) this.demands[k].show(demandContent(picture, usage, names, what));
     });
     this.fillError();
     this.grey();
@@ -98,7 +105,7 @@ class Charts {
     this.pointing = setTimeout(() => {
       this.pointing = undefined;
       this.point();
-    }, PAUSE);
+    }, READING);
   }
 
   point() {
@@ -122,21 +129,22 @@ class Charts {
  * @returns {Content}
  */
 function speedContent(picture, compared, theme) {
-  const { path_s: s, speed, assigned, binding } = picture.arrays;
-  const x = scaled(s, 1000);
-  const most = largestOf(speed);
+  const { path_s: places, binding } = picture.arrays;
+  const s = refined(places);
+  const [speed, assigned] = [picture.arrays.speed, picture.arrays.assigned].map((y) => resampled(places, y, s, 1000));
+  const x = s.map((y) => 1000 * y);
   const curves = /** @type {Curve[]} */ ([]);
   if (compared) {
     const { path_s: otherS, speed: other } = compared.arrays;
     curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherS, other, s, 1000) });
   }
-  if (assigned?.length) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: withGaps(assigned, 1000) });
-  curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: withGaps(speed, 1000) });
-  const strip = stripOf(s, binding, picture.head.limits);
+  if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
+  curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
+  const strip = stripOf(places, binding, picture.head.limits);
   const kinds = [...new Set(strip.map((part) => part.kind))].map((kind) => styleOf(kind, theme).label);
   return {
     x, curves, range: [0, 0],
-    summary: `Largest speed ${(1000 * most).toFixed(1)} mm/s. Below the curve: what limits it (${kinds.join(", ")}).`,
+    summary: `At most ${number(largestOf(speed))} mm/s. Strip: ${kinds.join(", ")}.`,
     over: (u) => drawStrip(u, strip, theme),
   };
 }
@@ -163,7 +171,7 @@ function demandContent(picture, usage, names, what) {
   const name = curves[most.joint]?.label ?? "";
   return {
     x: t, curves, limits: [-100, 100],
-    summary: `Largest ${what}: ${most.share.toFixed(1)} % of the limit, ${name}. Dashed lines: the limits.`,
+    summary: `At most ${most.share.toFixed(1)} % of the ${what} limit, ${name}.`,
   };
 }
 
@@ -184,7 +192,7 @@ function errorContent(executed, compared) {
   curves.push({ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) });
   return {
     x: t, curves, range: [0, 0], yUnit: unit,
-    summary: `Largest ${(factor * max).toFixed(1)} ${unit}, root mean square ${(factor * rms).toFixed(1)} ${unit}.`,
+    summary: `At most ${number(factor * max)} ${unit}, root mean square ${number(factor * rms)} ${unit}.`,
   };
 }
 
@@ -204,16 +212,19 @@ function withGaps(values, factor) {
 }
 
 /**
- * @param {Numbers} values
- * @param {number} factor
+ * Places with others between them, so that the cursor has a value everywhere.
+ * @param {Numbers} places increasing
  * @returns {Float64Array}
  */
-function scaled(values, factor) {
-  return Float64Array.from(values, (x) => factor * x);
+function refined(places) {
+  const end = places[places.length - 1];
+  const found = [...places];
+  for (let k = 1; k < FEWEST && places.length < FEWEST; k += 1) found.push((end * k) / FEWEST);
+  return Float64Array.from(found).sort();
 }
 
 /**
- * Values of another curve at the places of this one; null beyond its end.
+ * Values of a curve at other places; null beyond its ends and where there is none.
  * @param {Numbers} from increasing
  * @param {Numbers} values
  * @param {Numbers} at increasing
@@ -234,9 +245,9 @@ function resampled(from, values, at, factor) {
   return found;
 }
 
-/** @param {Iterable<number>} values @returns {number} */
+/** @param {Iterable<number | null>} values @returns {number} */
 function largestOf(values) {
   let most = 0;
-  for (const x of values) if (x > most) most = x;
+  for (const x of values) if (x !== null && x > most) most = x;
   return most;
 }

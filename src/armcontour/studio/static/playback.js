@@ -14,6 +14,8 @@ const SOURCE = "playback";
 const STEP = 0.005;
 /** The exact posture is asked for when nothing has changed for so long [ms]. */
 const REST = 120;
+/** While it plays, numbers change so often at most [ms]. */
+const READING = 60;
 
 /**
  * Fill the bar of the playback.
@@ -43,6 +45,7 @@ class Playback {
     this.loops = false;
     this.playing = false;
     this.last = 0;
+    this.told = 0;
     /** Whether an answer is awaited, and whether it is out of date. */
     this.asked = { waits: false, again: false };
     this.button = make("button", { type: "button", class: "play", onclick: () => this.toggle(), title: "Play or pause (Space)" });
@@ -89,8 +92,9 @@ class Playback {
       this.pause();
       this.time = cursor.t;
     }
+    if (this.playing) return;
     this.tell();
-    if (!this.playing) this.ask();
+    this.ask();
   }
 
   toggle() {
@@ -133,6 +137,7 @@ class Playback {
     const ends = this.time >= motion.duration;
     if (ends) this.time = this.loops ? this.time % motion.duration : motion.duration;
     this.store.setCursor({ t: this.time, source: SOURCE });
+    if (now - this.told > READING) this.tell();
     if (ends && !this.loops) this.pause();
     else requestAnimationFrame((next) => this.advance(next));
   }
@@ -183,6 +188,7 @@ class Playback {
 
   /** Show the state. */
   tell() {
+    this.told = performance.now();
     const motion = this.motion;
     const duration = motion?.duration ?? 0;
     this.slider.value = String(this.time);

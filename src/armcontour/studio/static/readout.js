@@ -5,6 +5,10 @@ import { mm, seconds } from "./format.js";
 
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./kinematics.js").Pose} Pose */
+/**
+ * A posture at a time [s]: joint positions [rad or m], and the tool's frame in that of the base.
+ * @typedef {{cell: Cell, t: number, q: ArrayLike<number>, at: Pose, of: string}} Posture
+ */
 
 /** A line of text with a table of joints under it. */
 export class Readout {
@@ -20,18 +24,11 @@ export class Readout {
     this.cell = null;
   }
 
-  /**
-   * Show a posture.
-   * @param {Cell} cell
-   * @param {number} t [s]
-   * @param {ArrayLike<number>} q
-   * @param {Pose} tool in the frame of the base
-   * @param {string} of "planned" or "executed"
-   */
-  show(cell, t, q, tool, of) {
+  /** @param {Posture} posture */
+  show({ cell, t, q, at, of }) {
     if (cell !== this.cell) this.rebuild(cell);
-    const at = [tool[3], tool[7], tool[11]].map((x) => mm(x, 1)).join(", ");
-    say(this.line, `${seconds(t)} s ${of} · tool at ${at} mm from the base`);
+    const tool = [at[3], at[7], at[11]].map((x) => mm(x, 1)).join(", ");
+    say(this.line, `${seconds(t)} s ${of} · tool at ${tool} mm from the base`);
     if (!this.element.open) return;
     cell.chain.joints.forEach((joint, k) => say(this.cells[k], positionText(joint.type, q[k])));
   }

@@ -16,6 +16,8 @@ import { kindAt } from "./strokes.js";
 
 /** More pieces than this are not visible. */
 const MOST_PIECES = 4000;
+/** The tool needs at most this share of the duration for a piece: the trail follows it closely. */
+const LONGEST = 1 / 400;
 
 /**
  * The trail of a motion.
@@ -28,22 +30,55 @@ export function trailOf(motion, picture, theme) {
   const all = [...runsOf(motion, picture)].sort((a, b) => motionTime(a) - motionTime(b));
   const count = all.reduce((sum, x) => sum + x.times.length - 1, 0);
   const step = Math.max(1, Math.ceil(count / MOST_PIECES));
-  const ends = /** @type {number[]} */ ([]);
-  const colours = /** @type {number[]} */ ([]);
-  const times = /** @type {number[]} */ ([]);
+  const found = new Pieces(motion.duration * LONGEST);
   const known = new Map();
-  for (const { points, times: at, rapid } of all) {
-    for (let from = 0; from < at.length - 1; from += step) {
-      const to = Math.min(from + step, at.length - 1);
-      const kind = rapid ? "other" : kindAt(picture, indexAt(picture.arrays.path_t, at[from]));
+  for (const { points, times, rapid } of all) {
+    for (let from = 0; from < times.length - 1; from += step) {
+      const to = Math.min(from + step, times.length - 1);
+      const kind = rapid ? "other" : kindAt(picture, indexAt(picture.arrays.path_t, times[from]));
       const colour = known.get(kind) ?? channels(styleOf(kind, theme).colour);
       known.set(kind, colour);
-      ends.push(...points.subarray(3 * from, 3 * from + 3), ...points.subarray(3 * to, 3 * to + 3));
-      colours.push(...colour, ...colour);
-      times.push(at[to]);
+      found.add(points.subarray(3 * from, 3 * from + 3), points.subarray(3 * to, 3 * to + 3), times[from], times[to], colour);
     }
   }
-  return { ends: Float32Array.from(ends), colours: Float32Array.from(colours), times: Float64Array.from(times) };
+  return found.trail;
+}
+
+/** Collects pieces, the long ones in parts. */
+class Pieces {
+  /** @param {number} longest [s] */
+  constructor(longest) {
+    this.longest = longest;
+    /** @type {number[]} */
+    this.ends = [];
+    /** @type {number[]} */
+    this.colours = [];
+    /** @type {number[]} */
+    this.times = [];
+  }
+
+  /**
+   * @param {Numbers} a
+   * @param {Numbers} b
+   * @param {number} from [s]
+   * @param {number} to [s]
+   * @param {number[]} colour
+   */
+  add(a, b, from, to, colour) {
+    const parts = Math.max(1, Math.ceil((to - from) / this.longest));
+    const point = (/** @type {number} */ share) => [0, 1, 2].map((j) => a[j] + share * (b[j] - a[j]));
+    for (let k = 0; k < parts; k += 1) {
+      this.ends.push(...point(k / parts), ...point((k + 1) / parts));
+      this.colours.push(...colour, ...colour);
+      this.times.push(from + ((k + 1) / parts) * (to - from));
+    }
+  }
+
+  /** @returns {Trail} */
+  get trail() {
+    const { ends, colours, times } = this;
+    return { ends: Float32Array.from(ends), colours: Float32Array.from(colours), times: Float64Array.from(times) };
+  }
 }
 
 /** @typedef {{points: Numbers, times: Numbers, rapid: boolean}} Stretch */
