@@ -12,7 +12,9 @@ import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
 import { init as messages } from "./messages.js";
 import { init as notes } from "./notes.js";
+import { init as obstacles } from "./obstacles.js";
 import { init as panel } from "./panel.js";
+import { init as place } from "./place.js";
 import { init as playback } from "./playback.js";
 import { init as runs } from "./runs.js";
 import { init as splitter } from "./splitter.js";
@@ -36,7 +38,11 @@ const regions = [
   () => header(store, link),
   () => figures(store),
   () => viewbar(store, view),
-  () => handles(store, link, view),
+  () => {
+    const grabbed = handles(store, link, view);
+    obstacles(store, link, view, grabbed);
+    place(store, link, view, grabbed);
+  },
   () => marks(store, view),
   () => panel(store, link),
   () => tables(store, link),

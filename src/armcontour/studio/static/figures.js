@@ -101,7 +101,7 @@ class Figures {
   /** @param {string} name @param {Shown} shown */
   show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
     const { box, value: place, delta } = this.boxes[name];
-    box.hidden = value === null && (name === "clearance" || name === "settled" || name === "demand");
+    box.hidden = value === null && name === "clearance";
     box.classList.toggle("alarm", alarm);
     box.dataset.value = value === null ? "" : String(value);
     box.dataset.exact = String(exact);
@@ -109,7 +109,7 @@ class Figures {
     if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
     const known = typeof other === "number" && typeof value === "number";
     say(delta, known ? signed(factor * (value - other), digits) : "");
-    delta.dataset.better = known && value !== other ? String(value < other) : "";
+    delta.dataset.better = known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "";
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */

@@ -4,7 +4,6 @@
 import { draw } from "./dom.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
-import { placeHandle } from "./place.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -43,7 +42,6 @@ export class Handles {
     store.on("picture", (/** @type {any} */ frame) => this.answered(frame));
     store.on("refusal", (/** @type {any} */ frame) => frame && this.answered(frame));
     view.followers.add(() => this.place());
-    placeHandle(store, link, view, this);
   }
 
   /** The server knows of the change: its places are used again. @param {import("./state.js").Frame} frame */

@@ -1,14 +1,13 @@
 // Forward kinematics of a chain of joints, in double precision, as in arms/chain.py.
 
 /**
- * A joint. Link 0 is the base, link k comes after the k-th joint.
+ * A joint, which turns. Link 0 is the base, link k comes after the k-th joint.
  * @typedef {object} Joint
  * @property {string} name
- * @property {"revolute"|"prismatic"} type
  * @property {number} parent the link that carries the joint
  * @property {number[]} axis unit vector, in the joint's frame
  * @property {number[][]} origin the joint's frame at zero in the frame of `parent`, 4x4
- * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
+ * @property {[number | null, number | null]} [limits] [rad], null where there is none
  */
 
 /**
@@ -56,14 +55,11 @@ export function place(pose, p) {
 /**
  * The motion of a joint in its own frame. Rodrigues' formula: I + sin q K + (1 - cos q) K².
  * @param {Joint} joint
- * @param {number} q position [rad or m]
+ * @param {number} q position [rad]
  * @returns {Pose}
  */
 export function jointMotion(joint, q) {
   const [x, y, z] = joint.axis;
-  if (joint.type === "prismatic") {
-    return Float64Array.of(1, 0, 0, x * q, 0, 1, 0, y * q, 0, 0, 1, z * q);
-  }
   const [s, c] = [Math.sin(q), 1 - Math.cos(q)];
   return Float64Array.of(
     1 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y, 0,
@@ -86,7 +82,7 @@ export class Chain {
 
   /**
    * The frames of the base and of all links, in the frame of the base.
-   * @param {ArrayLike<number>} q joint positions [rad or m]
+   * @param {ArrayLike<number>} q joint positions [rad]
    * @returns {Pose[]}
    */
   links(q) {

@@ -80,9 +80,13 @@ class Marks {
     const refusal = this.store.refusal;
     const at = refusal?.head.at?.uv;
     this.refused.toggleAttribute("hidden", !at);
-    this.sentence.hidden = !at;
+    const [x, y] = at ? this.screen(at, centre) : [-1, -1];
+    const { width, height } = this.view.view;
+    const seen = x >= 0 && y >= 0 && x <= width && y <= height;
+    this.sentence.hidden = !seen;
+    // The sentence is either at its place or in the messages.
+    document.body.dataset.refusedHere = String(seen);
     if (!refusal || !at) return;
-    const [x, y] = this.screen(at, centre);
     move(this.refused, [x, y]);
     say(this.sentence, refusal.head.sentence);
     this.put(this.sentence, x, y);

@@ -9,7 +9,7 @@ import { indexAt } from "./state.js";
  * @typedef {object} Motion
  * @property {Which} of
  * @property {Numbers} t times [s], (m,)
- * @property {Numbers} q joint positions [rad or m], (m, dof)
+ * @property {Numbers} q joint positions [rad], (m, dof)
  * @property {number} dof
  * @property {number} duration [s]
  * @property {Numbers} trail tool points in the work frame [m], (n, 3)

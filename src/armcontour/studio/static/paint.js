@@ -35,6 +35,11 @@ export class Painter {
     const picture = this.store.latest("picture");
     if (!picture) return;
     this.grid(context, view);
+    for (const draw of this.store.underlays) {
+      context.save();
+      draw(context, view);
+      context.restore();
+    }
     context.globalAlpha = this.store.refusal?.head.tier === 1 ? 0.28 : 1;
     this.inMetres(context, view, ratio, () => this.lines(context, view, picture));
     context.setTransform(ratio, 0, 0, ratio, 0, 0);

@@ -11,7 +11,8 @@ import { positionOf, STEPS, valueAt } from "./scales.js";
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./scales.js").Slider} Slider */
 
-const GROUPS = ["Speed and corners", "Joint limits", "Servo", "Set-points", "Part"];
+/** Groups of the server in this order, with their titles. @type {Record<string, string>} */
+const GROUPS = { path: "Speed and corners", joints: "Joint limits", servo: "Servo and set-points", run: "Run", part: "Part" };
 /** Where a value is written: those of the job need no word. */
 const FROM = /** @type {Record<string, string>} */ ({ job: "", run: "this run", arm: "arm", default: "default" });
 
@@ -30,7 +31,7 @@ class Row {
     this.from = make("span", { class: "from" });
     this.unset = make("button", { type: "button", class: "unset", text: "↺", title: "Leave it out of the file again", "aria-label": `Leave ${slider.label} out of the file again`, onclick: () => link.edit([{ do: "unset", key: this.slider.key }]) });
     this.element = make("div", { class: "slider", "data-key": slider.key }, [
-      make("label", { for: id, text: slider.label }), this.from, this.unset, this.text, this.select, this.range,
+      make("label", { for: id, text: sentenceCase(slider.label) }), this.from, this.unset, this.text, this.select, this.range,
     ]);
     this.listen(ghost);
     this.show(slider);
@@ -104,6 +105,9 @@ class Row {
   }
 }
 
+/** @param {string} text */
+const sentenceCase = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 class Panel {
   /** @param {Store} store @param {Link} link */
   constructor(store, link) {
@@ -126,7 +130,7 @@ class Panel {
       row.element.remove();
       this.rows.delete(key);
     }
-    const order = [...GROUPS, ...sliders.map((s) => s.group)];
+    const order = new Set([...Object.keys(GROUPS), ...sliders.map((s) => s.group)]);
     for (const name of order) if (sliders.some((s) => s.group === name)) this.region.append(this.group(name));
     for (const slider of sliders) this.showOne(slider);
     for (const [name, group] of this.groups) group.hidden = !sliders.some((s) => s.group === name);
@@ -145,7 +149,7 @@ class Panel {
   group(name) {
     let found = this.groups.get(name);
     if (!found) {
-      found = make("details", { class: "group", open: true }, [make("summary", { text: name })]);
+      found = make("details", { class: "group", open: true }, [make("summary", { text: GROUPS[name] ?? name })]);
       this.groups.set(name, found);
     }
     return found;

@@ -122,6 +122,6 @@ class PlaceHandle {
 }
 
 /** @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles */
-export function placeHandle(store, link, view, handles) {
+export function init(store, link, view, handles) {
   new PlaceHandle(store, link, view, handles);
 }

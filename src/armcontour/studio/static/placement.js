@@ -2,7 +2,7 @@
 
 import { heat } from "./colours.js";
 import { make, say } from "./dom.js";
-import { mm, seconds, short } from "./format.js";
+import { mm, percent, seconds, short } from "./format.js";
 import { movedSince, moveTo } from "./moved.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -10,15 +10,18 @@ import { movedSince, moveTo } from "./moved.js";
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {[number, number, number]} Shift right, up [m] and turn [rad] in the plane of the picture */
-/** @typedef {{shift: Shift, turns: number, value: number, refusal: string}} Cell `turns`: how many were compared */
+/** @typedef {{shift: Shift, value: number, refusal: string}} Cell */
 
-/** What is drawn, by objective: its array, its unit, and whether small is good. */
-const VALUES = /** @type {Record<string, {array: string, label: string, text: (x: number) => string, small: boolean}>} */ ({
-  cycle: { array: "duration", label: "cycle time", text: (x) => `${seconds(x)} s`, small: true },
-  clearance: { array: "clearance", label: "clearance", text: (x) => `${mm(x, 1)} mm`, small: false },
-  manipulability: { array: "singular", label: "least singular value", text: short, small: false },
-  torque: { array: "torque_margin", label: "torque to spare", text: (x) => `${(100 * x).toFixed(1)} %`, small: false },
+/** Scores, which are small where it is good, as text. */
+const SCORES = /** @type {Record<string, {label: string, text: (x: number) => string}>} */ ({
+  cycle: { label: "cycle time", text: (x) => `${seconds(x)} s` },
+  clearance: { label: "clearance", text: (x) => `${mm(-x, 1)} mm` },
+  manipulability: { label: "least singular value", text: (x) => short(-x) },
+  torque: { label: "torque to spare", text: (x) => `${percent(-x)} %` },
 });
+
+/** Width of places along an axis that was not moved along [m]. */
+const NARROW = 0.02;
 
 export class PlacementMap {
   /**
@@ -30,10 +33,11 @@ export class PlacementMap {
     this.link = link;
     /** @type {Cell[]} */
     this.cells = [];
-    this.objective = VALUES.cycle;
+    this.score = SCORES.cycle;
     /** @type {[number, number]} */
     this.about = [0, 0];
     this.sides = [0, 0];
+    this.columns = 1;
     /** Ends of the scale. */
     this.range = [0, 1];
     /** @type {Frame | null} the picture when the map was made */
@@ -48,7 +52,7 @@ export class PlacementMap {
       this.line, make("div", { class: "placement-frame" }, [this.table]), this.scale,
       make("label", { class: "field" }, [this.shown, " draw the map under the part"]),
     ]);
-    store.underlays?.add((context, view) => this.paint(context, view));
+    store.underlays.add((context, view) => this.paint(context, view));
     store.on("ground", (/** @type {{uv: [number, number]}} */ { uv }) => this.click(uv));
   }
 
@@ -57,13 +61,14 @@ export class PlacementMap {
    * @param {Frame} frame
    */
   show(frame) {
-    this.objective = VALUES[frame.head.objective] ?? VALUES.cycle;
-    this.about = frame.head.about;
+    this.score = SCORES[frame.head.objective] ?? SCORES.cycle;
+    this.about = frame.head.anchor;
     this.from = this.store.latest("picture");
-    this.cells = cellsOf(frame, this.objective);
+    this.columns = axisOf(frame, "x").length;
+    this.cells = cellsOf(frame);
     const values = this.cells.map((x) => x.value).filter(Number.isFinite);
     this.range = values.length ? [Math.min(...values), Math.max(...values)] : [0, 1];
-    this.sides = [sideOf(this.cells, 0), sideOf(this.cells, 1)];
+    this.sides = [stepOf(axisOf(frame, "x")), stepOf(axisOf(frame, "y"))];
     this.shown.checked = true;
     this.fillTable();
     this.redraw();
@@ -84,15 +89,13 @@ export class PlacementMap {
     return this.from && picture ? movedSince(this.from, picture) : null;
   }
 
-  /** One button per place, the upper row at the top, as in the drawing. */
+  /** One button per place, y upwards as in the drawing. */
   fillTable() {
-    const [us, vs] = [0, 1].map((k) => [...new Set(this.cells.map((x) => x.shift[k]))].sort((a, b) => a - b));
-    const rows = vs.reverse().map((v) =>
-      make("tr", {}, us.map((u) => make("td", {}, this.cells.filter((x) => x.shift[0] === u && x.shift[1] === v).map((x) => this.buttonOf(x))))),
-    );
-    this.table.replaceChildren(make("tbody", {}, rows));
-    const [low, high] = this.range.map(this.objective.text);
-    say(this.scale, `Colour: ${this.objective.label}, from ${low} to ${high}; bright is better; crossed: refused.`);
+    const rows = this.cells.length / this.columns;
+    const row = (/** @type {number} */ k) => make("tr", {}, Array.from({ length: this.columns }, (_, j) => make("td", {}, [this.buttonOf(this.cells[j * rows + k])])));
+    this.table.replaceChildren(make("tbody", {}, Array.from({ length: rows }, (_, k) => row(rows - 1 - k))));
+    const [low, high] = this.range.map(this.score.text);
+    say(this.scale, `Colour: ${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused.`);
   }
 
   /**
@@ -114,15 +117,14 @@ export class PlacementMap {
    */
   textOf({ shift, refusal, value }) {
     const turn = shift[2] ? `, turned by ${((180 * shift[2]) / Math.PI).toFixed(1)}°` : "";
-    const what = refusal ? `refused (${refusal})` : `${this.objective.label} ${this.objective.text(value)}`;
+    const what = refusal ? `refused (${refusal})` : `${this.score.label} ${this.score.text(value)}`;
     return `${mm(shift[0], 1)} mm, ${mm(shift[1], 1)} mm${turn}: ${what}`;
   }
 
   /** From 0 to 1. @param {Cell} cell */
   goodness({ value }) {
     const [low, high] = this.range;
-    const share = high > low ? (value - low) / (high - low) : 1;
-    return this.objective.small && high > low ? 1 - share : share;
+    return high > low ? (high - value) / (high - low) : 1;
   }
 
   /** @param {Cell | null} cell */
@@ -175,37 +177,32 @@ export class PlacementMap {
 }
 
 /**
- * The places, of several turns the best one.
+ * The places column by column, of several turns and heights the best one.
  * @param {Frame} frame
- * @param {{array: string, small: boolean}} objective
  * @returns {Cell[]}
  */
-function cellsOf(frame, { array, small }) {
-  const { shift, refusal } = frame.arrays;
-  const values = frame.arrays[array] ?? frame.arrays.duration;
-  /** @type {Map<string, Cell>} */
-  const found = new Map();
-  for (let k = 0; k < refusal.length; k += 1) {
-    const at = /** @type {Shift} */ ([...shift.subarray(3 * k, 3 * k + 3)]);
-    const why = refusal[k] === 255 ? "" : frame.head.refusals[refusal[k]];
-    const known = Number.isFinite(values[k]);
-    const cell = { shift: at, turns: 1, value: values[k], refusal: known ? "" : why || "not planned" };
-    const key = `${at[0]} ${at[1]}`;
-    const old = found.get(key);
-    if (!old || (known && (old.refusal || (small ? values[k] < old.value : values[k] > old.value)))) found.set(key, cell);
-  }
-  return [...found.values()];
+function cellsOf(frame) {
+  const { by, turn, score, refusal } = frame.arrays;
+  const count = axisOf(frame, "x").length * axisOf(frame, "y").length;
+  // The last axis changes fastest: so many places follow each other at one x and y.
+  const each = score.length / count;
+  return Array.from({ length: count }, (_, k) => {
+    let best = k * each;
+    for (let j = best; j < (k + 1) * each; j += 1) if (score[j] < score[best]) best = j;
+    const known = Number.isFinite(score[best]);
+    const why = refusal[best] === 255 ? "not planned" : frame.head.refusals[refusal[best]];
+    return { shift: [by[2 * best], by[2 * best + 1], turn[best]], value: score[best], refusal: known ? "" : why };
+  });
 }
 
-/**
- * Distance of neighbours along an axis [m].
- * @param {Cell[]} cells
- * @param {0 | 1} axis
- * @returns {number}
- */
-function sideOf(cells, axis) {
-  const all = [...new Set(cells.map((x) => x.shift[axis]))].sort((a, b) => a - b);
-  return all.length > 1 ? (all[all.length - 1] - all[0]) / (all.length - 1) : 0.02;
+/** Values of an axis [m]; one that was not moved along has one. @param {Frame} frame @param {string} name @returns {number[]} */
+function axisOf(frame, name) {
+  return frame.head.axes.find((/** @type {any} */ x) => x.name === name)?.values ?? [0];
+}
+
+/** Distance of neighbours [m]. @param {number[]} values @returns {number} */
+function stepOf(values) {
+  return values.length > 1 ? (values[values.length - 1] - values[0]) / (values.length - 1) : NARROW;
 }
 
 /**

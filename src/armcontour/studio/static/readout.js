@@ -6,7 +6,7 @@ import { mm, seconds } from "./format.js";
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./kinematics.js").Pose} Pose */
 /**
- * A posture at a time [s]: joint positions [rad or m], and the tool's frame in that of the base.
+ * A posture at a time [s]: joint positions [rad], and the tool's frame in that of the base.
  * @typedef {{cell: Cell, t: number, q: ArrayLike<number>, at: Pose, of: string}} Posture
  */
 
@@ -30,7 +30,7 @@ export class Readout {
     const tool = [at[3], at[7], at[11]].map((x) => mm(x, 1)).join(", ");
     say(this.line, `${seconds(t)} s ${of} · tool at ${tool} mm from the base`);
     if (!this.element.open) return;
-    cell.chain.joints.forEach((joint, k) => say(this.cells[k], positionText(joint.type, q[k])));
+    cell.chain.joints.forEach((joint, k) => say(this.cells[k], degrees(q[k])));
   }
 
   /** @param {Cell} cell */
@@ -39,7 +39,7 @@ export class Readout {
     this.cells = cell.chain.joints.map(() => make("td"));
     const rows = cell.chain.joints.map((joint, k) => {
       const [low, high] = joint.limits ?? [null, null];
-      const bound = (/** @type {number | null} */ x) => (x === null ? "no limit" : positionText(joint.type, x));
+      const bound = (/** @type {number | null} */ x) => (x === null ? "no limit" : degrees(x));
       const range = low === null && high === null ? "no limit" : `${bound(low)} to ${bound(high)}`;
       return make("tr", {}, [make("th", { scope: "row", text: joint.name }), this.cells[k], make("td", { text: range })]);
     });
@@ -47,12 +47,7 @@ export class Readout {
   }
 }
 
-/**
- * @param {string} type of the joint
- * @param {number} x [rad or m]
- * @returns {string}
- */
-function positionText(type, x) {
-  if (type === "prismatic") return `${mm(x, 3)} mm`;
+/** @param {number} x [rad] @returns {string} */
+function degrees(x) {
   return `${((x * 180) / Math.PI).toFixed(3).replace("-", "−")}°`;
 }

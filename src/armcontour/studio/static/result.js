@@ -1,14 +1,14 @@
-// One task: its progress while it works, and what came of it: sentences, tables, charts, files.
+// One task: its progress while it works, and what came of it: sentences, tables, charts, a file.
 
-import { Chart, number } from "./chart.js";
-import { RUN_COLOURS, themed } from "./colours.js";
+import { answerOf } from "./answers.js";
+import { Chart } from "./chart.js";
 import { make, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./link.js").Link} Link */
-/** @typedef {{title?: string, columns: string[], rows: (string | number | null)[][]}} Table */
-/** @typedef {{id: string, name: string, size?: number, open?: string}} File */
+/** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. */
+/** @typedef {{file: string, name: string, bytes: number, open?: string}} Kept */
 
 /** Rows of a table that are shown at once. */
 const MOST_ROWS = 200;
@@ -50,13 +50,15 @@ export class Result {
 
   /** @param {Frame} frame */
   finish(frame) {
-    const { ok, sentences = [], tables = [], files = [] } = frame.head;
+    const { head } = frame;
+    const { sentences, tables = [], graphs = [] } = answerOf(this.task, frame, this.store);
     this.head.remove();
-    this.element.dataset.state = ok === false ? "refused" : "done";
+    const refused = head.kept === false || head.verdict === "violated";
+    this.element.dataset.state = refused ? "refused" : "done";
     for (const text of sentences) this.body.append(make("p", { class: "task-sentence", text }));
-    if (this.task === "clearance" && frame.arrays.t?.length) this.addClearance(frame);
+    if (head.file) this.body.append(this.fileOf(head));
+    for (const x of graphs) this.addGraph(x);
     for (const x of tables) this.body.append(tableOf(x));
-    for (const x of files) this.body.append(this.fileOf(x));
   }
 
   /**
@@ -74,30 +76,15 @@ export class Result {
     this.body.prepend(map.element);
   }
 
-  /** Distance over time, with the pair at the cursor. @param {Frame} frame */
-  addClearance(frame) {
-    const { t, distance, margin, pair } = frame.arrays;
-    const chart = new Chart("clearance", { title: "Least distance over time", x: "Time [s]", xUnit: "s", y: "Distance", unit: "mm" }, (at) => {
-      if (at === null) return;
-      this.store.setCursor({ t: at, source: "charts" });
-    });
-    const inMm = (/** @type {ArrayLike<number>} */ x) => Array.from(x, (d) => (Number.isFinite(d) ? 1000 * d : null));
-    const curves = [{ label: "distance", colour: RUN_COLOURS[1], y: inMm(distance) }];
-    if (margin?.length) curves.push(/** @type {any} */ ({ label: "margin", colour: themed("--ink"), dash: [2, 3], y: inMm(margin) }));
-    const least = frame.head.least;
-    const summary = least ? `Least: ${number(1000 * least.distance)} mm at ${number(least.t)} s, ${least.pair}.` : "";
-    chart.show({ x: t, curves, range: [0, 0], summary });
+  /** A chart; one over time has the cursor of all. @param {import("./answers.js").Graph} graph */
+  addGraph({ name, axes, content, time }) {
+    const chart = new Chart(name, axes, (t) => time && t !== null && this.store.setCursor({ t, source: "charts" }));
+    chart.show(content);
     this.body.append(chart.element);
-    const names = frame.head.pairs ?? [];
-    this.endings.push(
-      this.store.on("cursor", (/** @type {import("./state.js").Cursor} */ cursor) => {
-        chart.point(cursor?.t ?? null);
-        if (!cursor || !pair) return;
-        const k = nearest(t, cursor.t);
-        say(chart.summary, `${summary} At ${number(t[k])} s: ${number(1000 * distance[k])} mm, ${names[pair[k]] ?? ""}.`);
-      }),
-      this.store.on("theme", () => chart.repaint()),
-    );
+    this.endings.push(this.store.on("theme", () => chart.repaint()));
+    if (!time) return;
+    const follow = (/** @type {import("./state.js").Cursor} */ cursor) => chart.point(cursor?.t ?? null);
+    this.endings.push(this.store.on("cursor", follow));
   }
 
   /** The result goes away. */
@@ -108,26 +95,26 @@ export class Result {
 
   /**
    * A file to download, and to open where it can be.
-   * @param {File} file
+   * @param {Kept} file
    * @returns {HTMLElement}
    */
   fileOf(file) {
-    const size = file.size ? ` (${Math.max(1, Math.round(file.size / 1000))} kB)` : "";
-    const button = make("button", { type: "button", text: `Download ${file.name}${size}`, "data-file": file.name, onclick: () => this.download(file, said) });
+    const size = `${Math.max(1, Math.round(file.bytes / 1000))} kB`;
     const said = make("span", { class: "quiet", role: "status" });
-    const row = make("p", { class: "task-file" }, [button, " "]);
-    if (file.open) row.append(make("a", { href: file.open, target: "_blank", rel: "noopener", class: "button", text: "Open" }), " ");
-    row.append(said);
+    const button = make("button", { type: "button", text: `Download ${file.name}`, title: size, "data-file": file.name, onclick: () => this.download(file, said) });
+    const row = make("p", { class: "task-file" }, [button]);
+    if (file.open) row.append(make("a", { href: file.open, target: "_blank", rel: "noopener", class: "button", text: "Open" }));
+    row.append(make("span", { class: "quiet", text: size }), said);
     return row;
   }
 
   /**
-   * @param {File} file
+   * @param {Kept} file
    * @param {HTMLElement} said
    */
   async download(file, said) {
     try {
-      const answer = await this.link.request(`/files/${encodeURIComponent(file.id)}`);
+      const answer = await this.link.request(`/files/${encodeURIComponent(file.file)}`);
       if (!answer.ok) throw new Error(`the server answers ${answer.status}`);
       const address = URL.createObjectURL(await answer.blob());
       make("a", { href: address, download: file.name }).click();
@@ -140,26 +127,12 @@ export class Result {
 }
 
 /**
- * @param {ArrayLike<number>} times
- * @param {number} t
- * @returns {number}
- */
-function nearest(times, t) {
-  let best = 0;
-  for (let k = 1; k < times.length; k += 1) if (Math.abs(times[k] - t) < Math.abs(times[best] - t)) best = k;
-  return best;
-}
-
-/**
- * @param {Table} table
+ * @param {import("./answers.js").Table} table
  * @returns {HTMLElement}
  */
 function tableOf({ title, columns, rows }) {
   const head = make("tr", {}, columns.map((text) => make("th", { scope: "col", text })));
-  const cell = (/** @type {string | number | null} */ x, /** @type {number} */ k) => {
-    const text = typeof x === "number" ? number(x) : (x ?? "–");
-    return k === 0 ? make("th", { scope: "row", text }) : make("td", { text, class: typeof x === "number" ? "figure" : false });
-  };
+  const cell = (/** @type {string} */ text, /** @type {number} */ k) => make(k === 0 ? "th" : "td", { text, scope: k === 0 ? "row" : false });
   const body = rows.slice(0, MOST_ROWS).map((row) => make("tr", {}, row.map(cell)));
   const parts = [make("thead", {}, [head]), make("tbody", {}, body)];
   const caption = title ? [make("caption", { text: title })] : [];

@@ -13,6 +13,8 @@
 //   theme                   listener("light" | "dark")
 //   selection               listener(selection)       the handle with the focus, or null
 //   link                    listener(link state)      see link.js
+//   underlay                what is drawn under the path changed: listener()
+//   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -32,6 +34,7 @@
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
  * @property {boolean} place        whether the part is moved as a whole
+ * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
@@ -42,7 +45,7 @@ const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
-  colour: "limit", executed: true, magnify: 0, place: false, stage: "2d", tab: "charts", dock: true,
+  colour: "limit", executed: true, magnify: 0, place: false, time: "planned", stage: "2d", tab: "charts", dock: true,
 });
 
 export class Store {
@@ -61,6 +64,11 @@ export class Store {
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
     this.theme = "light";
+    /**
+     * What is drawn under the path, in px of the drawing.
+     * @type {Set<(context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport) => void>}
+     */
+    this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };
   }

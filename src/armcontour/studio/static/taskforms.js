@@ -21,7 +21,7 @@ import { make } from "./dom.js";
  * @property {string} what it does, in a sentence
  * @property {string} button
  * @property {Field[]} fields
- * @property {(values: Record<string, any>) => Record<string, any>} options for the server
+ * @property {(values: Record<string, any>, sliders: any[]) => Record<string, any>} options for the server
  */
 
 /** Placements that are compared: the range goes to both sides of the part's own place. */
@@ -36,14 +36,22 @@ const PLACE_FIELDS = /** @type {Field[]} */ ([
   },
 ]);
 
+/** @type {[string, string][]} */
+const FORMATS = [
+  ["urscript", "URScript (.script)"], ["template kuka", "KUKA (.src)"], ["template abb", "ABB (.mod)"], ["csv", "CSV (.csv)"], ["npz", "NumPy (.npz)"],
+  ["parquet", "Parquet (.parquet)"], ["ros-yaml", "ROS trajectory (.yaml)"], ["mcap", "ROS bag (.mcap)"],
+];
+/** Points of a sweep. */
+const SWEPT = 15;
+
 /** All tasks, in the order of their buttons. @type {Task[]} */
 export const TASKS = [
   { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion.", button: "Check", fields: [], options: () => ({}) },
   { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time.", button: "Find clearance", fields: [], options: () => ({}) },
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.", button: "Certify",
-    fields: [{ name: "tolerance", label: "contour error at most", kind: "text", value: "" }],
-    options: ({ tolerance }) => (tolerance ? { tolerance } : {}),
+    fields: [{ name: "tolerance", label: "tool off the path at most", kind: "number", value: "", min: 0, unit: "mm (empty: as in the job)" }],
+    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
   },
   {
     task: "learn", title: "Learn", what: "Learns set-points from runs of a simulated robot that is not quite known.", button: "Learn",
@@ -52,22 +60,22 @@ export const TASKS = [
   },
   { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", button: "Find the best place", fields: PLACE_FIELDS, options: placeOptions },
   {
-    task: "sweep", title: "Sweep", what: "Cycle time over corner tolerance and over assigned speed.", button: "Sweep",
-    fields: [{ name: "certified", label: "certify every point", kind: "tick", value: false }],
-    options: ({ certified }) => ({ certified }),
+    task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.", button: "Sweep",
+    fields: [{ name: "key", label: "over", kind: "choice", value: "", choices: [] }],
+    options: ({ key }, sliders) => {
+      const { min, max, log } = sliders.find((x) => x.key === key) ?? {};
+      return { key, min, max, log, count: SWEPT };
+    },
   },
   {
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.", button: "Export",
-    fields: [{ name: "format", label: "format", kind: "choice", value: "urscript", choices: [] }],
-    options: ({ format }) => ({ format }),
+    fields: [
+      { name: "format", label: "format", kind: "choice", value: "urscript", choices: FORMATS },
+      { name: "of", label: "of", kind: "choice", value: "taught", choices: [["taught", "the set-points"], ["planned", "the plan"]] },
+    ],
+    options: ({ format, of }) => (format.startsWith("template ") ? { format: "template", template: format.slice(9), of } : { format, of }),
   },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print.", button: "Make the report", fields: [], options: () => ({}) },
-];
-
-/** Formats when the server names none. @type {[string, string][]} */
-const FORMATS = [
-  ["urscript", "URScript (.script)"], ["csv", "CSV (.csv)"], ["npz", "NumPy (.npz)"], ["parquet", "Parquet (.parquet)"],
-  ["ros-yaml", "ROS trajectory (.yaml)"], ["mcap", "ROS bag (.mcap)"], ["kuka", "KUKA"], ["abb", "ABB"],
 ];
 
 /**
@@ -103,9 +111,11 @@ export class Form {
     ]);
     this.element.addEventListener("submit", (event) => {
       event.preventDefault();
-      start(task.options(this.values()));
+      start(task.options(this.values(), this.sliders));
     });
-    this.formats = "";
+    this.known = "";
+    /** @type {any[]} */
+    this.sliders = [];
   }
 
   /**
@@ -116,7 +126,7 @@ export class Form {
     const { name, label, kind, value, choices = [], min, max, unit } = field;
     const input = kind === "choice"
       ? make("select", { name }, choices.map(([key, text]) => make("option", { value: key, text })))
-      : make("input", { name, type: { number: "number", text: "text", tick: "checkbox" }[kind], min, max, step: "any", size: 8, placeholder: kind === "text" ? "as in the job" : null });
+      : make("input", { name, type: kind === "tick" ? "checkbox" : kind, min, max, step: "any", size: 8 });
     if (kind === "tick") /** @type {HTMLInputElement} */ (input).checked = Boolean(value);
     else input.value = String(value);
     this.inputs.set(name, input);
@@ -135,23 +145,22 @@ export class Form {
     return found;
   }
 
-  /**
-   * @param {{open: boolean, busy: boolean, formats?: {name: string, label?: string, ending?: string}[]}} state
-   */
-  renew({ open, busy, formats }) {
+  /** @param {{open: boolean, busy: boolean, sliders: any[]}} state */
+  renew({ open, busy, sliders }) {
     this.button.disabled = !open || busy;
     this.button.title = busy ? "One task at a time: wait, or cancel it" : "";
-    if (this.task.task === "export") this.setFormats(formats?.map((x) => [x.name, x.label ?? `${x.name} (${x.ending})`]) ?? FORMATS);
+    this.sliders = sliders;
+    if (this.task.task === "sweep") this.setKeys(sliders.filter((x) => !x.choices && x.min < x.max).map((x) => [x.key, x.label]));
   }
 
-  /** @param {[string, string][]} formats */
-  setFormats(formats) {
-    const key = JSON.stringify(formats);
-    if (key === this.formats) return;
-    this.formats = key;
-    const input = /** @type {HTMLSelectElement} */ (this.inputs.get("format"));
+  /** @param {[string, string][]} keys and their labels */
+  setKeys(keys) {
+    const known = JSON.stringify(keys);
+    if (known === this.known) return;
+    this.known = known;
+    const input = /** @type {HTMLSelectElement} */ (this.inputs.get("key"));
     const chosen = input.value;
-    input.replaceChildren(...formats.map(([value, text]) => make("option", { value, text })));
-    input.value = formats.some(([value]) => value === chosen) ? chosen : formats[0][0];
+    input.replaceChildren(...keys.map(([value, text]) => make("option", { value, text })));
+    if (keys.some(([value]) => value === chosen)) input.value = chosen;
   }
 }

@@ -39,7 +39,6 @@ class Tasks {
     this.region = region;
     this.store = store;
     this.link = link;
-    this.count = 0;
     /** @type {Map<string, Result>} */
     this.running = new Map();
     /** @type {Result[]} the newest first */
@@ -56,9 +55,8 @@ class Tasks {
   /** What can be chosen may have changed. */
   renew() {
     const head = this.store.document;
-    const formats = this.store.latest("arm")?.head.formats ?? head?.formats;
     const open = this.link.state.state === "open" && head !== null;
-    for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, formats });
+    for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, sliders: head?.sliders ?? [] });
     if (!open) for (const id of [...this.running.keys()]) this.end(id, "failed", "The connection was lost, and this work with it.");
   }
 
@@ -69,8 +67,8 @@ class Tasks {
    * @param {Record<string, any>} options
    */
   start(task, title, options) {
-    this.count += 1;
-    const id = `t${this.count}`;
+    // Several pages may ask at once.
+    const id = `t${crypto.randomUUID().slice(0, 8)}`;
     const result = new Result(id, task, title, this.store, this.link, () => this.link.send({ op: "cancel", id }));
     this.hint.remove();
     this.results.prepend(result.element);

@@ -12,6 +12,8 @@ import { boxOf, Viewport } from "./viewport.js";
 // A picture with more coordinates is moved as a bitmap, and drawn again when the view rests.
 const MANY = 12_000;
 const REST = 130; // ms
+// A pointer that moves less has clicked.
+const CLICK = 4; // px
 const MOST_MEASURES = 3000;
 
 export class View2d {
@@ -27,6 +29,8 @@ export class View2d {
     this.layers = new Layers(store);
     this.painter = new Painter(store, this.layers);
     this.fitted = "";
+    /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
+    this.centre = null;
     /** Place of the last full drawing. */
     this.drawn = this.view.place;
     /** @type {{image: HTMLCanvasElement, u: number, v: number, scale: number} | null} */
@@ -45,8 +49,11 @@ export class View2d {
 
   listen() {
     const { store } = this;
-    store.on("picture", () => this.fitOnce());
-    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "figures"]) store.on(event, () => this.changed());
+    store.on("picture", () => {
+      this.stay();
+      this.fitOnce();
+    });
+    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"]) store.on(event, () => this.changed());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -55,6 +62,16 @@ export class View2d {
   /** The picture is another one. */
   changed() {
     this.rest();
+  }
+
+  /** Rows of points are relative to a centre that may move with the path; the drawing does not. */
+  stay() {
+    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
+    if (this.centre) {
+      this.view.u += this.centre[0] - centre[0];
+      this.view.v += this.centre[1] - centre[1];
+    }
+    this.centre = centre;
   }
 
   resize() {
@@ -192,12 +209,20 @@ export class View2d {
     const end = (/** @type {PointerEvent} */ e) => {
       this.pointers.delete(e.pointerId);
       if (this.pointers.size) return;
+      if (Math.hypot(e.clientX - event.clientX, e.clientY - event.clientY) < CLICK) this.click(event);
       this.region.classList.remove("panning");
       this.overlay.removeEventListener("pointermove", move);
       this.overlay.removeEventListener("lostpointercapture", end);
     };
     this.overlay.addEventListener("pointermove", move);
     this.overlay.addEventListener("lostpointercapture", end);
+  }
+
+  /** @param {PointerEvent} event */
+  click(event) {
+    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const [u, v] = this.view.toPlane(this.within(event));
+    this.store.tell("ground", { uv: [u + centre[0], v + centre[1]] });
   }
 
   /** @param {PointerEvent} event */

@@ -21,6 +21,8 @@ class Viewbar {
     this.view = view;
     this.bar = find("#viewbar");
     this.legend = find("#legend");
+    this.scales = make("div", { class: "scales", "aria-hidden": "true" });
+    view.region.append(this.scales);
     this.legendAt = -Infinity;
     this.timer = 0;
     this.build();
@@ -39,7 +41,7 @@ class Viewbar {
     this.times = make("span", { class: "times", text: "" });
     this.place = this.toggle("Place part", "Move and turn the part as a whole (M)", () => store.setView({ place: !store.options.place }));
     this.stages = this.choice("View", STAGES, (stage) => store.setView({ stage }));
-    const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) => make("button", { type: "button", text, title, "aria-label": title, onclick: act });
+    const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) => make("button", { type: "button", text, title, "aria-label": `${text}: ${title}`, onclick: act });
     this.bar.append(
       this.colours.element, this.executed,
       make("span", { class: "group magnify" }, [this.factor, this.times, this.auto]),
@@ -93,7 +95,8 @@ class Viewbar {
     if (!picture) return;
     const { colour } = this.store.options;
     const entries = colour === "limit" ? this.kinds(picture) : [this.scale(picture, colour)];
-    this.legend.replaceChildren(...entries, ...this.lines(), this.bars());
+    this.legend.replaceChildren(...entries, ...this.lines());
+    this.scales.replaceChildren(...this.bars());
   }
 
   /** Kinds of limits on the path. @param {import("./state.js").Frame} picture @returns {HTMLElement[]} */
@@ -122,12 +125,12 @@ class Viewbar {
   /** Lines beside the path. @returns {HTMLElement[]} */
   lines() {
     const found = [entry(themed("--faint"), [5, 4], "objective", 1)];
-    if (this.store.latest("executed") && this.store.options.executed) found.push(entry(themed("--executed"), [], `executed tool, error ×${this.view.region.dataset.magnify}`, 1.5));
+    if (this.view.region.dataset.magnify && this.store.options.executed) found.push(entry(themed("--executed"), [], `executed tool, error ×${this.view.region.dataset.magnify}`, 1.5));
     if (this.store.latest("picture", "compare")) found.push(entry(themed("--compared"), [8, 4], "compared", 1.6));
     return found;
   }
 
-  /** Lengths on the screen: of the drawing, and of magnified errors. @returns {HTMLElement} */
+  /** Lengths on the screen: of the drawing, and of magnified errors. @returns {HTMLElement[]} */
   bars() {
     const { length, pixels } = scaleBar(this.view.view.scale);
     const parts = [make("span", { class: "scale" }, [line("currentColor", [], 2, pixels), ` ${short(1000 * length)} mm`])];
@@ -136,7 +139,7 @@ class Viewbar {
       const error = scaleBar(this.view.view.scale * magnify, 60);
       parts.push(make("span", { class: "scale" }, [line(themed("--executed"), [], 2, error.pixels), ` ${short(1000 * error.length)} mm of error`]));
     }
-    return make("span", { class: "scales" }, parts);
+    return parts;
   }
 }
 
