@@ -160,30 +160,41 @@ class Studio:
         """An attribute `data-...` of an element."""
         return self.find(selector).get_attribute(f"data-{name}") or ""
 
-    def wait(self, selector: str, **facts: str | re.Pattern[str]) -> None:
+    def wait(self, selector: str, **facts: str) -> None:
         """Wait until attributes `data-...` of an element have values."""
-        from playwright.sync_api import expect
+        names = {name.replace("_", "-"): value for name, value in facts.items()}
+        self.wait_for(selector + "".join(f'[data-{k}="{v}"]' for k, v in names.items()))
 
-        for name, value in facts.items():
-            element = self.find(selector)
-            attribute = f"data-{name.replace('_', '-')}"
-            expect(element).to_have_attribute(attribute, value, timeout=PATIENCE)
+    def wait_for(self, selector: str, timeout: float = PATIENCE) -> None:
+        """Wait until there is an element, seen or not.
+
+        Unlike `expect`, this looks in every frame of the page, and not only now and then.
+        """
+        self.page.wait_for_selector(selector, state="attached", timeout=timeout)
+
+    def begin(self) -> None:
+        """Wait for the first document."""
+        self.wait_for("body[data-link=open][data-rev]")
 
     def rest(self) -> None:
         """Wait until what is shown is exact, as `armcontour run` would have it."""
-        self.wait("body", link="open", busy="false")
-        rev = self.told("body", "rev")
-        self.wait("#view2d", rev=rev, stale="false")
+        self.begin()
+        self.wait("body", busy="false")
+        self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
         self.wait("#figures", exact="true")
+
+    @contextmanager
+    def renewing(self) -> Iterator[None]:
+        """Wait until what is done in the block has changed the document."""
+        before = self.told("body", "rev")
+        yield
+        self.wait_for(f'body:not([data-rev="{before}"])')
 
     @contextmanager
     def changing(self) -> Iterator[None]:
         """Wait until what is done in the block has changed the document, and rests."""
-        from playwright.sync_api import expect
-
-        before = self.told("body", "rev")
-        yield
-        expect(self.find("body")).not_to_have_attribute("data-rev", before, timeout=PATIENCE)
+        with self.renewing():
+            yield
         self.rest()
 
     def figure(self, name: str) -> float:
@@ -200,20 +211,27 @@ class Studio:
         """The sentence of the refusal that is shown."""
         return self.find("#messages .refusal > span").first.inner_text()
 
+    @property
+    def memory(self) -> float:
+        """Memory of the page's objects after its garbage is collected [bytes]."""
+        session = self.page.context.new_cdp_session(self.page)
+        session.send("HeapProfiler.collectGarbage")
+        used = session.send("Runtime.getHeapUsage")
+        session.detach()
+        # Arrays of numbers lie beside the heap.
+        return float(used["usedSize"] + used.get("backingStorageSize", 0))
+
     # What a person does.
 
     def open(self, file: FilePath, cell: str | None = None) -> None:
         """Open a file by the picker; a cell is chosen for drawings."""
-        before = self.told("body", "rev")
-        self.find("#picker").set_input_files(file)
-        dialog = self.find("#question")
-        if cell is not None:
-            dialog.locator("select").select_option(cell)
-        if cell is not None or self.told("body", "dirty") == "true":
-            dialog.get_by_role("button", name="Open").click()
-        from playwright.sync_api import expect
-
-        expect(self.find("body")).not_to_have_attribute("data-rev", before, timeout=PATIENCE)
+        with self.renewing():
+            self.find("#picker").set_input_files(file)
+            dialog = self.find("#question")
+            if cell is not None:
+                dialog.locator("select").select_option(cell)
+            if cell is not None or self.told("body", "dirty") == "true":
+                dialog.get_by_role("button", name="Open").click()
 
     def tab(self, name: str) -> None:
         """Open a tab below the drawing."""

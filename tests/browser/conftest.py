@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -67,7 +66,7 @@ def pages(browser: Browser, server: Server) -> Iterator[Open]:
 def studio(pages: Open, job: Path) -> Studio:
     """A page that shows the job as its file has it, and the run `optimal`."""
     found = pages()
-    found.wait("body", rev=re.compile(r"\d+"))
+    found.begin()
     found.open(job)
     found.choose_run("optimal")
     found.wait("#view2d", run="optimal")
