@@ -14,6 +14,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from armcontour import _processes
+from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour._yaml import load
 from armcontour.errors import ArmContourError, Collision, InvalidInput
@@ -241,7 +243,8 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
 
     Args:
         task: A name of `TASKS`.
-        request: The document and options.
+        request: The document and options; `allowed` are the folders whose files may be read, and
+            `named` files elsewhere.
         progress: Called with steps.
 
     Raises:
@@ -249,7 +252,10 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
     """
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-    return TASKS[task](Request(**request, progress=progress))
+    facts = dict(request)
+    folders, files = ([FilePath(x) for x in facts.pop(key, ())] for key in ("allowed", "named"))
+    with reading_below(folders, files) if folders else nullcontext():
+        return TASKS[task](Request(**facts, progress=progress))
 
 
 def figures(x: Request) -> Frame:
