@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+import yaml
 
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.io import parse_job
@@ -14,8 +15,6 @@ from armcontour.studio.preview import ARCS, CONFIGURATION
 
 def whole(data, name, period):
     """The result of a full run with another command interval."""
-    import yaml
-
     data = copy.deepcopy(data)
     data["runs"] = {name: data["runs"][name]}
     data["runs"][name]["command_interval"] = period
@@ -43,6 +42,14 @@ class TestResults:
 
     def test_experiments_are_left_out(self, previewer, paper):
         assert previewer.job(paper, "optimal").runs[0].experiment is None
+
+    @pytest.mark.parametrize("experiment", [None, {}, {"gravity_feedforward": False}, {"runs": []}])
+    def test_set_points_are_made_as_for_the_experiment(self, previewer, paper, experiment):
+        paper["experiment"] = experiment
+        name = "inverse-dynamics"
+        (own,) = (x for x in parse_job(yaml.safe_dump(paper)).runs if x.name == name)
+        (found,) = previewer.job(paper, name).runs
+        assert found.compensation_options == own.compensation_options
 
     def test_files_are_relative_to_the_folder(self, previewer, paper):
         paper["path"] = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
@@ -76,6 +83,19 @@ class TestWhatIsDoneAgain:
         previewer.plan(paper, "optimal")
         path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
         assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
+
+    def test_a_drawing_that_is_moved_is_not_read_again(self, previewer, paper):
+        def moved(x):
+            frame = {"position": [f"{x} mm", "200 mm", "0 mm"]}
+            return previewer.drawn(paper | {"path": {"file": "gasket.dxf", "frame": frame}})
+
+        first = moved(350)
+        assert previewer._kept.seconds.keys() >= {"drawing", "path"}
+        previewer._kept.seconds.clear()
+        second = moved(360)
+        assert "drawing" not in previewer._kept.seconds
+        shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
+        np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
 
     def test_what_was_looked_at_before_is_there(self, previewer, paper):
         for name in ("optimal", "proposed"):

@@ -277,7 +277,7 @@ def figures(x: Request) -> Frame:
     e, near, start = result.evaluation, result.clearance, result.trajectory(0.0)
     least = None if near is None else near.least
     off = e.objective_error
-    header = {
+    header: dict[str, Any] = {
         **{"run": result.run.name, "of": "live", "duration": e.duration, "settled": e.settled},
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
@@ -518,7 +518,7 @@ def clearance(x: Request) -> Frame:
         ],
         "left_out": len(found.left_out),
     }
-    arrays = {name: short(y) for name, y in over_time.items()}
+    arrays: dict[str, Any] = {name: short(y) for name, y in over_time.items()}
     return Frame("result", header, {"t": short(t), **arrays})
 
 
