@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -78,6 +78,8 @@ class Request:
         run: Name of the run.
         trust_xacro: Whether the arm may be a .xacro file.
         options: Options of the task.
+        allowed: Folders in which files may be read; without any, everywhere.
+        named: Files elsewhere that may be read.
         progress: Called with steps.
     """
 
@@ -87,6 +89,8 @@ class Request:
     run: str | None = None
     trust_xacro: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    allowed: Sequence[str] = ()
+    named: Sequence[str] = ()
     progress: Progress = lambda step: None
 
     @cached_property
@@ -243,8 +247,7 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
 
     Args:
         task: A name of `TASKS`.
-        request: The document and options; `allowed` are the folders whose files may be read, and
-            `named` files elsewhere.
+        request: The document and options.
         progress: Called with steps.
 
     Raises:
@@ -252,10 +255,10 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
     """
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-    facts = dict(request)
-    folders, files = ([FilePath(x) for x in facts.pop(key, ())] for key in ("allowed", "named"))
-    with reading_below(folders, files) if folders else nullcontext():
-        return TASKS[task](Request(**facts, progress=progress))
+    x = Request(**request, progress=progress)
+    named = [FilePath(y) for y in x.named]
+    with reading_below(map(FilePath, x.allowed), named) if x.allowed else nullcontext():
+        return TASKS[task](x)
 
 
 def figures(x: Request) -> Frame:
