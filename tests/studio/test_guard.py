@@ -67,13 +67,20 @@ def status(*headers: tuple[bytes, bytes], **how: Any) -> int:
 
 def test_the_page_is_for_everybody_who_names_the_host() -> None:
     assert status(HOST) == status((b"Host", b"localhost:4711")) == 200
-    assert status(HOST, path="/static/main.js", method="HEAD") == 200
+    assert status(HOST, path="/static/app.js", method="HEAD") == 200
     assert status(HOST, ORIGIN) == 200
 
 
 @pytest.mark.parametrize(
     "host",
-    [b"attacker.test:4711", b"127.0.0.1", b"127.0.0.1:4712", b"[::1]:4711", b"127.0.0.1:4711.a", b""],
+    [
+        b"attacker.test:4711",
+        b"127.0.0.1",
+        b"127.0.0.1:4712",
+        b"[::1]:4711",
+        b"127.0.0.1:4711.a",
+        b"",
+    ],
 )
 def test_other_hosts_are_refused(host: bytes) -> None:
     assert status((b"host", host)) == 400
@@ -147,7 +154,9 @@ def test_tokens() -> None:
     assert first != second and len(bytes.fromhex(first)) == 16
     door = Door(1)
     assert door.opens(door.token) and not door.opens(first)
-    assert not any(door.opens(x) for x in (None, "", 3, door.token[:-1], "\ud800", "ä", [door.token]))
+    assert not any(
+        door.opens(x) for x in (None, "", 3, door.token[:-1], "\ud800", "ä", [door.token])
+    )
     assert door.token not in repr(door)
     assert door.page == f"http://127.0.0.1:1/#{door.token}"
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from tests.studio.conftest import ROOT
 
 import armcontour as ac
 from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.robot import arm_frame, triangles_of
-from tests.studio.conftest import ROOT
 
 URDF = ROOT / "tests" / "io" / "robots" / "data" / "robot.urdf"
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.studio.serving import JOB, Running, running
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.studio import guard, server
 from armcontour.studio.guard import LARGEST_UPLOAD
-from tests.studio.serving import JOB, Running, running
 
 SECRET = "the-secret"
 
@@ -242,7 +242,9 @@ def _refusal_of(studio: Running, text: str) -> str:
 
 
 BOMB = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">{}]>'.format(
-    "".join(f'<!ENTITY {y} "{f"&{x};" * 10}">' for x, y in zip("abcdefghi", "bcdefghij"))
+    "".join(
+        f'<!ENTITY {y} "{f"&{x};" * 10}">' for x, y in zip("abcdefghi", "bcdefghij", strict=True)
+    )
 )
 
 
@@ -313,7 +315,7 @@ def test_s9_many_pages(studio: Running) -> None:
         page.hear("document")
 
 
-@pytest.mark.parametrize("path", ["/", "/static/main.js", "/static/none", "/files/0", "/other"])
+@pytest.mark.parametrize("path", ["/", "/static/app.js", "/static/none", "/files/0", "/other"])
 def test_s10_strict_headers(studio: Running, path: str) -> None:
     _, headers, _ = studio.request("GET", path)
     policy = headers["content-security-policy"]

@@ -69,7 +69,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants, *, dr
         "can_redo": document.can_redo,
         "undo_label": document.undo_label,
         "redo_label": document.redo_label,
-        "runs": _runs(data),
+        "runs": runs_of(data),
         "run": run,
         **variants.header,
         "path": _path(data, handles, seen),
@@ -83,8 +83,12 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants, *, dr
     return Frame("document", header)
 
 
-def _runs(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The runs, and how each is made."""
+def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The runs of a job, and how each is made.
+
+    Args:
+        data: The job as parsed.
+    """
     runs = data.get("runs")
     found = []
     for name, run in runs.items() if isinstance(runs, Mapping) else ():

@@ -9,6 +9,7 @@ import asyncio
 import json
 import logging
 import socket
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -57,6 +58,8 @@ MOST_WAITING = 1000
 CLOSED_FOR = 60.0
 # Period of looks at the job file [s].
 LOOK_EVERY = 2.0
+# How long a thread may keep Python's lock while another waits for it [s].
+SWITCH = 5e-4
 # Why a socket is closed, as websockets number it.
 UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
 
@@ -365,7 +368,8 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     def stop() -> None:
         server.should_exit = True
 
-    # Python's lock is shared: what computes is loaded after what answers.
+    # Python's lock is shared with what loads and computes: it gives way to answers soon.
+    sys.setswitchinterval(SWITCH)
     desk.stop = stop
     threading.Thread(target=desk.start, name="starting", daemon=True).start()
     watching = asyncio.create_task(_watch(desk, exit_when_closed))

@@ -27,7 +27,7 @@ from armcontour._yaml import load
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.io.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.described import describe, label_of
+from armcontour.studio.described import describe, label_of, runs_of
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.exact import Asked, Exact
@@ -45,6 +45,8 @@ Said: TypeAlias = Mapping[str, Any]
 REST = 0.15
 # Files that are kept for the pages to save.
 MOST_FILES = 20
+# The timing of the run that is shown first, if a job has such a run.
+FASTEST = "optimal"
 # Edits after which other things can be grabbed, or elsewhere.
 MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints")
 # Frames of which a page needs only the newest.
@@ -411,7 +413,9 @@ class Session:
                 f"{document.file.name} was changed by another program since it was opened: "
                 "overwrite it, or reload it."
             )
-            self._tell(Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab)
+            self._tell(
+                Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab
+            )
             return
         document.save(force=force)
         self._tell(Frame("saved", {"file": str(document.file)}))
@@ -503,7 +507,7 @@ class Session:
         name = _word(said, "name")
         made = self._with_changes(remove_run(self._seen.data, name))
         if self._run == name:
-            self._run = next(iter(made.data["runs"]))
+            self._run = ""
         self._commit(made, f"remove the run {name}")
 
     def _pin_to_run(self, tab: Tab, said: Said) -> None:
@@ -568,10 +572,11 @@ class Session:
         self._show(Made(self._seen.data, ()))
 
     def _run_of(self, data: Mapping[str, Any]) -> str:
-        """The run that is shown of a job: that of the last one, or the first."""
-        runs = data.get("runs")
-        names = list(runs) if isinstance(runs, Mapping) else []
-        return self._run if self._run in names else next(iter(names), "")
+        """The run that is shown of a job: that of the last one, else a fast one, else the first."""
+        runs = runs_of(data)
+        names = [x["name"] for x in runs]
+        fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
+        return self._run if self._run in names else next(iter([*fast, *names]), "")
 
     def _see(self, data: Mapping[str, Any]) -> Seen:
         """The job of the document, and what can be grabbed of it."""

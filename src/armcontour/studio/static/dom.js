@@ -45,6 +45,14 @@ function put(element, name, value) {
   else element.setAttribute(name, value === true ? "" : String(value));
 }
 
+/** Heads of columns; those of which the content tells what it is have a name for screen readers only. @param {string[]} names @param {(k: number) => string} [classOf] */
+export function headings(names, classOf = () => "") {
+  return names.map((name, k) => {
+    const [text, unseen] = name.startsWith("(") ? ["", name.slice(1, -1)] : [name, ""];
+    return make("th", { scope: "col", class: classOf(k) }, [text, make("span", { class: "unseen", text: unseen })]);
+  });
+}
+
 /** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;

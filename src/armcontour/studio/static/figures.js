@@ -51,7 +51,8 @@ class Figures {
     this.region.classList.toggle("stale", tier1);
     for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
-    say(this.state, tier1 ? "refused: the last figures that were had" : exact ? "as `armcontour run`" : "preview");
+    const drawn = store.latest("picture")?.head.planned === false;
+    say(this.state, drawn ? "not planned yet" : tier1 ? "refused: the last figures that were had" : exact ? "as `armcontour run`" : "preview");
     this.region.dataset.exact = String(exact);
   }
 

@@ -5,7 +5,7 @@ import { find, make, say } from "./dom.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 
-const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "no longer on disk", none: "not yet a file" });
+const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "not on disk", none: "not yet a file" });
 
 /**
  * Set the choices of a list, only where they differ.

@@ -1,6 +1,6 @@
 // What the server says beside figures: warnings, notes, slow places, where the time goes.
 
-import { find, make } from "./dom.js";
+import { find, headings, make } from "./dom.js";
 import { percent, seconds } from "./format.js";
 import { oncePerFrame } from "./state.js";
 
@@ -33,7 +33,7 @@ export function init(store) {
     shown = all;
     const rows = shares.map((/** @type {string[]} */ cells) => make("tr", {}, cells.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" }))));
     region.replaceChildren(
-      ...section("Warnings", list(warnings)), ...section("What bounds the time", rows.length ? [make("table", {}, [make("thead", {}, [make("tr", {}, ["limit", "s", "%"].map((text) => make("th", { scope: "col", text })))]), make("tbody", {}, rows)])] : []),
+      ...section("Warnings", list(warnings)), ...section("What bounds the time", rows.length ? [make("table", {}, [make("thead", {}, [make("tr", {}, headings(["limit", "s", "%"]))]), make("tbody", {}, rows)])] : []),
       ...section("Where it is slower than wished", list(slow)), ...section("Notes", list(notes)),
     );
   });

@@ -69,7 +69,9 @@ export class Painter {
     const band = Math.max(0, ...picture.head.corners.map((/** @type {any} */ c) => c.allowed ?? 0));
     const objective = layers.objective(picture);
     if (band * view.scale > 1) stroke(context, objective, inks.band, 2 * band);
-    stroke(context, objective, picture.arrays.path.length ? inks.faint : inks.ink, px, picture.arrays.path.length > LONG ? [] : [5 * px, 4 * px]);
+    const count = picture.arrays.path.length;
+    const dashed = count > 0 && count < LONG;
+    stroke(context, objective, count ? inks.faint : inks.ink, px, dashed ? [5 * px, 4 * px] : []);
     stroke(context, layers.rapids(picture), inks.faint, 1 * px, [1.5 * px, 4 * px]);
     this.compared(context, view);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {

@@ -13,8 +13,11 @@ import { positionOf, STEPS, valueAt } from "./scales.js";
 
 /** Groups of the server in this order, with their titles. @type {Record<string, string>} */
 const GROUPS = { path: "Speed and corners", joints: "Joint limits", servo: "Servo and set-points", run: "Run", part: "Part" };
-/** Where a value is written: those of the job need no word. */
-const FROM = /** @type {Record<string, string>} */ ({ job: "", run: "this run", arm: "arm", default: "default" });
+/** Where a value is written: a mark beside it, and a sentence. @type {Record<string, [string, string]>} */
+const FROM = {
+  job: ["", "Written for all runs of the job"], run: ["run", "Written for this run alone"],
+  arm: ["arm", "Of the arm; not written in the job"], default: ["", "The default; not written in the job"],
+};
 
 /** One row: name, text, slider. */
 class Row {
@@ -88,8 +91,11 @@ class Row {
     this.text.hidden = Boolean(choices);
     this.select.hidden = !choices;
     this.range.hidden = Boolean(choices) || !numeric;
-    this.unset.hidden = from !== "job" && from !== "run";
-    say(this.from, FROM[from] ?? from ?? "");
+    this.unset.hidden = Boolean(choices) || (from !== "job" && from !== "run");
+    const [mark, title] = FROM[from] ?? [from ?? "", ""];
+    say(this.from, mark);
+    this.element.dataset.from = from;
+    this.text.title = this.select.title = title;
     if (choices) this.showChoices(choices, value);
     if (this.gesture) return;
     if (document.activeElement !== this.text) this.text.value = this.written;

@@ -1,14 +1,14 @@
 // The runs of the job and the pinned variants, with differences of duration and errors to the shown run.
 
 import { ask } from "./ask.js";
-import { find, make, whileSeen } from "./dom.js";
+import { find, headings, make, whileSeen } from "./dom.js";
 import { mm, NONE, seconds, signed } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {{duration?: number | null, rms?: number | null, max?: number | null}} Known */
 
-const COLUMNS = ["", "timing", "compensation", "corners", "cycle time s", "Δ s", "error RMS mm", "Δ mm", "largest mm", ""];
+const COLUMNS = ["(name)", "timing", "compensation", "corners", "cycle time s", "Δ s", "error RMS mm", "Δ mm", "largest mm", "(actions)"];
 
 class Runs {
   /** @param {Store} store @param {Link} link */
@@ -25,7 +25,7 @@ class Runs {
         this.button("New run like this one", () => this.add()),
         this.button("Pin this variant", () => link.send({ op: "pin" })),
       ]),
-      make("table", {}, [make("caption", { text: "Runs and pins", class: "unseen" }), make("thead", {}, [make("tr", {}, COLUMNS.map((text) => make("th", { scope: "col", text })))]), this.body]),
+      make("table", {}, [make("caption", { text: "Runs and pins", class: "unseen" }), make("thead", {}, [make("tr", {}, headings(COLUMNS, (k) => (k < 4 ? "words" : "")))]), this.body]),
     );
     const events = ["document", "picture", "executed", "figures", "compare"];
     for (const event of events) store.on(event, () => this.learn());

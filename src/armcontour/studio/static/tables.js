@@ -1,6 +1,6 @@
 // Tables of waypoints and corners: every drag has a way without dragging.
 
-import { find, make, say, whileSeen } from "./dom.js";
+import { find, headings, make, say, whileSeen } from "./dom.js";
 import { mm } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -16,7 +16,7 @@ const AXES = ["x", "y", "z"];
 function table(region, caption, columns) {
   const body = make("tbody");
   const note = make("p", { class: "quiet" });
-  const head = make("tr", {}, columns.map((text) => make("th", { scope: "col", text })));
+  const head = make("tr", {}, headings(columns));
   region.append(note, make("table", {}, [make("caption", { text: caption, class: "unseen" }), make("thead", {}, [head]), body]));
   return { body, note, head };
 }
@@ -49,7 +49,7 @@ class Waypoints {
     if (dimension !== this.dimension) {
       this.dimension = dimension;
       this.region.replaceChildren();
-      this.table = table(this.region, "Waypoints", ["", ...AXES.slice(0, dimension), ""]);
+      this.table = table(this.region, "Waypoints", ["(number)", ...AXES.slice(0, dimension), "(actions)"]);
     }
     if (!this.table) return;
     const shown = waypoints.slice(0, MOST_ROWS);
@@ -110,7 +110,7 @@ class Corners {
   constructor(store, link) {
     this.store = store;
     this.link = link;
-    this.table = table(find("#tab-corners"), "Corners", ["", "error", "allowed", "radius", "what bounds it"]);
+    this.table = table(find("#tab-corners"), "Corners", ["(number)", "error", "allowed", "radius", "what bounds it"]);
     whileSeen(store, find("#tab-corners"), ["picture"], () => this.show(store.latest("picture")?.head.corners ?? []));
   }
 

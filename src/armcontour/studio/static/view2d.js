@@ -29,6 +29,8 @@ export class View2d {
     this.layers = new Layers(store);
     this.painter = new Painter(store, this.layers);
     this.fitted = "";
+    /** Whether all is shown, as it stays when the region is resized. */
+    this.isFitted = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
     this.centre = null;
     /** Place of the last full drawing. */
@@ -84,6 +86,7 @@ export class View2d {
     this.bitmap = null;
     if (first) this.fitted = "";
     this.fitOnce();
+    if (this.isFitted) this.fit();
     this.drawNow();
   }
 
@@ -103,10 +106,12 @@ export class View2d {
     if (!box) return;
     this.view.fit(box);
     this.moved();
+    this.isFitted = true;
   }
 
   /** The view is another one. */
   moved() {
+    this.isFitted = false;
     clearTimeout(this.resting);
     if (this.large) {
       if (!this.moving) this.bitmap = this.copy();

@@ -41,7 +41,7 @@ class Viewbar {
     this.times = make("span", { class: "times", text: "" });
     this.place = this.toggle("Place part", "Move and turn the part as a whole (M)", () => store.setView({ place: !store.options.place }));
     this.stages = this.choice("View", STAGES, (stage) => store.setView({ stage }));
-    const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) => make("button", { type: "button", text, title, "aria-label": title, onclick: act });
+    const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) => make("button", { type: "button", text, title, "aria-label": `${text}: ${title}`, onclick: act });
     this.bar.append(
       this.colours.element, this.executed,
       make("span", { class: "group magnify" }, [this.factor, this.times, this.auto]),
