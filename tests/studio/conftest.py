@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armcontour._yaml import load
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import Planned, Previewer
 from armcontour.studio.view import View
 
 ROOT = Path(__file__).parents[2]
@@ -58,3 +58,23 @@ def view() -> View:
 @pytest.fixture
 def previewer() -> Previewer:
     return Previewer(ROOT / "examples" / "drawings")
+
+
+@pytest.fixture(scope="session")
+def previewer_of_plans() -> Previewer:
+    """That of `plans`, which keeps their results."""
+    return Previewer(ROOT / "examples" / "drawings")
+
+
+@pytest.fixture(scope="session")
+def plans(previewer_of_plans: Previewer) -> dict[str, Planned]:
+    """Plans of the paper's job, by run."""
+    names = ("uncompensated", "proposed", "conventional", "optimal")
+    return {x: previewer_of_plans.plan(PAPER, x) for x in names}
+
+
+@pytest.fixture(scope="session")
+def gasket_plan(previewer_of_plans: Previewer) -> Planned:
+    """The plan of a drawing of several contours, with an arm in space."""
+    drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+    return previewer_of_plans.plan(SQUARE | {"path": drawing})

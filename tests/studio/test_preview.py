@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+import yaml
 
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.io import parse_job
@@ -14,8 +15,6 @@ from armcontour.studio.preview import ARCS, CONFIGURATION
 
 def whole(data, name, period):
     """The result of a full run with another command interval."""
-    import yaml
-
     data = copy.deepcopy(data)
     data["runs"] = {name: data["runs"][name]}
     data["runs"][name]["command_interval"] = period
@@ -43,6 +42,14 @@ class TestResults:
 
     def test_experiments_are_left_out(self, previewer, paper):
         assert previewer.job(paper, "optimal").runs[0].experiment is None
+
+    @pytest.mark.parametrize("experiment", [None, {}, {"gravity_feedforward": False}, {"runs": []}])
+    def test_set_points_are_made_as_for_the_experiment(self, previewer, paper, experiment):
+        paper["experiment"] = experiment
+        name = "inverse-dynamics"
+        (own,) = (x for x in parse_job(yaml.safe_dump(paper)).runs if x.name == name)
+        (found,) = previewer.job(paper, name).runs
+        assert found.compensation_options == own.compensation_options
 
     def test_files_are_relative_to_the_folder(self, previewer, paper):
         paper["path"] = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}

@@ -1,5 +1,7 @@
 """The arm and its cell in space."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tests.studio.conftest import ROOT
@@ -10,7 +12,7 @@ from armcontour.io import parse_job
 from armcontour.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.robot import arm_frame, triangles_of
 
-URDF = ROOT / "tests" / "io" / "robots" / "data" / "robot.urdf"
+URDF = Path(__file__).parents[1] / "io" / "robots" / "data" / "robot.urdf"
 
 
 class Bare:

@@ -1,4 +1,4 @@
-"""The document in words and numbers, for pages: its file, runs, waypoints, sliders and obstacles."""
+"""The document in words and numbers, for pages: file, runs, waypoints, sliders, obstacles."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
         run: The name of the run.
     """
     sources: dict[Key, Any] = {"limits": run_of(job, run).limits, "servo": job.servo}
-    found = getattr(sources.get(keys[-2]), str(keys[-1]), None)
+    found = getattr(sources.get(keys[-2]), str(keys[-1]), None) if len(keys) > 1 else None
     return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
 
 

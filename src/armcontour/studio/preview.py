@@ -26,7 +26,7 @@ from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_file import job_on
-from armcontour.io.job_model import JobModel
+from armcontour.io.job_model import JobModel, RunModel
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
@@ -40,6 +40,7 @@ from armcontour.jobs.programs import (
     trace_run,
 )
 from armcontour.jobs.study import TimedRun
+from armcontour.jobs.weak_points import INVERSE_DYNAMICS
 from armcontour.motion import Execution, TaughtData
 from armcontour.program import Program
 from armcontour.scene import Scene
@@ -275,11 +276,7 @@ class Previewer:
             given = model.scene
             made_of = data["scene"], _part(data)
             scene = self._kept.get("scene", made_of, lambda: scene_of(given, self.folder, part))
-        job = job_on(model, arm, path, scene)
-        if any(x.experiment is not None for x in job.runs):
-            runs = tuple(dataclasses.replace(x, experiment=None) for x in job.runs)
-            job = dataclasses.replace(job, runs=runs)
-        return job, path
+        return job_on(model, arm, path, scene), path
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
         return self._kept.get("keys", data, lambda: _model_of(data))
@@ -380,18 +377,25 @@ def _with_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
-    experiment = model.experiment
-    if experiment is not None:
-        # Whether a run has one decides how its set-points are made.
-        chosen = experiment.runs is None or name in experiment.runs
-        experiment = dataclasses.replace(experiment, runs=None) if chosen else None
     return dataclasses.replace(
         model,
-        runs={name: model.runs[name]},
+        runs={name: _without_experiment(model, name)},
         published=None,
         certificate=None,
-        experiment=experiment,
+        experiment=None,
     )
+
+
+def _without_experiment(model: JobModel, run: str) -> RunModel:
+    """The keys of a run, with what an experiment decides of its set-points."""
+    found, experiment = model.runs[run], model.experiment
+    how = found.compensation
+    if how.method != INVERSE_DYNAMICS or how.gravity_feedforward is not None:
+        return found
+    if experiment is None or run not in (experiment.runs or [run]):
+        return found
+    fed = dataclasses.replace(how, gravity_feedforward=experiment.gravity_feedforward)
+    return dataclasses.replace(found, compensation=fed)
 
 
 def _coarser(job: Job, own: Run, period: float | None) -> tuple[Run, tuple[str, ...]]:

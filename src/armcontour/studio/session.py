@@ -50,7 +50,10 @@ FASTEST = "optimal"
 # Edits after which other things can be grabbed, or elsewhere.
 MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints")
 # Frames of which a page needs only the newest.
-NEWEST_ONLY = {"arm", "document", "executed", "figures", "picture", "pose", "progress"}
+NEWEST_ONLY = {
+    *("arm", "document", "executed", "figures"),
+    *("picture", "pose", "progress", "refusal"),
+}
 
 
 class Tab(Protocol):
@@ -195,7 +198,8 @@ class Session:
                 compiling.enter_context(warm_for_run(self._seen.job.arm.dimension, self._told))
             with self._lock:
                 self._changed()
-            self.screen.wait()
+            if self._seen.job is not None:
+                self.screen.wait()
 
     def join(self, tab: Tab) -> None:
         """A page is open: it gets what the others see."""
@@ -373,7 +377,7 @@ class Session:
             {
                 **{"tier": 1, "run": self._run, "of": "live", "sentence": str(error)},
                 **{"error": type(error).__name__, "exit": error.exit_code, "at": {}},
-                "dropped": True,
+                "dropped": made,
             },
         )
         if not made:
@@ -559,7 +563,6 @@ class Session:
             seen: What is seen of it, if that is known.
         """
         self.rev += 1
-        self._gestures.clear()
         self._tell_all(seen)
 
     def _tell_all(self, seen: Seen | None = None) -> None:
@@ -698,7 +701,7 @@ class Session:
         frame = stamped(frame, rev=frame.header.get("rev", self.rev))
         key = _key(frame)
         with self._out:
-            if to is None and key is not None:
+            if to is None and key is not None and not frame.header.get("dropped"):
                 self._remember(key, frame)
             packed: dict[int | None, bytes] = {}
             for tab, number in self._tabs.items():

@@ -1,8 +1,8 @@
 """What takes longer than a preview: exact figures, checks, searches, files; in another process.
 
-A request is a mapping of `text`, `source`, `folder`, `run` and `trust_xacro`, which are the document
-and its run, and of `options`, which are those of the task. A result is a frame: its header has the
-facts, and a file is an array `content` of bytes, with its `name` and `type` in the header.
+A request is a mapping of `text`, `source`, `folder`, `run` and `trust_xacro`, which are the
+document and its run, and of `options`, which are those of the task. A result is a frame: its header
+has the facts, and a file is an array `content` of bytes, with its `name` and `type` in the header.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -39,7 +39,6 @@ OFTEN = 0.1
 CLEARANCE_TIMES, MOST_PAIRS = 400, 10
 # A sweep has so many points by default.
 SWEPT = 15
-WARM = "warm"
 # A small job with which the process loads what all tasks need.
 SMALL = """
 name: small
@@ -60,6 +59,9 @@ TYPES = {
 }
 # How often the process looks whether it still works for somebody [s].
 LOOK = 1.0
+# Motions whose starts differ by more are in different configurations [rad].
+SAME = 0.01
+OTHER_CONFIGURATION = "The full run starts in another configuration of the arm than the preview."
 Heard: TypeAlias = Callable[[bytes], None]
 
 
@@ -122,7 +124,7 @@ class Request:
         )
 
     @cached_property
-    def plan(self) -> RunPlan:
+    def taught(self) -> RunPlan:
         """Plan and taught data of the run."""
         from armcontour.jobs import teach
 
@@ -156,15 +158,32 @@ class Request:
 _previewers: dict[tuple[str, bool], Previewer] = {}
 
 
-def work(given: tuple[str, str, Mapping[str, Any]], heard: Heard = _processes.tell) -> bytes:
+class Given(NamedTuple):
+    """Work for the other process.
+
+    Args:
+        id: Its name, by which it can be cancelled.
+        task: What is done, of `TASKS`.
+        request: What it is done with, as `do` takes it.
+    """
+
+    id: str
+    task: str
+    request: Mapping[str, Any]
+
+
+WARM = Given("", "warm", {})
+
+
+def work(given: Given, heard: Heard = _processes.tell) -> bytes:
     """What the other process does: a task, with its progress, to a frame.
 
     Args:
-        given: Name of the task for answers, what is done, and what with.
+        given: The task; WARM only loads what tasks need.
         heard: Called with frames of progress, as bytes.
     """
     id, task, request = given
-    if task == WARM:
+    if given == WARM:
         _be_ready()
         return b""
     telling = _Telling(id, task, heard)
@@ -234,7 +253,10 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
 
 
 def figures(x: Request) -> Frame:
-    """The figures of a full run, or what it refuses and where."""
+    """The figures of a full run, or what it refuses and where.
+
+    Options: `start`, joint positions at the start of the preview, to say where they differ.
+    """
     from armcontour.studio.picture import refusal_header
 
     try:
@@ -246,10 +268,10 @@ def figures(x: Request) -> Frame:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
         return Frame("refusal", {**told, "of": "live"})
-    e, near = result.evaluation, result.clearance
+    e, near, start = result.evaluation, result.clearance, result.trajectory(0.0)
     least = None if near is None else near.least
     off = e.objective_error
-    header = {
+    header: dict[str, Any] = {
         **{"run": result.run.name, "of": "live", "duration": e.duration, "settled": e.settled},
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
@@ -260,14 +282,25 @@ def figures(x: Request) -> Frame:
         "clearance": None
         if least is None
         else {"least": least.high, "pair": [least.first, least.second], "t": least.t},
-        "start": result.trajectory(0.0),
+        "start": start,
         "warnings": result.warnings,
         "notes": [
             *(y for y in (result.shape_note, result.stops_note, result.clearance_note) if y),
             *x.job.arm.notes,
         ],
     }
+    preview = x.options.get("start")
+    if preview is not None and np.abs(start - preview).max() > SAME:
+        header["notes"].append(OTHER_CONFIGURATION)
     return Frame("figures", header)
+
+
+def plan(x: Request) -> Frame:
+    """The picture of the plan as a full run has it, in whatever time that takes."""
+    from armcontour.studio.picture import picture_frame
+
+    planned = x.previewer.plan(x.data, x.run, exact=True, progress=x.progress)
+    return picture_frame(planned, x.view)
 
 
 def check(x: Request) -> Frame:
@@ -275,7 +308,7 @@ def check(x: Request) -> Frame:
     from armcontour.arms.limits import UNITS
     from armcontour.evaluation import check
 
-    plan = x.plan
+    plan = x.taught
     found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)
     worst = found.worst
     most = "" if worst is None else f" {worst.name} is used most, by {worst.certain:.6f}."
@@ -307,7 +340,9 @@ def certify(x: Request) -> Frame:
     from armcontour.io import certificate_json
     from armcontour.report import render_report
 
-    found = certify(x.whole_job, x.run, progress=x.progress, **x.options)
+    # Published figures are of other plans, whose runs the report would not have.
+    job = replace(x.whole_job, published=None)
+    found = certify(job, x.run, progress=x.progress, **x.options)
     x.progress(Step(("writing",)))
     data = json.loads(certificate_json(found))["certificate"]
     budget = found.budget
@@ -458,7 +493,7 @@ def clearance(x: Request) -> Frame:
 
     cell = Cell(x.job.arm, x.job.scene or Scene())
     try:
-        plan = x.plan
+        plan = x.taught
     except Collision:
         # Where it comes too near is what is asked for.
         (plan,) = teach(replace(x.job, ignore_collisions=True), progress=x.progress).values()
@@ -477,7 +512,8 @@ def clearance(x: Request) -> Frame:
         ],
         "left_out": len(found.left_out),
     }
-    return Frame("result", header, {"t": short(t)} | {y: short(z) for y, z in over_time.items()})
+    arrays: dict[str, Any] = {name: short(y) for name, y in over_time.items()}
+    return Frame("result", header, {"t": short(t), **arrays})
 
 
 def export(x: Request) -> Frame:
@@ -490,7 +526,7 @@ def export(x: Request) -> Frame:
     from armcontour.io.exports.template import SHIPPED
     from armcontour.jobs import analog_outputs
 
-    kind, plan = str(x.option("format", "csv")), x.plan
+    kind, plan = str(x.option("format", "csv")), x.taught
     endings = formats()
     if kind not in endings:
         raise InvalidInput(f"There is no format {kind!r}: there are {', '.join(endings)}.")
@@ -565,6 +601,7 @@ def report(x: Request) -> Frame:
 
 TASKS: dict[str, Callable[[Request], Frame]] = {
     "figures": figures,
+    "plan": plan,
     "check": check,
     "certify": certify,
     "sweep": sweep,

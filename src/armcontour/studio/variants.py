@@ -149,7 +149,7 @@ class Variants:
             self._against = None
         elif isinstance(against, Mapping) and "pin" in against:
             self._against = self.find(against["pin"])
-        elif isinstance(against, Mapping) and against.get("run") in data.get("runs", {}):
+        elif isinstance(against, Mapping) and against.get("run") in list(data.get("runs") or {}):
             self._against = against["run"]
         else:
             raise InvalidInput(f"There is nothing to compare with: {show(against)}.")
@@ -183,7 +183,7 @@ def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
     runs = data.get("runs") or {}
     if name in runs:
         raise InvalidInput(f"The job has a run {name} already.")
-    if like not in runs:
+    if like not in list(runs):
         raise InvalidInput(f"The job has no run {show(like)}.")
     return [Change(("runs", name), deepcopy(runs[like]))]
 
