@@ -153,6 +153,7 @@ def executed_frame(
         MOST_SAMPLES,
     )
     joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
     worst = int(np.argmax(distance))
     header = {
@@ -178,6 +179,7 @@ def executed_frame(
         {
             "base": view.drawn(base[kept]),
             "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
             "t": short(execution.t[at]),
             "error": short(distance[kept]),
             "q": np.ascontiguousarray(execution.q[at]),
