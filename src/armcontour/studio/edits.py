@@ -422,7 +422,7 @@ def _vector(
     within: float,
 ) -> list[Change]:
     """The changes of a vector of three quantities that a mapping has under the last of its keys."""
-    written = given.get(keys[-1])
+    written = given.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
     return [
