@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Any, Final, TypeAlias
 
@@ -75,14 +76,14 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
         InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
             changed alone, because an alias repeats it or stands for it.
     """
-    data, root = load_with_node(text, source)
+    data, root = _parsed(text, source)
     for these in _together(data, changes):
         written = YamlText(text, root)
         try:
             text = _spliced(text, [y for x in these for y in _splices(written, data, x)])
             wanted = change_data(data, these)
             # What is no YAML any more had an anchor that is still used.
-            data, root = load_with_node(text, source)
+            data, root = _parsed(text, source)
             if not same(data, wanted):
                 raise Shared
         except (Shared, InvalidInput):
@@ -123,13 +124,17 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     return _spliced(text, edits)
 
 
-def file_names(text: str) -> list[str]:
+def file_names(text: str, source: str = "job") -> list[str]:
     """The files and folders that a job file names.
 
     Args:
         text: The job file.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: Not YAML.
     """
-    return [x.value for x in _file_names(yaml.compose(text, Loader=Loader))]
+    return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
@@ -150,6 +155,15 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
                 yield from _file_names(x)
         else:
             yield from _file_names(value)
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+    """Data and nodes of a text; those of the last one are kept, which is likely to be changed next.
+
+    Nobody may change them.
+    """
+    return load_with_node(text, source)
 
 
 def _changed(data: Any, keys: Keys, change: Change) -> Any:

@@ -26,7 +26,9 @@ def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
     """
     kinds: tuple[Kind, ...] = (of,)
     for key in keys:
-        kinds = _inside(kinds, key)
+        # One value for all joints, or a list with one for each.
+        of_all = (x for x in kinds if isinstance(x, Quantity) and isinstance(key, int))
+        kinds = (*of_all, *_inside(kinds, key))
     return next((x for x in kinds if isinstance(x, Quantity)), None)
 
 

@@ -17,6 +17,8 @@ INDENT = 2
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
 BREAK = re.compile(r"\r\n|\r|\n")
+# Blanks that put a comment into a column.
+GAP = re.compile(r" {4,}(?=#)")
 BLANK = " \t\r\n"
 TEXT = "tag:yaml.org,2002:str"
 
@@ -41,6 +43,13 @@ class Dumper(yaml.SafeDumper):
         return True
 
 
+def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
+    """A text, of which one with line breaks is written on one line."""
+    lines = any(x in text for x in "\r\n\x85\u2028\u2029")
+    return dumper.represent_scalar(TEXT, text, style='"' if lines else None)
+
+
+Dumper.add_representer(str, _represent_text)
 # What either of them takes for a number is quoted if it is text.
 Dumper.yaml_implicit_resolvers = {
     first: [
@@ -58,8 +67,6 @@ def flow_text(value: Any, style: str | None = None) -> str:
         value: The value.
         style: The quotes of a text, if it is to have some.
     """
-    if isinstance(value, str) and any(x in value for x in "\r\n\x85\u2028\u2029"):
-        style = '"'
     quoted = style if isinstance(value, str) else None
     text = yaml.dump(
         [value],
@@ -251,6 +258,9 @@ class Part:
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
             comma = _skip(self.of.text, gone.end, ",")
+            rest = self.of.text[comma : self.of.line_end(comma)].strip(BLANK)
+            if rest.startswith("#"):
+                return [self.of.cut_lines(gone.head, comma)]
             return [self.of.cut(gone.head, comma)]
         if following is not None and (self.flow or not self.of.is_first(gone.head)):
             return [Splice(gone.head, following, "")]
@@ -281,13 +291,21 @@ class Part:
             colon = ":" if of_mapping and self.of.text[self.name_end - 1] != ":" else ""
             return [Splice(self.name_end, self.end, f"{colon} {line}")]
         if not self.is_block:
-            return [Splice(self.begin, self.end, line)]
+            return [self._in_column(line)]
         if BREAK.search(self.of.text, self.name_end, self.begin) is None:
             return [Splice(self.begin, self.end, line)]
         return [
             Splice(self.name_end, self.name_end, f" {line}"),
             self.of.cut(self.begin, self.end),
         ]
+
+    def _in_column(self, line: str) -> Splice:
+        """Write a value on its line; a comment behind it stays in its column if it can."""
+        gap = GAP.match(self.of.text, self.end)
+        if gap is None:
+            return Splice(self.begin, self.end, line)
+        blanks = len(gap[0]) - len(line) + self.end - self.begin
+        return Splice(self.begin, gap.end(), line + " " * max(blanks, 2))
 
     def _write_root(self, new: Any) -> list[Splice]:
         """Write another document; comments before it stay."""

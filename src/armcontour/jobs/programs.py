@@ -11,8 +11,10 @@ from armcontour._progress import Progress
 from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.execution import ServoPlant, execute
-from armcontour.jobs.job import TANGENT, Job, Run
+from armcontour.geometry import Path
+from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.memory import RESOLUTION
+from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import (
@@ -68,6 +70,8 @@ def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[
             )
         leads = automatic_leads(job, this)
         objective = prepare(job.program, job.process, leads)
+    if this.rounding is not None and this.rounding.at:
+        refuse_missing(job.program.path, objective, list(this.rounding.at))
     return objective, round_program(job, this, objective, progress)
 
 
@@ -96,13 +100,22 @@ def round_program(
         acceleration = this.limits.centripetal_acceleration
     rounded = round_corners(
         _join_smoothly(program, this, rounded=False),
-        tolerance=rounding.tolerance,
+        tolerance=_tolerance(job, rounding),
         speed=rounding.speed,
         acceleration=acceleration,
         angular_tolerance=rounding.angular_tolerance,
         continuity=this.continuity or TANGENT,
     )
     return _join_smoothly(rounded, this, rounded=True)
+
+
+def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], npt.ArrayLike]:
+    """The largest corner error [m], which single corners may have of their own."""
+    single, tolerance = rounding.at, rounding.tolerance
+    if not single or tolerance is None:
+        return tolerance
+    given = job.program.path
+    return lambda path: corner_tolerances(given, path, tolerance, single)
 
 
 def _join_smoothly(program: Program, this: Run, *, rounded: bool) -> Program:

@@ -129,12 +129,13 @@ def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[s
 
 def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
     """The keys of an arc around its centre."""
-    center = path.starts[i] + path.normals[i] / path.curvatures[i]
-    axis = np.cross(path.tangents[i], path.normals[i])
+    tangent, normal = path.tangents[i], path.normals[i]
+    center = write(path.starts[i] + normal / path.curvatures[i])
     if path.dimension == 3:
-        turned = write_like(angle, None, ANGLE)
-        return {"center": write(center), "angle": turned, "normal": (axis + 0.0).tolist()}
-    return {"center": write(center), "angle": write_like(math.copysign(angle, axis), None, ANGLE)}
+        axis = np.cross(tangent, normal) + 0.0
+        return {"center": center, "angle": write_like(angle, None, ANGLE), "normal": axis.tolist()}
+    turn = math.copysign(angle, tangent[0] * normal[1] - tangent[1] * normal[0])
+    return {"center": center, "angle": write_like(turn, None, ANGLE)}
 
 
 def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 from armcontour._files import read_bytes
 from armcontour._staging import put_in_place
@@ -21,6 +21,14 @@ from armcontour.io.job_edits import Change, change_data, change_text, file_names
 DRAFTS = ".armcontour"
 BOM = "\ufeff"
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
+
+
+class Step(NamedTuple):
+    """A text that can be had back, with its data, and the label of the change between."""
+
+    label: str
+    text: str
+    data: dict[str, Any]
 
 
 class Document:
@@ -55,8 +63,8 @@ class Document:
         self.text = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = self._checked(self.text)
-        self._past: list[tuple[str, str]] = []
-        self._future: list[tuple[str, str]] = []
+        self._past: list[Step] = []
+        self._future: list[Step] = []
 
     @classmethod
     def open(cls, file: str | FilePath) -> Document:
@@ -68,7 +76,6 @@ class Document:
         Raises:
             InvalidInput: No such file, or its text is not a YAML mapping.
         """
-        # Saving must not replace a link by a file.
         place = FilePath(file).absolute()
         content = read_bytes(place, "job file")
         text = _decoded(content, place)
@@ -129,12 +136,12 @@ class Document:
     @property
     def undo_label(self) -> str | None:
         """What undoing takes back; None if there is nothing."""
-        return self._past[-1][0] if self._past else None
+        return self._past[-1].label if self._past else None
 
     @property
     def redo_label(self) -> str | None:
         """What redoing does again; None if there is nothing."""
-        return self._future[-1][0] if self._future else None
+        return self._future[-1].label if self._future else None
 
     def preview(self, changes: Sequence[Change]) -> Mapping[str, Any]:
         """The data with some changes; the document stays as it is.
@@ -302,26 +309,32 @@ class Document:
             raise InvalidInput(
                 f"{self.source} must hold a mapping of keys such as name, arm, path and runs."
             )
-        if self.folder is None:
-            for name in file_names(text):
-                raise InvalidInput(
-                    f"{self.source} names the file {name}, which is not here, because only the job "
-                    "was opened: start armcontour studio with the job file in its folder."
-                )
+        self._refuse_files(text)
         return data
+
+    def _refuse_files(self, text: str) -> None:
+        """Refuse names of files in a job that has no folder.
+
+        Raises:
+            InvalidInput: There is one.
+        """
+        for name in file_names(text, self.source) if self.folder is None else ():
+            raise InvalidInput(
+                f"{self.source} names the file {name}, which is not here, because only the job was "
+                "opened: start armcontour studio with the job file in its folder."
+            )
 
     def _put(self, text: str, data: dict[str, Any], label: str) -> None:
         """Take another text as one step of undo."""
         if text == self.text:
             return
-        if self.folder is None:
-            self._checked(text)
-        self._past.append((label, self.text))
+        self._refuse_files(text)
+        self._past.append(Step(label, self.text, self._data))
         self._future.clear()
         self.text, self._data = text, data
         self.write_draft()
 
-    def _step(self, taken: list[tuple[str, str]], given: list[tuple[str, str]], what: str) -> None:
+    def _step(self, taken: list[Step], given: list[Step], what: str) -> None:
         """Take the last text of one list, and put the present one on the other.
 
         Raises:
@@ -329,10 +342,8 @@ class Document:
         """
         if not taken:
             raise InvalidInput(f"There is nothing to {what}.")
-        label, text = taken[-1]
-        data = self._checked(text)
-        taken.pop()
-        given.append((label, self.text))
+        label, text, data = taken.pop()
+        given.append(Step(label, self.text, self._data))
         self.text, self._data = text, data
         self.write_draft()
 
