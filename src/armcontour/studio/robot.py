@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Chain, PlanarTwoLink
@@ -161,6 +160,8 @@ def _rounded(radius: float, length: float) -> FloatArray:
 
 def _hull(points: FloatArray) -> FloatArray:
     """Triangles of the convex hull of points [m], (n, 3, 3)."""
+    from scipy.spatial import ConvexHull
+
     hull = ConvexHull(points)
     corners = hull.points[hull.simplices]
     # Its triangles have normals that point outwards, but corners in any order.
