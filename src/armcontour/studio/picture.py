@@ -153,6 +153,7 @@ def executed_frame(
         MOST_SAMPLES,
     )
     joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
     worst = int(np.argmax(distance))
     header = {
@@ -178,6 +179,7 @@ def executed_frame(
         {
             "base": view.drawn(base[kept]),
             "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
             "t": short(execution.t[at]),
             "error": short(distance[kept]),
             "q": np.ascontiguousarray(execution.q[at]),
@@ -359,8 +361,8 @@ def _rapids(planned: Planned, view: View) -> dict[str, Any]:
 def _demand(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
     """Arrays of joint positions over time, and of the shares of limits that joints use."""
     breaks = trajectory.breaks
-    if len(breaks) > 4 * MOST_TIMES:
-        breaks = breaks[np.linspace(0, len(breaks) - 1, 4 * MOST_TIMES).astype(np.intp)]
+    if len(breaks) > MOST_TIMES:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
     elif len(breaks) < FEWEST_TIMES:
         breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
     # Accelerations jump: both sides of every break, the first one after it, the last one before it.

@@ -81,7 +81,12 @@ export class Ghost {
       return known.length ? `${text(Math.min(...known))} … ${text(Math.max(...known))}` : "refused";
     };
     this.box.replaceChildren(
-      svg, make("span", { class: "ends" }, ends.map((text) => make("span", { text }))),
+      svg,
+      make(
+        "span",
+        { class: "ends" },
+        ends.map((text) => make("span", { text })),
+      ),
       make("span", { class: "time", text: `cycle time ${range(duration, seconds)} s` }),
       make("span", { class: "error", text: `error RMS ${range(rms, (x) => mm(x))} mm` }),
     );
@@ -89,14 +94,20 @@ export class Ghost {
   }
 }
 
-/** A curve over the range of a slider; refused values leave gaps. @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name */
+/**
+ * A curve over the range of a slider; refused values leave gaps.
+ * @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name
+ */
 function curve(slider, values, y, name) {
   const known = [...y].filter(Number.isFinite);
   const [least, most] = [Math.min(...known), Math.max(...known)];
   let line = "";
   y.forEach((value, k) => {
     if (!Number.isFinite(value)) return;
-    const at = [(WIDE * positionOf(slider, values[k])) / STEPS, HIGH - 3 - ((value - least) / (most - least || 1)) * (HIGH - 6)];
+    const at = [
+      (WIDE * positionOf(slider, values[k])) / STEPS,
+      HIGH - 3 - ((value - least) / (most - least || 1)) * (HIGH - 6),
+    ];
     line += `${k > 0 && Number.isFinite(y[k - 1]) ? "L" : "M"}${at.map((x) => x.toFixed(1)).join(" ")}`;
   });
   return draw("path", { d: line, class: name });
