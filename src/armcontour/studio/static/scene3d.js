@@ -23,7 +23,9 @@ export class Scene3D {
    * @throws {Error} without WebGL
    */
   constructor(canvas) {
-    this.software = isSoftware();
+    const name = rendererName();
+    if (name === null) throw new Error("There is no WebGL.");
+    this.software = /swiftshader|llvmpipe|software|basic render/i.test(name);
     // Smooth edges cost the processor three times as much: there they are drawn at rest only.
     this.renderer = new WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "low-power" });
     this.kind = this.software ? "webgl-software" : "webgl";
@@ -38,9 +40,11 @@ export class Scene3D {
     this.work = null;
     /** @type {Group[]} one per link, the base first */
     this.links = [];
-    this.tip = tool();
+    this.tip = dot();
+    this.alarm = dot();
+    this.alarm.visible = false;
     this.ribbon = new Ribbon();
-    this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip);
+    this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip, this.alarm);
     /** @type {Map<string, MeshLambertMaterial>} */
     this.materials = new Map();
   }
@@ -64,6 +68,7 @@ export class Scene3D {
     this.addFloor(cell, paint);
     const size = cell.size;
     this.tip.scale.setScalar(size * 0.008);
+    this.alarm.scale.setScalar(size * 0.011);
     this.repaint(paint);
   }
 
@@ -74,7 +79,8 @@ export class Scene3D {
   repaint(paint) {
     this.renderer.setClearColor(new Color(paint.ground), 1);
     for (const [name, material] of this.materials) material.color.set(paint.bodies[name] ?? paint.bodies.link);
-    /** @type {MeshBasicMaterial} */ (/** @type {Mesh} */ (this.tip).material).color.set(paint.tip);
+    this.tip.material.color.set(paint.tip);
+    this.alarm.material.color.set(paint.alarm);
   }
 
   /**
@@ -96,6 +102,15 @@ export class Scene3D {
     links.forEach((x, k) => setMatrix(this.links[k], x));
     this.tip.position.set(at[3], at[7], at[11]);
     this.ribbon.reach(done);
+  }
+
+  /**
+   * Show where something is refused.
+   * @param {import("./cell.js").Point | null} at in the frame of the base [m]
+   */
+  mark(at) {
+    this.alarm.visible = at !== null;
+    if (at) this.alarm.position.set(...at);
   }
 
   /**
@@ -194,22 +209,23 @@ export class Scene3D {
 }
 
 /**
- * Whether WebGL is computed by the processor, as by SwiftShader or llvmpipe.
- * @returns {boolean}
+ * Who computes WebGL; SwiftShader and llvmpipe are programs for the processor. Null without WebGL.
+ * @returns {string | null}
  */
-function isSoftware() {
+function rendererName() {
   const gl = document.createElement("canvas").getContext("webgl2");
-  const found = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = gl && found ? String(gl.getParameter(found.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+  if (!gl) return null;
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
-/** A dot at the tool. @returns {Mesh} */
-function tool() {
-  const dot = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
-  dot.renderOrder = 2;
-  return dot;
+/** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
+function dot() {
+  const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
+  found.renderOrder = 2;
+  return found;
 }
 
 /**
