@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.io.job_edits import change_data, change_text
+from armcontour.io.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.edits import EditState, changes_of
+from armcontour.studio.edits import EDITS, EditState, changes_of, pinned_run
 from armcontour.studio.handles import Handles, handles_of
 
 HEAD = "name: a\narm: {arm}\n"
@@ -279,7 +279,7 @@ def test_obstacles_are_added_changed_and_removed() -> None:
     [
         ({"do": "fly"}, "There is no edit 'fly': the edits are set, unset"),
         ({"do": "set", "key": "limits.speed"}, "The edit set lacks value"),
-        ({"do": "set", "key": "", "value": 1}, "A key is empty"),
+        ({"do": "set", "key": "", "value": 1}, "'' is no key"),
         ({"do": "set", "key": "limits.speed", "value": math.nan}, "limits.speed"),
         ({"do": "move_waypoint", "index": 9, "to": [0, 0]}, "number of the waypoint"),
         ({"do": "move_waypoint", "index": 1, "to": [0, math.inf]}, "to"),
@@ -290,3 +290,94 @@ def test_obstacles_are_added_changed_and_removed() -> None:
 def test_edits_that_make_no_sense_are_refused(edit, words) -> None:
     with pytest.raises(InvalidInput, match=words):
         changes_of(edit, state_of(PLANE))
+
+
+REFERRED = (
+    PLANE
+    + """\
+experiment: {runs: [mac, own]}
+certificate: {tolerance: 9 mm, run: own}
+published: {source: a, runs: {own: {duration: 1 s}, mac: {}}, time_stamps: {run: own, values: []}}
+"""
+)
+
+
+def test_runs_are_added_like_others_and_removed_with_what_names_them() -> None:
+    found = edited(PLANE, do="add_run", name="new", like="mac")
+    assert found["runs"]["new"] == found["runs"]["mac"] and list(found["runs"])[-1] == "new"
+    gone = edited(REFERRED, "mac", do="remove_run", name="own")
+    assert list(gone["runs"]) == ["mac"] and gone["experiment"] == {"runs": ["mac"]}
+    assert gone["certificate"] == {"tolerance": "9 mm"}
+    assert gone["published"] == {"source": "a", "runs": {"mac": {}}}
+    alone = change_text(
+        REFERRED, changes_of({"do": "remove_run", "name": "own"}, state_of(REFERRED))
+    )
+    assert [x.name for x in parse_job(alone).runs] == ["mac"]
+    for edit, words in (
+        ({"do": "add_run", "name": "mac"}, "has a run 'mac' already"),
+        ({"do": "add_run", "name": "new", "like": "x"}, "no run 'x'"),
+        ({"do": "remove_run", "name": "x"}, "no run 'x'"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            edited(PLANE, **edit)
+    with pytest.raises(InvalidInput, match="its only one cannot be removed"):
+        edited(alone, "mac", do="remove_run", name="mac")
+
+
+def test_a_pinned_variant_becomes_a_run_that_is_the_same() -> None:
+    other = PLANE.replace("0.15 m/s", "0.1 m/s").replace("5 mm", "2 mm").replace("4 ms", "2 ms")
+    for name in ("mac", "own"):
+        keys = pinned_run(load(other, ""), name, load(PLANE, ""))
+        job = parse_job(change_text(PLANE, [Change(("runs", "new"), keys)]))
+        (wanted,) = (x for x in parse_job(other).runs if x.name == name)
+        found = job.runs[-1]
+        assert (found.limits.speed, found.rounding, found.period, found.timing_options) == (
+            wanted.limits.speed, wanted.rounding, wanted.period, wanted.timing_options,
+        )  # fmt: skip
+    slower = load(PLANE.replace("kp: 25", "kp: 20"), "")
+    with pytest.raises(InvalidInput, match="differs in servo, which all runs"):
+        pinned_run(slower, "mac", load(PLANE, ""))
+    fewer = load(PLANE.replace(", joint_acceleration: 0.72 rad/s^2", ""), "")
+    with pytest.raises(InvalidInput, match="has no limits.joint_acceleration"):
+        pinned_run(fewer, "mac", load(PLANE, ""))
+
+
+WORDS = ("", ".", "limits.speed", "5 mm", "1", "add", "change", "box", "own", "corners.at.2", "mac")
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(WORDS),
+    lambda x: st.lists(x, max_size=3) | st.dictionaries(st.sampled_from(WORDS), x, max_size=2),
+    max_leaves=4,
+)
+VALID: tuple[dict[str, Any], ...] = (
+    {"do": "set", "key": "limits.speed", "value": 0.1},
+    {"do": "unset", "key": "limits.speed"},
+    {"do": "move_waypoint", "index": 1, "to": [0.3, 0.2], "step": 1e-4},
+    {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
+    {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
+    {"do": "remove_waypoint", "index": 1},
+    {"do": "corner_tolerance", "index": 1, "value": "1 mm"},
+    {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
+    {"do": "to_waypoints"},
+    {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
+    {"do": "add_run", "name": "new", "like": "own"},
+    {"do": "remove_run", "name": "own"},
+)
+BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
+
+
+@given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
+@settings(max_examples=150)
+def test_whatever_a_page_sends_is_a_change_or_one_sentence(valid, text, draw) -> None:
+    fields = [x for x in valid if x != "do"] or ["do"]
+    edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
+    state = state_of(text)
+    try:
+        found = change_data(state.data, changes_of(edit, state))
+    except InvalidInput as error:
+        assert str(error).endswith((".", "?"))
+    else:
+        assert isinstance(found, dict)
+
+
+def test_every_edit_is_tried_with_nonsense() -> None:
+    assert {x["do"] for x in VALID} == set(EDITS)

@@ -41,6 +41,8 @@ from armcontour.studio.handles import (
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
+# What an edit says in words.
+TEXTS = ("name", "like", "action", "kind")
 # Largest number of a waypoint.
 MOST_POINTS = 10_000_000
 # Keys of lists of obstacles by the names of their kinds.
@@ -86,8 +88,11 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
         InvalidInput: There is no such edit, it lacks something, or the job does not allow it.
     """
     do = edit.get("do")
-    if do not in EDITS:
+    if not isinstance(do, str) or do not in EDITS:
         raise InvalidInput(f"There is no edit {show(do)}: the edits are {', '.join(EDITS)}.")
+    for name in TEXTS:
+        if not isinstance(edit.get(name, ""), str):
+            raise InvalidInput(f"The edit {do} needs text for {name}, not {show(edit[name])}.")
     try:
         return tuple(EDITS[do](edit, state))
     except KeyError as error:
@@ -106,11 +111,12 @@ def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Key
         run: The name of the run.
 
     Raises:
-        InvalidInput: The key is empty.
+        InvalidInput: It is no key.
     """
-    parts: list[Key] = [*(key.split(".") if isinstance(key, str) else key)]
-    if not parts or "" in parts:
-        raise InvalidInput("A key is empty: write one such as limits.speed.")
+    parts: Any = key.split(".") if isinstance(key, str) else key
+    known = isinstance(parts, list) and all(type(x) in (str, int) for x in parts)
+    if not known or not parts or "" in parts:
+        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
     first = parts[0]
     if first in OF_RUN or (first in OF_BOTH and _is_own(parts, data, run)):
         parts = ["runs", run, *parts]
@@ -422,7 +428,7 @@ def _vector(
     within: float,
 ) -> list[Change]:
     """The changes of a vector of three quantities that a mapping has under the last of its keys."""
-    written = given.get(keys[-1])
+    written = given.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
     return [
@@ -474,6 +480,70 @@ def _free_name(name: str, state: EditState) -> str:
     return next(x for x in numbered if x not in taken)
 
 
+def _add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Add a run like another one, or with the values of a pinned variant of the job."""
+    name, runs = edit["name"], state.data["runs"]
+    if name in runs:
+        raise InvalidInput(f"The job has a run {show(name)} already: give another name.")
+    like = edit.get("like", state.run)
+    if like not in runs:
+        raise InvalidInput(f"The job has no run {show(like)}.")
+    return [Change(("runs", name), runs[like])]
+
+
+def pinned_run(pinned: Mapping[str, Any], name: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys with which a run of this job is a run of another variant of it.
+
+    Args:
+        pinned: The data of the variant, as written.
+        name: The name of its run.
+        data: The data of this job, as written.
+
+    Raises:
+        InvalidInput: The variants differ in what all runs of a job have in common.
+    """
+    own = dict(pinned["runs"][name])
+    names = {*pinned, *data} - {"runs", "name", "title", "published", "certificate", *OF_BOTH}
+    other = sorted(x for x in names if pinned.get(x) != data.get(x))
+    if other:
+        raise InvalidInput(
+            f"The pinned variant differs in {', '.join(other)}, which all runs of a job have in "
+            "common: it cannot become a run."
+        )
+    there, here = pinned.get("limits") or {}, data.get("limits") or {}
+    gone = sorted(x for x in here if x not in there)
+    if gone:
+        raise InvalidInput(
+            f"The pinned variant has no limits.{gone[0]}, which this job has: set it in both, or "
+            "lift it with null."
+        )
+    limits = {key: x for key, x in there.items() if here.get(key, ...) != x}
+    if limits:
+        own["limits"] = {**limits, **(own.get("limits") or {})}
+    for key, default in (("corners", SHARP), ("command_interval", None)):
+        if pinned.get(key, default) != data.get(key, default):
+            own.setdefault(key, pinned.get(key, default))
+    return {key: x for key, x in own.items() if x is not None}
+
+
+def _remove_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Remove a run, and what names it."""
+    name, data = edit["name"], state.data
+    if name not in data["runs"]:
+        raise InvalidInput(f"The job has no run {show(name)}.")
+    if len(data["runs"]) == 1:
+        raise InvalidInput("A job needs a run, so that its only one cannot be removed.")
+    changes = [Change(("runs", name))]
+    listed = value_at(data, ("experiment", "runs"))
+    if isinstance(listed, list) and name in listed:
+        changes.append(Change(("experiment", "runs", listed.index(name))))
+    for keys in (("certificate", "run"), ("published", "time_stamps", "run")):
+        if value_at(data, keys) == name:
+            changes.append(Change(keys if keys[0] == "certificate" else keys[:-1]))
+    changes.append(Change(("published", "runs", name)))
+    return changes
+
+
 def _editable(state: EditState) -> Handles:
     """The handles of a job whose points can be changed.
 
@@ -523,4 +593,6 @@ EDITS: dict[Any, Made] = {
     "place": _place,
     "to_waypoints": _to_waypoints,
     "obstacle": _obstacle,
+    "add_run": _add_run,
+    "remove_run": _remove_run,
 }
