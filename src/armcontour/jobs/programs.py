@@ -1,4 +1,4 @@
-"""Prepare, trace and time the program of a run; compute the lengths of automatic leads."""
+"""The steps of a run one by one, and the lengths of automatic leads."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from collections.abc import Callable
 import numpy.typing as npt
 
 from armcontour._progress import Progress
+from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
+from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
+from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
-from armcontour.motion import Trajectory
+from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import (
     Contour,
     Leads,
@@ -25,8 +28,10 @@ from armcontour.program import (
     smooth_curvature,
 )
 from armcontour.timing import (
+    Explanation,
     Tracing,
     choose_start,
+    explain,
     intervals_of,
     plan,
     shape,
@@ -285,3 +290,40 @@ def time_run(
         memory=job.memory,
         **this.plan_options,
     )
+
+
+def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | None:
+    """Which limit binds where on the plan of a run; None for methods that have no such limits.
+
+    A smoothed plan has none, as it is moved away from the limits.
+    """
+    if trajectory.method is not Method.OPTIMAL:
+        return None
+    return explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
+
+
+def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
+    """Compensate the plan of a run for the servo's delay.
+
+    Raises:
+        CompensationError: The method cannot compensate this delay.
+    """
+    return compensate(
+        trajectory,
+        job.servo,
+        method=this.compensation,
+        period=this.period,
+        arm=job.arm,
+        memory=job.memory,
+        **this.compensation_options,
+    )
+
+
+def execute_run(job: Job, this: Run, taught: TaughtData) -> Execution:
+    """Simulate how the servo executes the set-points of a run.
+
+    Raises:
+        ExecutionError: The joints do not come to rest.
+    """
+    plant = ServoPlant(job.arm, job.plant_servo, this.limits)
+    return execute(taught, plant, resolution=RESOLUTION, memory=job.memory)
