@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.io.job_edits import Change, change_data, change_text
+from armcontour.io.job_edits import change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.edits import EDITS, EditState, changes_of, pinned_run
+from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.handles import Handles, handles_of
 
 HEAD = "name: a\narm: {arm}\n"
@@ -292,56 +292,6 @@ def test_edits_that_make_no_sense_are_refused(edit, words) -> None:
         changes_of(edit, state_of(PLANE))
 
 
-REFERRED = (
-    PLANE
-    + """\
-experiment: {runs: [mac, own]}
-certificate: {tolerance: 9 mm, run: own}
-published: {source: a, runs: {own: {duration: 1 s}, mac: {}}, time_stamps: {run: own, values: []}}
-"""
-)
-
-
-def test_runs_are_added_like_others_and_removed_with_what_names_them() -> None:
-    found = edited(PLANE, do="add_run", name="new", like="mac")
-    assert found["runs"]["new"] == found["runs"]["mac"] and list(found["runs"])[-1] == "new"
-    gone = edited(REFERRED, "mac", do="remove_run", name="own")
-    assert list(gone["runs"]) == ["mac"] and gone["experiment"] == {"runs": ["mac"]}
-    assert gone["certificate"] == {"tolerance": "9 mm"}
-    assert gone["published"] == {"source": "a", "runs": {"mac": {}}}
-    alone = change_text(
-        REFERRED, changes_of({"do": "remove_run", "name": "own"}, state_of(REFERRED))
-    )
-    assert [x.name for x in parse_job(alone).runs] == ["mac"]
-    for edit, words in (
-        ({"do": "add_run", "name": "mac"}, "has a run 'mac' already"),
-        ({"do": "add_run", "name": "new", "like": "x"}, "no run 'x'"),
-        ({"do": "remove_run", "name": "x"}, "no run 'x'"),
-    ):
-        with pytest.raises(InvalidInput, match=words):
-            edited(PLANE, **edit)
-    with pytest.raises(InvalidInput, match="its only one cannot be removed"):
-        edited(alone, "mac", do="remove_run", name="mac")
-
-
-def test_a_pinned_variant_becomes_a_run_that_is_the_same() -> None:
-    other = PLANE.replace("0.15 m/s", "0.1 m/s").replace("5 mm", "2 mm").replace("4 ms", "2 ms")
-    for name in ("mac", "own"):
-        keys = pinned_run(load(other, ""), name, load(PLANE, ""))
-        job = parse_job(change_text(PLANE, [Change(("runs", "new"), keys)]))
-        (wanted,) = (x for x in parse_job(other).runs if x.name == name)
-        found = job.runs[-1]
-        assert (found.limits.speed, found.rounding, found.period, found.timing_options) == (
-            wanted.limits.speed, wanted.rounding, wanted.period, wanted.timing_options,
-        )  # fmt: skip
-    slower = load(PLANE.replace("kp: 25", "kp: 20"), "")
-    with pytest.raises(InvalidInput, match="differs in servo, which all runs"):
-        pinned_run(slower, "mac", load(PLANE, ""))
-    fewer = load(PLANE.replace(", joint_acceleration: 0.72 rad/s^2", ""), "")
-    with pytest.raises(InvalidInput, match="has no limits.joint_acceleration"):
-        pinned_run(fewer, "mac", load(PLANE, ""))
-
-
 WORDS = ("", ".", "limits.speed", "5 mm", "1", "add", "change", "box", "own", "corners.at.2", "mac")
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(WORDS),
@@ -359,8 +309,6 @@ VALID: tuple[dict[str, Any], ...] = (
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "to_waypoints"},
     {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
-    {"do": "add_run", "name": "new", "like": "own"},
-    {"do": "remove_run", "name": "own"},
 )
 BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
 

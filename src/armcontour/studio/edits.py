@@ -42,7 +42,7 @@ SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
 # What an edit says in words.
-TEXTS = ("name", "like", "action", "kind")
+TEXTS = ("name", "action", "kind")
 # Largest number of a waypoint.
 MOST_POINTS = 10_000_000
 # Keys of lists of obstacles by the names of their kinds.
@@ -480,70 +480,6 @@ def _free_name(name: str, state: EditState) -> str:
     return next(x for x in numbered if x not in taken)
 
 
-def _add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Add a run like another one, or with the values of a pinned variant of the job."""
-    name, runs = edit["name"], state.data["runs"]
-    if name in runs:
-        raise InvalidInput(f"The job has a run {show(name)} already: give another name.")
-    like = edit.get("like", state.run)
-    if like not in runs:
-        raise InvalidInput(f"The job has no run {show(like)}.")
-    return [Change(("runs", name), runs[like])]
-
-
-def pinned_run(pinned: Mapping[str, Any], name: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys with which a run of this job is a run of another variant of it.
-
-    Args:
-        pinned: The data of the variant, as written.
-        name: The name of its run.
-        data: The data of this job, as written.
-
-    Raises:
-        InvalidInput: The variants differ in what all runs of a job have in common.
-    """
-    own = dict(pinned["runs"][name])
-    names = {*pinned, *data} - {"runs", "name", "title", "published", "certificate", *OF_BOTH}
-    other = sorted(x for x in names if pinned.get(x) != data.get(x))
-    if other:
-        raise InvalidInput(
-            f"The pinned variant differs in {', '.join(other)}, which all runs of a job have in "
-            "common: it cannot become a run."
-        )
-    there, here = pinned.get("limits") or {}, data.get("limits") or {}
-    gone = sorted(x for x in here if x not in there)
-    if gone:
-        raise InvalidInput(
-            f"The pinned variant has no limits.{gone[0]}, which this job has: set it in both, or "
-            "lift it with null."
-        )
-    limits = {key: x for key, x in there.items() if here.get(key, ...) != x}
-    if limits:
-        own["limits"] = {**limits, **(own.get("limits") or {})}
-    for key, default in (("corners", SHARP), ("command_interval", None)):
-        if pinned.get(key, default) != data.get(key, default):
-            own.setdefault(key, pinned.get(key, default))
-    return {key: x for key, x in own.items() if x is not None}
-
-
-def _remove_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a run, and what names it."""
-    name, data = edit["name"], state.data
-    if name not in data["runs"]:
-        raise InvalidInput(f"The job has no run {show(name)}.")
-    if len(data["runs"]) == 1:
-        raise InvalidInput("A job needs a run, so that its only one cannot be removed.")
-    changes = [Change(("runs", name))]
-    listed = value_at(data, ("experiment", "runs"))
-    if isinstance(listed, list) and name in listed:
-        changes.append(Change(("experiment", "runs", listed.index(name))))
-    for keys in (("certificate", "run"), ("published", "time_stamps", "run")):
-        if value_at(data, keys) == name:
-            changes.append(Change(keys if keys[0] == "certificate" else keys[:-1]))
-    changes.append(Change(("published", "runs", name)))
-    return changes
-
-
 def _editable(state: EditState) -> Handles:
     """The handles of a job whose points can be changed.
 
@@ -593,6 +529,4 @@ EDITS: dict[Any, Made] = {
     "place": _place,
     "to_waypoints": _to_waypoints,
     "obstacle": _obstacle,
-    "add_run": _add_run,
-    "remove_run": _remove_run,
 }

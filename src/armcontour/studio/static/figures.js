@@ -29,8 +29,8 @@ class Figures {
     this.region = find("#figures");
     /** @type {Record<string, {box: HTMLElement, value: HTMLElement, delta: HTMLElement}>} */
     this.boxes = Object.fromEntries(Object.entries(FIGURES).map(([name, told]) => [name, this.box(name, ...told)]));
-    this.state = make("span", { class: "exactness quiet" });
-    this.region.append(this.state);
+    this.state = make("span", { class: "exactness" });
+    find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
     for (const event of ["picture", "executed", "figures", "refusal", "compare", "document"]) store.on(event, update);
@@ -57,16 +57,8 @@ class Figures {
     for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
     const drawn = store.latest("picture")?.head.planned === false;
-    say(
-      this.state,
-      drawn
-        ? "not planned yet"
-        : tier1
-          ? "refused: the last figures that were had"
-          : exact
-            ? "as `armcontour run`"
-            : "preview",
-    );
+    say(this.state, drawn ? "not planned yet" : tier1 ? "refused, the last" : exact ? "exact" : "preview");
+    this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
     this.region.dataset.exact = String(exact);
   }
 
@@ -124,7 +116,6 @@ class Figures {
   /** @param {string} name @param {Shown} shown */
   show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
     const { box, value: place, delta } = this.boxes[name];
-    box.hidden = value === null && name === "clearance";
     box.classList.toggle("alarm", alarm);
     box.dataset.value = value === null ? "" : String(value);
     box.dataset.exact = String(exact);

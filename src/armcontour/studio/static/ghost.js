@@ -1,6 +1,6 @@
 // What a slider would be worth: cycle time and contour error over its range, from a sweep in the background.
 
-import { draw, make } from "./dom.js";
+import { draw, find, make } from "./dom.js";
 import { mm, quantity, seconds } from "./format.js";
 import { positionOf, STEPS } from "./scales.js";
 
@@ -90,7 +90,11 @@ export class Ghost {
       make("span", { class: "time", text: `cycle time ${range(duration, seconds)} s` }),
       make("span", { class: "error", text: `error RMS ${range(rms, (x) => mm(x))} mm` }),
     );
-    element.append(this.box);
+    find("main").append(this.box);
+    // Beside its slider: nothing moves under the pointer.
+    const { top, left } = element.getBoundingClientRect();
+    this.box.style.top = `${Math.round(Math.min(top, window.innerHeight - this.box.offsetHeight - 8))}px`;
+    this.box.style.left = `${Math.round(Math.max(8, left - this.box.offsetWidth - 16))}px`;
   }
 }
 
