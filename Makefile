@@ -85,7 +85,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/base: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[experiment,drawings,ros,tables]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[experiment,drawings,ros,tables,studio]'
 	@touch $@
 
 $(VENV)/test: pyproject.toml | $(VENV)/bin/python

@@ -124,13 +124,17 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     return _spliced(text, edits)
 
 
-def file_names(text: str) -> list[str]:
+def file_names(text: str, source: str = "job") -> list[str]:
     """The files and folders that a job file names.
 
     Args:
         text: The job file.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: Not YAML.
     """
-    return [x.value for x in _file_names(yaml.compose(text, Loader=Loader))]
+    return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:

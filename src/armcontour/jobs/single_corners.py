@@ -38,7 +38,7 @@ def corner_waypoints(given: Path, prepared: Path) -> IntArray:
         return found
     places = prepared.vertices[1:-1]
     ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
-    near = cKDTree(points).query_ball_point(places, REPEATED_POINT)
+    near: Sequence[list[int]] = cKDTree(points).query_ball_point(places, REPEATED_POINT).tolist()
     for j, candidates in enumerate(near):
         for k in candidates:
             forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])

@@ -76,7 +76,6 @@ class Document:
         Raises:
             InvalidInput: No such file, or its text is not a YAML mapping.
         """
-        # Saving must not replace a link by a file.
         place = FilePath(file).absolute()
         content = read_bytes(place, "job file")
         text = _decoded(content, place)
@@ -310,20 +309,26 @@ class Document:
             raise InvalidInput(
                 f"{self.source} must hold a mapping of keys such as name, arm, path and runs."
             )
-        if self.folder is None:
-            for name in file_names(text):
-                raise InvalidInput(
-                    f"{self.source} names the file {name}, which is not here, because only the job "
-                    "was opened: start armcontour studio with the job file in its folder."
-                )
+        self._refuse_files(text)
         return data
+
+    def _refuse_files(self, text: str) -> None:
+        """Refuse names of files in a job that has no folder.
+
+        Raises:
+            InvalidInput: There is one.
+        """
+        for name in file_names(text, self.source) if self.folder is None else ():
+            raise InvalidInput(
+                f"{self.source} names the file {name}, which is not here, because only the job was "
+                "opened: start armcontour studio with the job file in its folder."
+            )
 
     def _put(self, text: str, data: dict[str, Any], label: str) -> None:
         """Take another text as one step of undo."""
         if text == self.text:
             return
-        if self.folder is None:
-            self._checked(text)
+        self._refuse_files(text)
         self._past.append(Step(label, self.text, self._data))
         self._future.clear()
         self.text, self._data = text, data

@@ -41,6 +41,8 @@ from armcontour.studio.handles import (
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
+# What an edit says in words.
+TEXTS = ("name", "action", "kind")
 # Largest number of a waypoint.
 MOST_POINTS = 10_000_000
 # Keys of lists of obstacles by the names of their kinds.
@@ -86,8 +88,11 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
         InvalidInput: There is no such edit, it lacks something, or the job does not allow it.
     """
     do = edit.get("do")
-    if do not in EDITS:
+    if not isinstance(do, str) or do not in EDITS:
         raise InvalidInput(f"There is no edit {show(do)}: the edits are {', '.join(EDITS)}.")
+    for name in TEXTS:
+        if not isinstance(edit.get(name, ""), str):
+            raise InvalidInput(f"The edit {do} needs text for {name}, not {show(edit[name])}.")
     try:
         return tuple(EDITS[do](edit, state))
     except KeyError as error:
@@ -106,11 +111,12 @@ def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Key
         run: The name of the run.
 
     Raises:
-        InvalidInput: The key is empty.
+        InvalidInput: It is no key.
     """
-    parts: list[Key] = [*(key.split(".") if isinstance(key, str) else key)]
-    if not parts or "" in parts:
-        raise InvalidInput("A key is empty: write one such as limits.speed.")
+    parts: Any = key.split(".") if isinstance(key, str) else key
+    known = isinstance(parts, list) and all(type(x) in (str, int) for x in parts)
+    if not known or not parts or "" in parts:
+        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
     first = parts[0]
     if first in OF_RUN or (first in OF_BOTH and _is_own(parts, data, run)):
         parts = ["runs", run, *parts]
@@ -422,7 +428,7 @@ def _vector(
     within: float,
 ) -> list[Change]:
     """The changes of a vector of three quantities that a mapping has under the last of its keys."""
-    written = given.get(keys[-1])
+    written = given.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
     return [

@@ -14,6 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError
 from armcontour.geometry import RoundedPath
+from armcontour.jobs import Rounding
 from armcontour.motion import Trajectory
 from armcontour.program import Program
 from armcontour.studio.line import NOTHING, Line, places_of
@@ -153,6 +154,7 @@ def executed_frame(
         MOST_SAMPLES,
     )
     joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
     worst = int(np.argmax(distance))
     header = {
@@ -178,6 +180,7 @@ def executed_frame(
         {
             "base": view.drawn(base[kept]),
             "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
             "t": short(execution.t[at]),
             "error": short(distance[kept]),
             "q": np.ascontiguousarray(execution.q[at]),
@@ -303,7 +306,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
-    cap = None if planned.run.rounding is None else planned.run.rounding.tolerance
+    rounding = planned.run.rounding
     for number, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
@@ -314,7 +317,7 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
         own = path.objective.tolerances
         beside = np.fmin(own[c.vertex - 1], own[np.minimum(c.vertex, len(own) - 1)])
-        allowed = beside if cap is None else np.fmin(beside, cap)
+        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, c.vertex))
         for k in range(len(c)):
             found.append(
                 {
@@ -324,6 +327,14 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
                 }
             )
     return found
+
+
+def _caps(rounding: Rounding, vertices: IntArray) -> FloatArray:
+    """The largest errors that a job gives corners [m]; NaN without one."""
+    usual = np.nan if rounding.tolerance is None else rounding.tolerance
+    single = rounding.at or {}
+    # They are given by the numbers of waypoints, from 1.
+    return np.array([single.get(k + 1, usual) for k in vertices.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Planned) -> list[str]:

@@ -158,7 +158,7 @@ def _value(key: str, job: Job, run: Run) -> Any:
         return None if run.rounding is None else run.rounding.tolerance
     values = joint_values(keys, job, run.name)
     if values is None and keys[0] == "limits":
-        return getattr(run.limits, keys[-1])
+        return getattr(run.limits, str(keys[-1]))
     return values
 
 

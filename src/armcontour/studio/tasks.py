@@ -13,7 +13,8 @@ import tempfile
 import threading
 import time
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from armcontour import _processes
+from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour._yaml import load
 from armcontour.errors import ArmContourError, Collision, InvalidInput
@@ -76,6 +78,8 @@ class Request:
         run: Name of the run.
         trust_xacro: Whether the arm may be a .xacro file.
         options: Options of the task.
+        allowed: Folders in which files may be read; without any, everywhere.
+        named: Files elsewhere that may be read.
         progress: Called with steps.
     """
 
@@ -85,6 +89,8 @@ class Request:
     run: str | None = None
     trust_xacro: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    allowed: Sequence[str] = ()
+    named: Sequence[str] = ()
     progress: Progress = lambda step: None
 
     @cached_property
@@ -249,7 +255,10 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
     """
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-    return TASKS[task](Request(**request, progress=progress))
+    x = Request(**request, progress=progress)
+    named = [FilePath(y) for y in x.named]
+    with reading_below(map(FilePath, x.allowed), named) if x.allowed else nullcontext():
+        return TASKS[task](x)
 
 
 def figures(x: Request) -> Frame:
