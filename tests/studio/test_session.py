@@ -422,7 +422,8 @@ def test_a_job_without_a_file_is_a_download(tmp_path: Path, monkeypatch: Any) ->
 def test_a_draft_is_offered_and_taken(session: Session, tab: Tab, file: Path) -> None:
     tab.edit(MOVE)
     changed = session.document.text
-    assert "draft" in str(session.close())
+    assert "draft" in str(session.unsaved())
+    session.close()
     again = session_of(file)
     other = Tab(again)
     again.begin()
@@ -431,7 +432,8 @@ def test_a_draft_is_offered_and_taken(session: Session, tab: Tab, file: Path) ->
     assert again.document.text == changed and not other.last("document")["draft"]
     other.say("undo")
     assert again.document.text == JOB
-    assert again.close() is None
+    assert again.unsaved() is None
+    again.close()
     assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
 
 

@@ -261,17 +261,19 @@ class Session:
                 del self.files[next(iter(self.files))]
         return number
 
-    def close(self) -> str | None:
-        """End all work; returns a sentence on changes that were not saved."""
+    def unsaved(self) -> str | None:
+        """A sentence on changes that are not saved, which are kept in the draft; None without."""
+        if not (self.document.dirty and self.document.write_draft()):
+            return None
+        return f"Changes of {self.document.source} that were not saved are kept as its draft."
+
+    def close(self) -> None:
+        """End all work."""
         self._timer.cancel()
         self.exact.close()
         self.screen.close()
-        kept = self.document.dirty and self.document.write_draft()
         self._ending.close()
         self.uploads.close()
-        if not kept:
-            return None
-        return f"Changes of {self.document.source} that were not saved are kept as its draft."
 
     # Edits.
 
