@@ -14,6 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError
 from armcontour.geometry import RoundedPath
+from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.motion import Trajectory
 from armcontour.program import Program
 from armcontour.studio.line import NOTHING, Line, places_of
@@ -303,7 +304,9 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
-    cap = None if planned.run.rounding is None else planned.run.rounding.tolerance
+    rounding, given = planned.run.rounding, planned.job.program.contours
+    cap = None if rounding is None else rounding.tolerance
+    single = {} if rounding is None else rounding.at or {}
     for number, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
@@ -314,11 +317,18 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
         own = path.objective.tolerances
         beside = np.fmin(own[c.vertex - 1], own[np.minimum(c.vertex, len(own) - 1)])
-        allowed = beside if cap is None else np.fmin(beside, cap)
+        # Corners of several contours have no tolerance of their own.
+        numbers = np.zeros(len(c), dtype=np.intp)
+        if len(given) == 1:
+            numbers = corner_waypoints(given[0].path, path.objective)[c.vertex - 1]
+        allowed = beside
+        if cap is not None:
+            allowed = np.fmin(beside, [single.get(int(x), cap) for x in numbers])
         for k in range(len(c)):
             found.append(
                 {
                     **{"index": len(found), "contour": number, "vertex": c.vertex[k]},
+                    "waypoint": int(numbers[k]) - 1 if numbers[k] else None,
                     **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
                     **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},
                 }

@@ -200,7 +200,7 @@ export class Handles {
     const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
     const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
     const all = event instanceof MouseEvent && event.altKey;
-    const edit = all ? { do: "set", key: "corners.tolerance", value } : { do: "corner_tolerance", index: corner.vertex, value };
+    const edit = all ? { do: "set", key: "corners.tolerance", value } : { do: "corner_tolerance", index: corner.waypoint, value };
     /** @type {Point} */
     const shown = [corner.corner[0] + value * du, corner.corner[1] + value * dv];
     return { edits: [edit], shown };

@@ -127,7 +127,7 @@ class Corners {
   row(k) {
     const field = make("input", { type: "text", autocomplete: "off", spellcheck: "false" });
     field.addEventListener("change", () => {
-      if (field.value.trim() !== field.dataset.written) this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].vertex, value: field.value.trim() }]);
+      if (field.value.trim() !== field.dataset.written) this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
     });
     return make("tr", {}, [make("th", { scope: "row" }), make("td"), make("td", {}, [field]), make("td"), make("td", { class: "words" })]);
   }
@@ -135,10 +135,10 @@ class Corners {
   /** @param {number} k @param {any} corner */
   fillRow(k, corner) {
     const cells = this.table.body.children[k].children;
-    say(cells[0], String(corner.vertex + 1));
+    say(cells[0], corner.waypoint === null ? "" : String(corner.waypoint + 1));
     say(cells[1], `${mm(corner.error)} mm`);
     const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
-    field.setAttribute("aria-label", `Tolerance of the corner at waypoint ${corner.vertex + 1}`);
+    field.setAttribute("aria-label", corner.waypoint === null ? "Tolerance of a corner" : `Tolerance of the corner at waypoint ${corner.waypoint + 1}`);
     fill(field, corner.allowed === null || corner.allowed === undefined ? "" : `${Number((1000 * corner.allowed).toPrecision(6))} mm`);
     say(cells[3], `${mm(corner.radius, 2)} mm`);
     say(cells[4], corner.reason ?? "");
