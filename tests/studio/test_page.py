@@ -1,4 +1,4 @@
-"""The page: its files fit together, ask for nothing from elsewhere, and compute what they should."""
+"""The page: its files fit together, ask for nothing from elsewhere, and compute rightly."""
 
 import re
 import struct
@@ -8,6 +8,8 @@ import pytest
 from tests.studio.test_arithmetic import NODE, STATIC, compute
 
 from armcontour.frames import Frame as Pose
+from armcontour.studio.picture import executed_frame
+from armcontour.studio.preview import Previewer
 from armcontour.studio.wire import Frame
 
 with_node = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
@@ -69,8 +71,8 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         """
         const { unpack } = await import("./wire.js");
         const frame = unpack(new Uint8Array(given).buffer);
-        const arrays = Object.fromEntries(Object.entries(frame.arrays).map(([k, v]) => [k, [...v]]));
-        tell({ ...frame, arrays });
+        const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
+        tell({ ...frame, arrays: Object.fromEntries(arrays) });
         """,
         list(data),
     )
@@ -81,16 +83,28 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         assert found["arrays"][name] == values.ravel().astype(float).tolist()
 
 
+def test_lines_of_executions_break_between_contours(paper, view, tmp_path):
+    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
+    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
+    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
+    (tmp_path / "two.svg").write_text(drawing)
+    previewer = Previewer(tmp_path)
+    executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
+    arrays = executed_frame(executed, view).arrays
+    steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
+    assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
+
+
 @with_node
 def test_no_older_frame_is_shown_after_a_newer_one():
     orders = [(1, 5), (1, 4), (1, 6), (0, 9), (2, 6), (2, None), (1, 8), (2, 7)]
     found = compute(
         """
         const { Store } = await import("./state.js");
-        const store = new Store(), shown = [];
+        const store = new Store(), shown = [], rest = { arrays: {}, shapes: {}, asked: 0 };
         store.on("picture", (x) => shown.push([x.rev, x.seq]));
         for (const [rev, seq] of given) {
-          store.put({ kind: "picture", rev, seq, head: { of: "live" }, arrays: {}, shapes: {}, asked: 0 });
+          store.put({ kind: "picture", rev, seq, head: { of: "live" }, ...rest });
         }
         tell(shown);
         """,
@@ -105,9 +119,9 @@ def test_a_refusal_stays_until_a_path_is_had_again():
     found = compute(
         """
         const { Store } = await import("./state.js");
-        const store = new Store();
+        const store = new Store(), rest = { arrays: {}, shapes: {}, asked: 0 };
         tell(given.map(([kind, seq, tier]) => {
-          store.put({ kind, rev: 1, seq, head: { of: "live", tier }, arrays: {}, shapes: {}, asked: 0 });
+          store.put({ kind, rev: 1, seq, head: { of: "live", tier }, ...rest });
           return [store.refusal !== null, store.isCurrent(store.latest("picture"))];
         }));
         """,
@@ -141,13 +155,14 @@ def test_zooming_keeps_the_place_under_the_pointer_and_fitting_shows_all():
         const { Viewport, boxOf } = await import("./viewport.js");
         const view = new Viewport();
         view.resize({ width: 800, height: 500 });
-        view.fit(boxOf(new Float32Array(given.points)));
-        const corners = [[0, 0], [1, 1]].map(([i]) => view.toScreen([given.points[2 * i], given.points[2 * i + 1]]));
+        view.fit(boxOf(new Float32Array(given.points.flat())));
+        const corners = given.points.map((x) => view.toScreen(x));
         const before = view.toPlane(given.at);
         view.zoom(3.7, given.at);
-        tell({ corners, before, after: view.toPlane(given.at), back: view.toScreen(view.toPlane([13, 77])) });
+        const back = view.toScreen(view.toPlane([13, 77]));
+        tell({ corners, before, after: view.toPlane(given.at), back });
         """,
-        {"points": [-0.1, -0.05, 0.3, 0.15], "at": [211, 47]},
+        {"points": [[-0.1, -0.05], [0.3, 0.15]], "at": [211, 47]},
     )
     assert found["after"] == pytest.approx(found["before"], abs=1e-12)
     assert found["back"] == pytest.approx([13, 77])

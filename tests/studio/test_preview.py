@@ -84,6 +84,19 @@ class TestWhatIsDoneAgain:
         path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
         assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
 
+    def test_a_drawing_that_is_moved_is_not_read_again(self, previewer, paper):
+        def moved(x):
+            frame = {"position": [f"{x} mm", "200 mm", "0 mm"]}
+            return previewer.drawn(paper | {"path": {"file": "gasket.dxf", "frame": frame}})
+
+        first = moved(350)
+        assert previewer._kept.seconds.keys() >= {"drawing", "path"}
+        previewer._kept.seconds.clear()
+        second = moved(360)
+        assert "drawing" not in previewer._kept.seconds
+        shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
+        np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
+
     def test_what_was_looked_at_before_is_there(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))

@@ -116,7 +116,7 @@ def test_obstacles_stand_in_the_frame_of_the_base():
     assert (frame.header["seq"], frame.header["rev"]) == (3, 4)
     bodies = {x["name"]: x for x in frame.header["bodies"]}
     vice, table = bodies["vice"], bodies["table"]
-    assert (vice["link"], vice["colour"], table["colour"]) == (0, "obstacle", "table")
+    assert (vice["link"], vice["colour"], table["colour"]) == (0, "part", "table")
     np.testing.assert_allclose(np.array(vice["at"])[:3, 3], [0.4, 0, 0.15], atol=1e-12)
     corners = frame.arrays[table["triangles"]].reshape(-1, 3) @ np.array(table["at"])[:3, :3].T
     corners = corners + np.array(table["at"])[:3, 3]

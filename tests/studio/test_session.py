@@ -37,10 +37,13 @@ class AtOnce:
 
 
 class Held(AtOnce):
-    """A fast lane that does nothing until it is told to."""
+    """A fast lane that does nothing until it is told to; the last one can be looked at."""
+
+    last: Held
 
     def __init__(self, deliver: Callable[[Frame], None]) -> None:
         super().__init__(deliver)
+        Held.last = self
         self.works: list[Any] = []
 
     def submit(self, work: Any) -> None:
@@ -98,6 +101,17 @@ def file(tmp_path: Path) -> Path:
     return place
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    """A session for tests that leave it as it is."""
+    place = tmp_path_factory.mktemp("shared") / "job.yaml"
+    place.write_text(JOB)
+    found = session_of(place)
+    found.begin()
+    yield found
+    found.close()
+
+
 @pytest.fixture
 def session(file: Path) -> Iterator[Session]:
     found = session_of(file)
@@ -109,12 +123,6 @@ def session(file: Path) -> Iterator[Session]:
 @pytest.fixture
 def tab(session: Session) -> Tab:
     return Tab(session)
-
-
-def slow_lane(session: Session) -> NoLane:
-    lane = session.exact._figures
-    assert isinstance(lane, NoLane)
-    return lane
 
 
 def test_a_page_that_comes_later_sees_what_the_others_see(tab: Tab) -> None:
@@ -232,8 +240,7 @@ def test_a_page_that_goes_away_leaves_no_half_gesture(session: Session, tab: Tab
 
 def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     session = session_of(file, fast=Held)
-    lane = session.screen._lane
-    assert isinstance(lane, Held)
+    lane = Held.last
     tab = Tab(session)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
@@ -289,13 +296,15 @@ def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     ],
 )
 def test_what_makes_no_sense_is_answered_with_a_sentence(
-    session: Session, tab: Tab, message: Any, capsys: pytest.CaptureFixture[str]
+    shared: Session, message: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    tab = Tab(shared)
     heard = tab.heard(message)
     assert set(kinds(heard)) & {"failed", "refusal", "notice"}
-    assert session.document.text == JOB and not session.document.can_undo
+    assert shared.document.text == JOB and not shared.document.can_undo
     assert "Traceback" not in capsys.readouterr().err
-    assert "document" in kinds(tab.edit(MOVE, gesture=9))
+    assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False))
+    shared.leave(tab)
 
 
 def test_the_run_that_is_shown(tab: Tab) -> None:
@@ -460,7 +469,7 @@ def wait_for(found: Callable[[], Any]) -> None:
 def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
     session = session_of(file, rest=0.0)
     session.begin()
-    tab, lane = Tab(session), slow_lane(session)
+    tab, lane = Tab(session), NoLane.last
     wait_for(lambda: lane.given)
     id, task, request = lane.given[0]
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
@@ -487,7 +496,7 @@ def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
 def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file: Path) -> None:
     session = session_of(file, rest=0.0)
     session.begin()
-    tab, lane = Tab(session), slow_lane(session)
+    tab, lane = Tab(session), NoLane.last
     wait_for(lambda: lane.given)
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
     tab.edit(MOVE, final=False)
@@ -499,8 +508,7 @@ def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file: Path) -> None:
 
 def test_tasks_run_are_cancelled_and_give_files(session: Session, tab: Tab) -> None:
     tab.say("task", id="t1", task="report", options={"all": True})
-    lane = session.exact._tasks
-    assert isinstance(lane, NoLane)
+    lane = NoLane.last
     ((id, task, request),) = lane.given
     assert (id, task, request["options"]) == ("t1", "report", {"all": True})
     assert "running already" in tab.say("task", id="t1", task="check")[0].header["sentence"]

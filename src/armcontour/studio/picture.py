@@ -14,6 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError
 from armcontour.geometry import RoundedPath
+from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.motion import Trajectory
 from armcontour.program import Program
@@ -154,6 +155,7 @@ def executed_frame(
         MOST_SAMPLES,
     )
     joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
     worst = int(np.argmax(distance))
     header = {
@@ -179,6 +181,7 @@ def executed_frame(
         {
             "base": view.drawn(base[kept]),
             "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
             "t": short(execution.t[at]),
             "error": short(distance[kept]),
             "q": np.ascontiguousarray(execution.q[at]),
@@ -305,8 +308,6 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
     rounding, given = planned.run.rounding, planned.job.program.contours
-    cap = None if rounding is None else rounding.tolerance
-    single = {} if rounding is None else rounding.at or {}
     for number, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
@@ -321,9 +322,7 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
         numbers = np.zeros(len(c), dtype=np.intp)
         if len(given) == 1:
             numbers = corner_waypoints(given[0].path, path.objective)[c.vertex - 1]
-        allowed = beside
-        if cap is not None:
-            allowed = np.fmin(beside, [single.get(int(x), cap) for x in numbers])
+        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, numbers))
         for k in range(len(c)):
             found.append(
                 {
@@ -334,6 +333,13 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
                 }
             )
     return found
+
+
+def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
+    """The largest errors that a job gives corners [m], by their waypoints; NaN without one."""
+    usual = np.nan if rounding.tolerance is None else rounding.tolerance
+    single = rounding.at or {}
+    return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Planned) -> list[str]:
@@ -369,8 +375,8 @@ def _rapids(planned: Planned, view: View) -> dict[str, Any]:
 def _demand(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
     """Arrays of joint positions over time, and of the shares of limits that joints use."""
     breaks = trajectory.breaks
-    if len(breaks) > 4 * MOST_TIMES:
-        breaks = breaks[np.linspace(0, len(breaks) - 1, 4 * MOST_TIMES).astype(np.intp)]
+    if len(breaks) > MOST_TIMES:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
     elif len(breaks) < FEWEST_TIMES:
         breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
     # Accelerations jump: both sides of every break, the first one after it, the last one before it.

@@ -27,7 +27,7 @@ from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_file import job_on
 from armcontour.io.job_model import JobModel, RunModel
-from armcontour.io.job_path import part_of, path_of
+from armcontour.io.job_path import part_of, placed_path, unplaced_path
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
@@ -287,10 +287,15 @@ class Previewer:
             data["arm"],
             lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
         )
+        # A drawing is not read again where its frame moves.
+        here = {key: x for key, x in data["path"].items() if key != "frame"}
+        drawn = self._kept.get(
+            "drawing",
+            (here, arm.dimension),
+            lambda: unplaced_path(model.path, self.folder, arm.dimension),
+        )
         path = self._kept.get(
-            "path",
-            (data["path"], arm.dimension),
-            lambda: path_of(model.path, self.folder, arm.dimension),
+            "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
         return arm, path
 
@@ -433,8 +438,7 @@ def _contour_errors(
 
 def _part(data: Mapping[str, Any]) -> Any:
     """Where the part is, as written; scenes may be placed with it."""
-    path = data["path"]
-    return path.get("frame") if isinstance(path, Mapping) else None
+    return data["path"].get("frame")
 
 
 def _key(value: Any) -> Any:

@@ -17,7 +17,7 @@ from armcontour.arms import Arm, Chain, PlanarTwoLink
 from armcontour.frames import Frame
 from armcontour.jobs import Job
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
-from armcontour.scene.scene import BASE
+from armcontour.scene.scene import BASE, PART
 from armcontour.studio.wire import Frame as Message
 
 # Round bodies have so many sides.
@@ -109,7 +109,8 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
             corners = triangles_of(Box(size=np.array([side, side, THICK])))
             add(obstacle.name, 0, "table", place, corners)
         else:
-            add(obstacle.name, 0, "obstacle", place, triangles_of(obstacle.shape))
+            colour = "part" if obstacle.fixed_to == PART else "obstacle"
+            add(obstacle.name, 0, colour, place, triangles_of(obstacle.shape))
     return found, arrays
 
 

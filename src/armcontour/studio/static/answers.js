@@ -30,12 +30,12 @@ export function answerOf(task, frame, store) {
 /** @type {Record<string, (frame: Frame, store: import("./state.js").Store) => Answer>} */
 const ANSWERS = {
   check: ({ head }) => ({
-    sentences: [head.sentence, ...(head.not_judged ?? [])],
+    sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${words(x)}.`)],
     tables: [{
       title: "Limits of the plan",
       columns: ["Limit", "Used", "Value", "Allowed", "At", "Verdict"],
       rows: head.rows.map((/** @type {any} */ x) => [
-        x.joint === null || x.joint === undefined ? x.limit : `${x.limit}, joint ${x.joint + 1}`, `${percent(x.ratio)} %`,
+        x.joint === null || x.joint === undefined ? words(x.limit) : `${words(x.limit)}, joint ${x.joint}`, `${percent(x.ratio)} %`,
         withUnit(x.value, x.unit), withUnit(x.allowed, x.unit), x.t === null ? NONE : `${seconds(x.t)} s`, x.verdict,
       ]),
     }],
@@ -92,7 +92,7 @@ function sweepAnswer({ head, arrays }, store) {
   const slider = store.document?.sliders.find((/** @type {any} */ x) => x.key === head.key);
   const { label = head.key, unit = "", factor = 1 } = slider ?? {};
   const x = Float64Array.from(arrays.values, (value) => value / factor);
-  const axes = { x: unit ? `${label} [${unit}]` : label, xUnit: unit };
+  const axes = { log: slider?.log, x: unit ? `${label} [${unit}]` : label, xUnit: unit };
   const refused = (head.refusals ?? []).filter(Boolean);
   const colour = RUN_COLOURS[1];
   return {
@@ -131,4 +131,9 @@ function withUnit(x, unit) {
   if (unit.startsWith("rad")) return `${short((x * 180) / Math.PI)} ${unit.replace("rad", "deg")}`;
   if (unit === "m" || unit.startsWith("m/")) return `${short(1000 * x)} m${unit}`;
   return `${short(x)} ${unit}`;
+}
+
+/** @param {string} name such as "joint_torque" @returns {string} */
+function words(name) {
+  return name.replaceAll("_", " ");
 }

@@ -3,6 +3,7 @@
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
 import { PAINTS, cellOf, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
+import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
 import { Readout } from "./readout.js";
 import { Scene3D } from "./scene3d.js";
@@ -31,7 +32,7 @@ const READING = 80;
 export function init(store, _link) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
-  for (const event of ["cursor", "view", "layout"]) store.on(event, view.draw);
+  for (const event of ["cursor", "view", "layout", "refusal"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
@@ -57,6 +58,7 @@ class ArmView {
     this.motion = null;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
+    this.time = 0;
     this.frames = new Rate();
     /** @type {import("./readout.js").Posture | null} */
     this.told = null;
@@ -207,12 +209,16 @@ class ArmView {
   pose(scene, aspect) {
     const { cell, motion, trail, store, region } = this;
     if (!cell) return;
-    const t = Math.min(store.cursor?.t ?? 0, motion?.duration ?? 0);
+    // Without a cursor the arm stays where it was.
+    this.time = store.cursor?.t ?? this.time;
+    const t = Math.min(this.time, motion?.duration ?? 0);
     const exact = this.exactPose(t);
     const q = exact ?? (motion ? jointsAt(motion, t) : cell.chain.joints.map(() => 0));
     const links = cell.chain.links(q);
     const at = cell.chain.toolOf(links);
     scene.pose(links, at, trail ? passed(trail, t) : 0);
+    const refused = store.refusal?.head.at?.xyz;
+    scene.mark(refused ? place(cell.work, refused) : null);
     this.fitOnce(cell, links, aspect);
     this.told = { cell, t, q, at, of: motion?.of ?? "planned" };
     this.tellSoon();
@@ -221,6 +227,7 @@ class ArmView {
     region.dataset.exact = String(exact !== null);
     region.dataset.joints = q.join(",");
     region.dataset.tool = [at[3], at[7], at[11]].join(",");
+    region.dataset.refused = refused ? refused.join(",") : "";
     region.dataset.pieces = String(trail?.times.length ?? 0);
     say(this.note, this.noteText(motion));
   }
@@ -262,6 +269,7 @@ class ArmView {
    * @returns {string}
    */
   noteText(motion) {
+    if (this.store.refusal) return this.store.refusal.head.sentence;
     if (!motion) return "No motion yet: the arm is at zero.";
     const asked = this.store.options.time ?? "planned";
     if (asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";

@@ -11,7 +11,11 @@ export function show(title, content, buttons) {
   const dialog = /** @type {HTMLDialogElement} */ (find("#question"));
   if (dialog.open) dialog.close("");
   const actions = buttons.map(({ value, text }, k) => make("button", { value, text, class: k === 0 ? "usual" : "" }));
-  const form = make("form", { method: "dialog" }, [make("h2", { id: "question-title", text: title }), ...content, make("div", { class: "acts" }, actions)]);
+  const form = make("form", { method: "dialog" }, [
+    make("h2", { id: "question-title", text: title }),
+    ...content,
+    make("div", { class: "acts" }, actions),
+  ]);
   dialog.replaceChildren(form);
   dialog.returnValue = "";
   dialog.showModal();
@@ -25,7 +29,14 @@ export function show(title, content, buttons) {
  */
 export async function ask(title, label, value) {
   const field = make("input", { type: "text", value, "aria-label": label });
-  const answer = show(title, [make("label", { class: "field", text: label }, [field])], [{ value: "yes", text: "OK" }, { value: "", text: "Cancel" }]);
+  const answer = show(
+    title,
+    [make("label", { class: "field", text: label }, [field])],
+    [
+      { value: "yes", text: "OK" },
+      { value: "", text: "Cancel" },
+    ],
+  );
   field.select();
   return (await answer) === "yes" ? field.value.trim() : null;
 }
@@ -33,6 +44,6 @@ export async function ask(title, label, value) {
 /** A difference of texts, its lines coloured by their first sign. @param {string} text @returns {HTMLElement} */
 export function difference(text) {
   const kinds = /** @type {Record<string, string>} */ ({ "+": "added", "-": "removed", "@": "place" });
-  const lines = text.split("\n").map((line) => make("span", { class: kinds[line[0]] ?? "", text: `${line}\n` }));
+  const lines = text.split("\n").map((line) => make("span", { class: /^(\+\+\+|---) /.test(line) ? "" : kinds[line[0]] ?? "", text: `${line}\n` }));
   return make("pre", { class: "diff", tabindex: 0, "aria-label": "Changes" }, lines);
 }

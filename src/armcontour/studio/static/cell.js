@@ -22,6 +22,7 @@ import { Chain, compose, place, poseOf } from "./kinematics.js";
  * @property {string} grid
  * @property {string} axis
  * @property {string} tip
+ * @property {string} alarm
  * @property {Record<string, string>} bodies
  */
 /**
@@ -39,11 +40,11 @@ import { Chain, compose, place, poseOf } from "./kinematics.js";
 /** Colours by theme; bodies after Okabe and Ito where they mean something. */
 export const PAINTS = /** @type {Record<string, Paint>} */ ({
   light: {
-    ground: "#f4f5f7", ink: "#1c1f24", grid: "#d5d9df", axis: "#aab1bb", tip: "#1c1f24",
+    ground: "#f4f5f7", ink: "#1c1f24", grid: "#d5d9df", axis: "#aab1bb", tip: "#1c1f24", alarm: "#b3261e",
     bodies: { link: "#b9c3d0", tool: "#7b8794", obstacle: "#e69f00", table: "#d9d3c8", part: "#c7d6c9" },
   },
   dark: {
-    ground: "#14171c", ink: "#e8eaee", grid: "#2a2f37", axis: "#4a525e", tip: "#ffffff",
+    ground: "#14171c", ink: "#e8eaee", grid: "#2a2f37", axis: "#4a525e", tip: "#ffffff", alarm: "#ff7b72",
     bodies: { link: "#8593a6", tool: "#c2cad4", obstacle: "#e69f00", table: "#3a3730", part: "#4f6354" },
   },
 });

@@ -140,11 +140,12 @@ function speedContent(picture, compared, theme) {
   }
   if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
   curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
-  const strip = stripOf(places, binding, picture.head.limits);
+  // A plan without an explanation has no limits to tell.
+  const strip = picture.head.limits.length ? stripOf(places, binding, picture.head.limits) : [];
   const kinds = [...new Set(strip.map((part) => part.kind))].map((kind) => styleOf(kind, theme).label);
   return {
     x, curves, range: [0, 0],
-    summary: `At most ${number(largestOf(speed))} mm/s. Strip: ${kinds.join(", ")}.`,
+    summary: `At most ${number(largestOf(speed))} mm/s.${kinds.length ? ` Strip: ${kinds.join(", ")}.` : ""}`,
     over: (u) => drawStrip(u, strip, theme),
   };
 }

@@ -3,7 +3,10 @@
 
 /** @typedef {{colour: string, dash: number[], label: string}} Style */
 
-/** How kinds of limits are drawn: kinds as the server groups them. @type {Record<string, {light: string, dark: string, dash: number[], label: string}>} */
+/**
+ * How kinds of limits are drawn: kinds as the server groups them.
+ * @type {Record<string, {light: string, dark: string, dash: number[], label: string}>}
+ */
 const KINDS = {
   speed: { light: "#009E73", dark: "#1fbf92", dash: [], label: "assigned speed reached" },
   velocity: { light: "#0072B2", dark: "#4aa3df", dash: [12, 4], label: "joint velocity" },
@@ -30,8 +33,16 @@ export function styleOf(kind, theme) {
 
 /** Points of cividis at equal steps, dark to bright. */
 const CIVIDIS = [
-  [0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115],
-  [138, 134, 120], [165, 156, 116], [195, 179, 105], [225, 204, 85], [254, 232, 56],
+  [0, 34, 78],
+  [18, 53, 112],
+  [59, 73, 108],
+  [87, 93, 109],
+  [112, 113, 115],
+  [138, 134, 120],
+  [165, 156, 116],
+  [195, 179, 105],
+  [225, 204, 85],
+  [254, 232, 56],
 ];
 
 /**

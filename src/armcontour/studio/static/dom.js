@@ -45,7 +45,10 @@ function put(element, name, value) {
   else element.setAttribute(name, value === true ? "" : String(value));
 }
 
-/** Heads of columns; those of which the content tells what it is have a name for screen readers only. @param {string[]} names @param {(k: number) => string} [classOf] */
+/**
+ * Heads of columns; a name in brackets is for screen readers only, as the content tells what it is.
+ * @param {string[]} names @param {(k: number) => string} [classOf]
+ */
 export function headings(names, classOf = () => "") {
   return names.map((name, k) => {
     const [text, unseen] = name.startsWith("(") ? ["", name.slice(1, -1)] : [name, ""];

@@ -5,7 +5,10 @@ import { mm, NONE, percent, seconds, signed } from "./format.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {{value: number | null, text: string, exact: boolean, other?: number | null, factor?: number, digits?: number, alarm?: boolean, title?: string}} Shown */
+/**
+ * @typedef {{value: number | null, text: string, exact: boolean, other?: number | null, factor?: number, digits?: number,
+ *   alarm?: boolean, title?: string}} Shown
+ */
 
 const SPOKEN_EVERY = 1000; // ms
 /** Figures by name: label, unit, explanation. @type {Record<string, [string, string, string]>} */
@@ -26,8 +29,8 @@ class Figures {
     this.region = find("#figures");
     /** @type {Record<string, {box: HTMLElement, value: HTMLElement, delta: HTMLElement}>} */
     this.boxes = Object.fromEntries(Object.entries(FIGURES).map(([name, told]) => [name, this.box(name, ...told)]));
-    this.state = make("span", { class: "exactness quiet" });
-    this.region.append(this.state);
+    this.state = make("span", { class: "exactness" });
+    find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
     for (const event of ["picture", "executed", "figures", "refusal", "compare", "document"]) store.on(event, update);
@@ -39,7 +42,9 @@ class Figures {
     const value = make("span", { class: "value", text: NONE });
     const delta = make("span", { class: "delta", text: "" });
     const box = make("div", { class: "figure", "data-figure": name, title }, [
-      make("span", { class: "label", text: label }), make("span", { class: "number" }, [value, make("span", { class: "unit", text: unit })]), delta,
+      make("span", { class: "label", text: label }),
+      make("span", { class: "number" }, [value, make("span", { class: "unit", text: unit })]),
+      delta,
     ]);
     this.region.append(box);
     return { box, value, delta };
@@ -52,7 +57,8 @@ class Figures {
     for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
     const drawn = store.latest("picture")?.head.planned === false;
-    say(this.state, drawn ? "not planned yet" : tier1 ? "refused: the last figures that were had" : exact ? "as `armcontour run`" : "preview");
+    say(this.state, drawn ? "not planned yet" : tier1 ? "refused, the last" : exact ? "exact" : "preview");
+    this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
     this.region.dataset.exact = String(exact);
   }
 
@@ -67,11 +73,13 @@ class Figures {
     const duration = exact?.duration ?? picture?.duration ?? null;
     const error = (/** @type {string} */ name) => {
       const value = exact?.[name] ?? executed?.[name] ?? null;
-      return { value, text: mm(value), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 3 };
+      return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
     };
     return {
       duration: { value: duration, text: seconds(duration), exact: Boolean(exact), other: other?.duration, digits: 3 },
-      rms: error("rms"), max: error("max"), ...this.others(exact, executed),
+      rms: error("rms"),
+      max: error("max"),
+      ...this.others(exact, executed),
     };
   }
 
@@ -84,7 +92,13 @@ class Figures {
     const known = joints !== null;
     return {
       demand: { value: demand, text: percent(demand), exact: false, alarm: demand !== null && demand > 1.0005 },
-      saturated: { value: known ? joints.length : null, text: known ? (joints.length ? countOf(joints) : "none") : NONE, title: known ? joints.map(nameOf).join(", ") : "", exact: Boolean(exact), alarm: known && joints.length > 0 },
+      saturated: {
+        value: known ? joints.length : null,
+        text: known ? (joints.length ? countOf(joints) : "none") : NONE,
+        title: known ? joints.map(nameOf).join(", ") : "",
+        exact: Boolean(exact),
+        alarm: known && joints.length > 0,
+      },
       clearance: { value: least, text: mm(least, 1), exact: Boolean(exact), alarm: least !== null && least <= 0 },
       settled: { value: settled, text: seconds(settled), exact: Boolean(exact) },
     };
@@ -102,7 +116,6 @@ class Figures {
   /** @param {string} name @param {Shown} shown */
   show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
     const { box, value: place, delta } = this.boxes[name];
-    box.hidden = value === null && name === "clearance";
     box.classList.toggle("alarm", alarm);
     box.dataset.value = value === null ? "" : String(value);
     box.dataset.exact = String(exact);
@@ -117,7 +130,9 @@ class Figures {
   speak() {
     const { duration, rms } = this.values();
     const refusal = this.store.refusal?.head.sentence;
-    const sentence = refusal ?? (duration.value === null ? "" : `Cycle time ${duration.text} seconds, contour error ${rms.text} millimetres`);
+    const sentence =
+      refusal ??
+      (duration.value === null ? "" : `Cycle time ${duration.text} seconds, contour error ${rms.text} millimetres`);
     if (sentence === this.spoken) return;
     this.spoken = sentence;
     say(find("#spoken"), sentence);

@@ -42,7 +42,8 @@ class Files {
       event.preventDefault();
       document.body.classList.toggle("dropping", event.type === "dragover");
     };
-    for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"])) window.addEventListener(name, over);
+    for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"]))
+      window.addEventListener(name, over);
     window.addEventListener("drop", (event) => {
       over(event);
       const file = event.dataTransfer?.files[0];
@@ -52,7 +53,11 @@ class Files {
 
   /** @param {File} file */
   async open(file) {
-    if (file.size > LARGEST) return notify(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`, "alarm");
+    if (file.size > LARGEST)
+      return notify(
+        `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
+        "alarm",
+      );
     const drawing = DRAWINGS.test(file.name);
     const how = await this.askHow(file.name, drawing);
     if (how === null) return;
@@ -68,22 +73,41 @@ class Files {
     }
   }
 
-  /** In which cell a drawing is cut; what happens to unsaved changes. @param {string} name @param {boolean} drawing @returns {Promise<string | null>} */
+  /**
+   * In which cell a drawing is cut; what happens to unsaved changes.
+   * @param {string} name @param {boolean} drawing @returns {Promise<string | null>}
+   */
   async askHow(name, drawing) {
     const dirty = this.store.document?.dirty;
     if (!drawing && !dirty) return "";
     const content = [];
-    if (dirty) content.push(make("p", { text: "The open job has unsaved changes; they are lost when another file is opened." }));
-    const cells = make("select", {}, CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })));
+    if (dirty)
+      content.push(make("p", { text: "The open job has unsaved changes; they are lost when another file is opened." }));
+    const cells = make(
+      "select",
+      {},
+      CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
+    );
     if (drawing) content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
-    const answer = await show(`Open ${name}`, content, [{ value: "open", text: "Open" }, { value: "", text: "Cancel" }]);
+    const answer = await show(`Open ${name}`, content, [
+      { value: "open", text: "Open" },
+      { value: "", text: "Cancel" },
+    ]);
     return answer === "open" ? (drawing ? cells.value : "") : null;
   }
 
   /** @param {string} text */
   async showDiff(text) {
     const content = text ? difference(text) : make("p", { text: "Saving would change nothing." });
-    const answer = await show("What saving would change", [content], [{ value: "", text: "Close" }, { value: "save", text: "Save" }, { value: "revert", text: "Back to the file" }]);
+    const answer = await show(
+      "What saving would change",
+      [content],
+      [
+        { value: "", text: "Close" },
+        { value: "save", text: "Save" },
+        { value: "revert", text: "Back to the file" },
+      ],
+    );
     if (answer) this.link.send({ op: answer });
   }
 
@@ -101,7 +125,9 @@ class Files {
   async conflict({ sentence, diff }) {
     const content = [make("p", { text: sentence }), ...(diff ? [difference(diff)] : [])];
     const answer = await show("The file has changed on disk", content, [
-      { value: "", text: "Keep both for now" }, { value: "reload", text: "Take the file's" }, { value: "force", text: "Overwrite the file" },
+      { value: "", text: "Keep both for now" },
+      { value: "reload", text: "Take the file's" },
+      { value: "force", text: "Overwrite the file" },
     ]);
     if (answer === "reload") this.link.send({ op: "reload" });
     if (answer === "force") this.link.send({ op: "save", force: true });
@@ -113,7 +139,9 @@ class Files {
     this.offered = true;
     const content = [make("p", { text: `Changes of ${head.name} from an earlier session were kept, but not saved.` })];
     const answer = await show("Unsaved changes were found", content, [
-      { value: "restore_draft", text: "Take them up" }, { value: "discard_draft", text: "Throw them away" }, { value: "", text: "Decide later" },
+      { value: "restore_draft", text: "Take them up" },
+      { value: "discard_draft", text: "Throw them away" },
+      { value: "", text: "Decide later" },
     ]);
     if (answer) this.link.send({ op: answer });
   }

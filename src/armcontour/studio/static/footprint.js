@@ -2,7 +2,11 @@
 
 /** @typedef {[number, number]} Point */
 /** @typedef {[number, number, number]} Vector */
-/** @typedef {{kind: string, index: number, name?: string, at?: number[], rpy?: number[], quaternion?: number[], size?: number[], radius?: number, length?: number, fixed_to?: string}} Obstacle  SI */
+/**
+ * An obstacle of the job, in SI units.
+ * @typedef {{kind: string, index: number, name?: string, at?: number[], rpy?: number[], quaternion?: number[],
+ *   size?: number[], radius?: number, length?: number, fixed_to?: string}} Obstacle
+ */
 /** @typedef {{origin: number[], x: number[], y: number[]}} Plane */
 
 const ROUND = 24;
@@ -41,7 +45,9 @@ export function outlineOf(obstacle, plane) {
   const at = obstacle.at ?? [0, 0, 0];
   const axes = axesOf(obstacle);
   const points = corners.map(([a, b, c]) => {
-    const from = [0, 1, 2].map((k) => (at[k] ?? 0) + a * axes[0][k] + b * axes[1][k] + c * axes[2][k] - plane.origin[k]);
+    const from = [0, 1, 2].map(
+      (k) => (at[k] ?? 0) + a * axes[0][k] + b * axes[1][k] + c * axes[2][k] - plane.origin[k],
+    );
     return /** @type {Point} */ ([dot(from, plane.x), dot(from, plane.y)]);
   });
   return hull(points);
@@ -50,16 +56,24 @@ export function outlineOf(obstacle, plane) {
 /** Corners in the obstacle's own axes, enough to draw it. @param {Obstacle} obstacle @returns {Vector[] | null} */
 function cornersOf({ kind, size, radius = 0, length = 0 }) {
   const signs = [-0.5, 0.5];
-  if (kind === "boxes" && size) return signs.flatMap((a) => signs.flatMap((b) => signs.map((c) => /** @type {Vector} */ ([a * size[0], b * size[1], c * (size[2] ?? 0)]))));
+  if (kind === "boxes" && size)
+    return signs.flatMap((a) =>
+      signs.flatMap((b) => signs.map((c) => /** @type {Vector} */ ([a * size[0], b * size[1], c * (size[2] ?? 0)]))),
+    );
   if (kind !== "spheres" && kind !== "cylinders" && kind !== "capsules") return null;
   const angles = Array.from({ length: ROUND }, (_, k) => (2 * Math.PI * k) / ROUND);
-  const circle = (/** @type {number} */ z) => angles.map((a) => /** @type {Vector} */ ([radius * Math.cos(a), radius * Math.sin(a), z]));
+  const circle = (/** @type {number} */ z) =>
+    angles.map((a) => /** @type {Vector} */ ([radius * Math.cos(a), radius * Math.sin(a), z]));
   if (kind === "cylinders") return [...circle(-length / 2), ...circle(length / 2)];
   const middle = kind === "spheres" ? [0] : [-length / 2, length / 2];
-  return middle.flatMap((z) => [-1, -0.7, 0, 0.7, 1].flatMap((s) => angles.map((a) => {
-    const r = radius * Math.sqrt(1 - s * s);
-    return /** @type {Vector} */ ([r * Math.cos(a), r * Math.sin(a), z + s * radius]);
-  })));
+  return middle.flatMap((z) =>
+    [-1, -0.7, 0, 0.7, 1].flatMap((s) =>
+      angles.map((a) => {
+        const r = radius * Math.sqrt(1 - s * s);
+        return /** @type {Vector} */ ([r * Math.cos(a), r * Math.sin(a), z + s * radius]);
+      }),
+    ),
+  );
 }
 
 /** The convex hull of points, counter-clockwise. @param {Point[]} points @returns {Point[]} */

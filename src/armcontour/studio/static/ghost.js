@@ -1,6 +1,6 @@
 // What a slider would be worth: cycle time and contour error over its range, from a sweep in the background.
 
-import { draw, make } from "./dom.js";
+import { draw, find, make } from "./dom.js";
 import { mm, quantity, seconds } from "./format.js";
 import { positionOf, STEPS } from "./scales.js";
 
@@ -81,22 +81,37 @@ export class Ghost {
       return known.length ? `${text(Math.min(...known))} … ${text(Math.max(...known))}` : "refused";
     };
     this.box.replaceChildren(
-      svg, make("span", { class: "ends" }, ends.map((text) => make("span", { text }))),
+      svg,
+      make(
+        "span",
+        { class: "ends" },
+        ends.map((text) => make("span", { text })),
+      ),
       make("span", { class: "time", text: `cycle time ${range(duration, seconds)} s` }),
       make("span", { class: "error", text: `error RMS ${range(rms, (x) => mm(x))} mm` }),
     );
-    element.append(this.box);
+    find("main").append(this.box);
+    // Beside its slider: nothing moves under the pointer.
+    const { top, left } = element.getBoundingClientRect();
+    this.box.style.top = `${Math.round(Math.min(top, window.innerHeight - this.box.offsetHeight - 8))}px`;
+    this.box.style.left = `${Math.round(Math.max(8, left - this.box.offsetWidth - 16))}px`;
   }
 }
 
-/** A curve over the range of a slider; refused values leave gaps. @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name */
+/**
+ * A curve over the range of a slider; refused values leave gaps.
+ * @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name
+ */
 function curve(slider, values, y, name) {
   const known = [...y].filter(Number.isFinite);
   const [least, most] = [Math.min(...known), Math.max(...known)];
   let line = "";
   y.forEach((value, k) => {
     if (!Number.isFinite(value)) return;
-    const at = [(WIDE * positionOf(slider, values[k])) / STEPS, HIGH - 3 - ((value - least) / (most - least || 1)) * (HIGH - 6)];
+    const at = [
+      (WIDE * positionOf(slider, values[k])) / STEPS,
+      HIGH - 3 - ((value - least) / (most - least || 1)) * (HIGH - 6),
+    ];
     line += `${k > 0 && Number.isFinite(y[k - 1]) ? "L" : "M"}${at.map((x) => x.toFixed(1)).join(" ")}`;
   });
   return draw("path", { d: line, class: name });

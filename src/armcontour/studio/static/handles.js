@@ -1,6 +1,7 @@
 // Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
+import { beyond, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
 import { draw } from "./dom.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
@@ -22,8 +23,6 @@ import { dragged, Gesture, nudged } from "./gesture.js";
 
 // Beyond this number only handles in view are made.
 const MOST_HANDLES = 300;
-const LEAST_TOLERANCE = 1e-6; // m
-const LEAST_APART = 24; // px
 
 export class Handles {
   /** @param {Store} store @param {Link} link @param {View2d} view */
@@ -62,7 +61,8 @@ export class Handles {
       wanted.add(this.ensure(`waypoint ${index}`, 2, () => this.waypoint(index)));
       if (index > 0 && isOnPath(role)) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
     }
-    for (const corner of this.corners()) wanted.add(this.ensure(`corner ${corner.index}`, 1, () => this.corner(corner.index)));
+    for (const corner of this.corners())
+      wanted.add(this.ensure(`corner ${corner.index}`, 1, () => this.corner(corner.index)));
     for (const [name, handle] of this.handles) {
       if (wanted.has(name)) continue;
       handle.element.remove();
@@ -86,14 +86,18 @@ export class Handles {
     const found = this.store.document;
     if (!found?.path?.editable) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
-    return movable.length <= MOST_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
+    return movable.length <= MOST_HANDLES
+      ? movable
+      : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
   }
 
   /** Rounded corners. @returns {any[]} */
   corners() {
     const found = this.store.latest("picture")?.head.corners ?? [];
     const seen = found.filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
-    return seen.length <= MOST_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
+    return seen.length <= MOST_HANDLES
+      ? seen
+      : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
   }
 
   /** @param {Point} uv @returns {boolean} */
@@ -153,12 +157,19 @@ export class Handles {
     if (!insert) return this.link.edit([{ do: "remove_waypoint", index }]);
     const [from, to] = [this.waypointAt(index), this.waypointAt(index + 1) ?? this.waypointAt(index - 1)];
     const before = this.waypointAt(index + 1) ? index + 1 : index;
-    if (from && to) this.link.edit([{ do: "insert_waypoint", index: before, at: [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2] }]);
+    if (from && to)
+      this.link.edit([{ do: "insert_waypoint", index: before, at: [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2] }]);
   }
 
   /** The middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
   middle(index) {
-    const element = draw("g", { class: "handle middle", "data-index": index, role: "button", tabindex: -1, "aria-label": `Insert a waypoint before waypoint ${index + 1}` });
+    const element = draw("g", {
+      class: "handle middle",
+      "data-index": index,
+      role: "button",
+      tabindex: -1,
+      "aria-label": `Insert a waypoint before waypoint ${index + 1}`,
+    });
     element.append(draw("circle", { r: 12, class: "target" }), draw("path", { d: "M-4 0H4M0-4V4", class: "seen" }));
     /** @type {Handle} */
     const handle = {
@@ -181,42 +192,29 @@ export class Handles {
     const handle = {
       element,
       at: () => this.held.get(`corner ${index}`)?.at ?? told()?.apex ?? null,
-      move: (to, event) => this.moveCorner(told(), to, event),
+      move: (to, event) => toleranceAt(told(), to, event instanceof MouseEvent && event.altKey),
       corner: told,
       describe: () => {
         const corner = told();
         if (!corner) return;
         element.setAttribute("aria-valuenow", mm(corner.error));
-        const why = corner.reason ? `, ${corner.reason}` : "";
-        element.setAttribute("aria-valuetext", `corner error ${mm(corner.error)} mm of ${mm(corner.allowed)} mm${why}`);
+        element.setAttribute("aria-valuetext", wordsOf(corner));
       },
     };
     return this.movable(`corner ${index}`, handle);
   }
 
-  /** The tolerance is the distance from the corner, along its bisector. @param {any} corner @param {Point} to @param {MouseEvent | KeyboardEvent} event */
-  moveCorner(corner, to, event) {
-    const [du, dv] = this.bisector(corner);
-    const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
-    const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
-    const all = event instanceof MouseEvent && event.altKey;
-    const edit = all ? { do: "set", key: "corners.tolerance", value } : { do: "corner_tolerance", index: corner.waypoint, value };
-    /** @type {Point} */
-    const shown = [corner.corner[0] + value * du, corner.corner[1] + value * dv];
-    return { edits: [edit], shown };
-  }
-
-  /** From a corner to its apex. @param {any} corner @returns {Point} of length 1 */
-  bisector(corner) {
-    const [du, dv] = [corner.apex[0] - corner.corner[0], corner.apex[1] - corner.corner[1]];
-    const length = Math.hypot(du, dv);
-    return length > 0 ? [du / length, dv / length] : [0, 1];
-  }
-
   /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
   shape(kind, index, parts) {
     const name = kind === "waypoint" ? `Waypoint ${index + 1}` : `Tolerance of corner ${index + 1}`;
-    const element = draw("g", { class: `handle ${kind}`, "data-index": index, role: "slider", tabindex: 0, "aria-label": name, "aria-valuenow": 0 });
+    const element = draw("g", {
+      class: `handle ${kind}`,
+      "data-index": index,
+      role: "slider",
+      tabindex: 0,
+      "aria-label": name,
+      "aria-valuenow": 0,
+    });
     element.append(draw("circle", { r: 12, class: "target" }), ...parts);
     element.addEventListener("focus", () => this.store.select({ kind, index }));
     element.addEventListener("blur", () => this.store.select(null));
@@ -254,6 +252,10 @@ export class Handles {
       handle.element.classList.remove("dragging");
       this.place();
     };
+    const nudgedTo = (/** @type {number} */ du, /** @type {number} */ dv) => {
+      const corner = handle.corner?.();
+      return corner ? nudgedApex(corner, start, du, dv) : /** @type {Point} */ ([start[0] + du, start[1] + dv]);
+    };
     dragged(handle.element, {
       start: (event) => {
         if (!begin()) return false;
@@ -270,43 +272,32 @@ export class Handles {
     });
     nudged(handle.element, {
       start: begin,
-      move: (du, dv, event) => to(this.nudge(name, start, du, dv), event),
+      move: (du, dv, event) => to(nudgedTo(du, dv), event),
       end,
     });
     return handle;
   }
 
-  /** Apexes near their corners stay apart from the waypoint, so that both can be grabbed. @param {Handle} handle @param {Point} place px @returns {Point} px */
-  besideCorner(handle, [x, y]) {
-    const corner = handle.corner?.();
-    if (!corner) return [x, y];
-    const [cx, cy] = this.screen(corner.corner);
-    const [du, dv] = this.bisector(corner);
-    const apart = Math.max(LEAST_APART, Math.hypot(x - cx, y - cy));
-    return [cx + du * apart, cy - dv * apart];
-  }
-
-  /** A corner's tolerance grows with up and right. @param {string} name @param {Point} start @param {number} du @param {number} dv @returns {Point} */
-  nudge(name, start, du, dv) {
-    if (!name.startsWith("corner")) return [start[0] + du, start[1] + dv];
-    const index = Number(name.split(" ")[1]);
-    const corner = this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
-    if (!corner) return start;
-    const [bu, bv] = this.bisector(corner);
-    return [start[0] + (du + dv) * bu, start[1] + (du + dv) * bv];
-  }
-
   /** Every handle at its place on the screen. */
   place() {
     if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
-    const points = this.waypoints().filter(({ role }) => isOnPath(role)).map(({ index }) => this.waypointAt(index));
-    const corners = points.filter((p) => p !== null).map((p) => this.screen(p).map((x) => x.toFixed(1)).join());
+    const points = this.waypoints()
+      .filter(({ role }) => isOnPath(role))
+      .map(({ index }) => this.waypointAt(index));
+    const corners = points
+      .filter((p) => p !== null)
+      .map((p) =>
+        this.screen(p)
+          .map((x) => x.toFixed(1))
+          .join(),
+      );
     this.polygon.setAttribute("points", corners.join(" "));
     for (const handle of this.handles.values()) {
       const at = handle.at();
       handle.element.toggleAttribute("hidden", !at);
       if (!at) continue;
-      const [x, y] = this.besideCorner(handle, this.screen(at));
+      const corner = handle.corner?.();
+      const [x, y] = corner ? beyond(corner, this.screen(at)) : this.screen(at);
       handle.element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
     }
   }

@@ -5,7 +5,11 @@ import { find, make, say } from "./dom.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 
-const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "not on disk", none: "not yet a file" });
+const ON_DISK = /** @type {Record<string, string>} */ ({
+  changed: "changed on disk",
+  missing: "not on disk",
+  none: "not yet a file",
+});
 
 /**
  * Set the choices of a list, only where they differ.
@@ -13,7 +17,8 @@ const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on di
  */
 export function choose(select, choices, chosen) {
   const old = [...select.options].map((o) => [o.value, o.text]);
-  if (JSON.stringify(old) !== JSON.stringify(choices)) select.replaceChildren(...choices.map(([value, text]) => make("option", { value, text })));
+  if (JSON.stringify(old) !== JSON.stringify(choices))
+    select.replaceChildren(...choices.map(([value, text]) => make("option", { value, text })));
   if (select.value !== chosen) select.value = chosen;
 }
 
@@ -24,7 +29,8 @@ function stateOf(head) {
 }
 
 /** What is compared, as a value of the list. @param {any} compare @returns {string} */
-const valueOf = (compare) => (!compare ? "" : compare.pin !== undefined && compare.pin !== null ? `pin ${compare.pin}` : `run ${compare.run}`);
+const valueOf = (compare) =>
+  !compare ? "" : compare.pin !== undefined && compare.pin !== null ? `pin ${compare.pin}` : `run ${compare.run}`;
 
 /** @param {string} value @returns {any} */
 function compareOf(value) {
@@ -37,7 +43,9 @@ function compareOf(value) {
 export function init(store, link) {
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
   const compare = /** @type {HTMLSelectElement} */ (find("#compare"));
-  const buttons = Object.fromEntries(["undo", "redo", "save", "diff", "pin"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]));
+  const buttons = Object.fromEntries(
+    ["undo", "redo", "save", "diff", "pin"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]),
+  );
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
   compare.addEventListener("change", () => link.send({ op: "compare", with: compareOf(compare.value) }));
   buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
@@ -55,9 +63,15 @@ export function init(store, link) {
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
     buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
     buttons.diff.disabled = !head.dirty;
-    choose(run, head.runs.map((/** @type {any} */ r) => [r.name, r.name]), head.run);
+    choose(
+      run,
+      head.runs.map((/** @type {any} */ r) => [r.name, r.name]),
+      head.run,
+    );
     const pins = head.pins.map((/** @type {any} */ p) => [`pin ${p.pin}`, p.name]);
-    const others = head.runs.filter((/** @type {any} */ r) => r.name !== head.run).map((/** @type {any} */ r) => [`run ${r.name}`, `run ${r.name}`]);
+    const others = head.runs
+      .filter((/** @type {any} */ r) => r.name !== head.run)
+      .map((/** @type {any} */ r) => [`run ${r.name}`, `run ${r.name}`]);
     choose(compare, [["", "nothing"], ...pins, ...others], valueOf(head.compare));
   });
 }

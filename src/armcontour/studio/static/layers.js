@@ -46,7 +46,9 @@ export class Layers {
   /** @param {Frame} picture @returns {Path2D} */
   objective(picture) {
     const { objective, objective_breaks: breaks } = picture.arrays;
-    return this.keep(`objective ${picture.head.of}`, [picture, this.least], () => polyline(objective, breaks, this.least));
+    return this.keep(`objective ${picture.head.of}`, [picture, this.least], () =>
+      polyline(objective, breaks, this.least),
+    );
   }
 
   /** The path in its colours. @param {Frame} picture @param {Frame | null} executed */
@@ -54,15 +56,33 @@ export class Layers {
     const { theme, options } = this.store;
     const errors = options.colour === "error" ? executed : null;
     return this.keep("strokes", [picture, errors, theme, options.colour, this.least], () => {
-      if (errors) return strokesByHeat(errors.arrays.base, errors.arrays.error, this.mostError(errors), theme, this.least);
-      if (options.colour === "speed") return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.mostSpeed(picture), theme, this.least, startsOf(picture));
+      if (errors)
+        return strokesByHeat(
+          errors.arrays.base,
+          errors.arrays.error,
+          this.mostError(errors),
+          theme,
+          this.least,
+          new Set(errors.arrays.breaks),
+        );
+      if (options.colour === "speed")
+        return strokesByHeat(
+          picture.arrays.path,
+          picture.arrays.speed,
+          this.mostSpeed(picture),
+          theme,
+          this.least,
+          startsOf(picture),
+        );
       return strokesByLimit(picture, theme, this.least);
     });
   }
 
   /** @param {Frame} picture @returns {Path2D} */
   plain(picture) {
-    return this.keep(`plain ${picture.head.of}`, [picture, this.least], () => polyline(picture.arrays.path, startsOf(picture), this.least));
+    return this.keep(`plain ${picture.head.of}`, [picture, this.least], () =>
+      polyline(picture.arrays.path, startsOf(picture), this.least),
+    );
   }
 
   /** Ways between contours. @param {Frame} picture @returns {Path2D} */
@@ -79,7 +99,9 @@ export class Layers {
 
   /** @param {Frame} executed @param {number} factor */
   executed(executed, factor) {
-    return this.keep(`executed ${executed.head.of}`, [executed, factor, this.least], () => magnified(executed, factor, this.least));
+    return this.keep(`executed ${executed.head.of}`, [executed, factor, this.least], () =>
+      magnified(executed, factor, this.least),
+    );
   }
 
   /** @param {Frame} picture @returns {number} m/s */

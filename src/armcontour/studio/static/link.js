@@ -156,7 +156,7 @@ export class Link {
   answered(frame) {
     const flight = this.inFlight;
     if (!flight || frame.seq === null || frame.seq < flight.seq) return;
-    if (frame.kind === "refusal" || frame.kind === "executed") this.land();
+    if (["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land();
     else if (frame.kind === "picture" && frame.head.of !== "compare") {
       clearTimeout(flight.timer);
       flight.timer = setTimeout(() => this.land(), ERROR_WITHIN);

@@ -36,7 +36,9 @@ class Marks {
 
   /** Slow places of the shown run. */
   setSlow() {
-    const found = (this.store.latest("picture")?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind !== "fastest" && x.uv);
+    const found = (this.store.latest("picture")?.head.shortfalls ?? []).filter(
+      (/** @type {any} */ x) => x.kind !== "fastest" && x.uv,
+    );
     this.places = found.slice(0, MOST_MARKS);
     while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
     while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: "M0-5 5 4H-5Z" }));
@@ -47,7 +49,9 @@ class Marks {
     const picture = this.store.latest("picture");
     if (!picture) return;
     const centre = picture.head.centre;
-    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) => move(/** @type {any} */ (this.slow.children[i]), this.screen(x.uv, centre)));
+    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) =>
+      move(/** @type {any} */ (this.slow.children[i]), this.screen(x.uv, centre)),
+    );
     this.placeCursor(picture);
     this.placeRefusal(centre);
   }
@@ -62,7 +66,10 @@ class Marks {
     const { cursor } = this.store;
     this.dot.toggleAttribute("hidden", !cursor);
     const executed = this.store.refusal ? null : this.store.latest("executed");
-    const tool = cursor && executed && this.store.options.executed && cursor.source !== "path" ? this.toolAt(executed, cursor.t) : null;
+    const tool =
+      cursor && executed && this.store.options.executed && cursor.source !== "path"
+        ? this.toolAt(executed, cursor.t)
+        : null;
     this.tool.toggleAttribute("hidden", !tool);
     if (tool) move(this.tool, this.view.view.toScreen(tool));
     if (cursor) move(this.dot, this.view.view.toScreen(pointAt(picture, cursor.s)));
@@ -173,7 +180,11 @@ export function sentenceAt(picture, i) {
   const near = (picture.head.shortfalls ?? []).find((/** @type {any} */ x) => Math.abs(x.s - s[i]) < 0.002);
   const limit = picture.head.limits[binding[i]];
   const wished = assigned ? ` of ${mm(assigned[i], 1)}` : "";
-  const why = limit ? (limit.kind === "speed" ? "; the assigned speed is reached" : `; held back by: ${limit.label ?? limit.name}`) : "";
+  const why = limit
+    ? limit.kind === "speed"
+      ? "; the assigned speed is reached"
+      : `; held back by: ${limit.label ?? limit.name}`
+    : "";
   const where = `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${why}.`;
   return near ? `${where} ${near.sentence}` : where;
 }

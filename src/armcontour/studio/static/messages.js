@@ -13,10 +13,14 @@ const MOST = 4;
  */
 export function notify(sentence, tone = "notice") {
   const region = find("#messages");
-  const old = [...region.querySelectorAll(".message")].filter((m) => m.firstChild?.textContent === sentence || m.classList.contains("leaving"));
+  const old = [...region.querySelectorAll(".message")].filter(
+    (m) => m.firstChild?.textContent === sentence || m.classList.contains("leaving"),
+  );
   old.forEach((m) => m.remove());
   const message = make("div", { class: `message ${tone}` }, [make("span", { text: sentence })]);
-  message.append(make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() }));
+  message.append(
+    make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() }),
+  );
   region.append(message);
   while (region.querySelectorAll(".message").length > MOST) region.querySelector(".message")?.remove();
   setTimeout(() => message.remove(), SHOWN_FOR);
@@ -24,7 +28,10 @@ export function notify(sentence, tone = "notice") {
 
 /** @param {Store} store */
 export function init(store) {
-  const refused = make("div", { class: "message alarm refusal", hidden: true }, [make("span"), make("span", { class: "quiet" })]);
+  const refused = make("div", { class: "message alarm refusal", hidden: true }, [
+    make("span"),
+    make("span", { class: "quiet" }),
+  ]);
   find("#messages").append(refused);
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
@@ -42,7 +49,8 @@ export function init(store) {
   });
   store.on("picture", () => (starting.hidden = true));
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
-  store.on("failed", (/** @type {any} */ frame) => notify(frame.head.sentence, "alarm"));
+  // What became of a task is said beside its button.
+  store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
   const place = find("#link-state");
   store.on("link", (/** @type {any} */ link) => {
     document.body.dataset.link = link.state;

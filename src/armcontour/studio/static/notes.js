@@ -10,7 +10,16 @@ import { oncePerFrame } from "./state.js";
 const section = (title, parts) => (parts.length ? [make("section", {}, [make("h2", { text: title }), ...parts])] : []);
 
 /** @param {string[]} sentences */
-const list = (sentences) => (sentences.length ? [make("ul", {}, sentences.map((text) => make("li", { text })))] : []);
+const list = (sentences) =>
+  sentences.length
+    ? [
+        make(
+          "ul",
+          {},
+          sentences.map((text) => make("li", { text })),
+        ),
+      ]
+    : [];
 
 /** @param {Store} store */
 export function init(store) {
@@ -26,15 +35,37 @@ export function init(store) {
     tab.dataset.count = String(warnings.length || "");
     tab.textContent = warnings.length ? `Notes (${warnings.length})` : "Notes";
     if (region.hidden) return;
-    const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [x.name, seconds(x.time), percent(x.time / picture.duration)]);
+    const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [
+      x.name,
+      seconds(x.time),
+      percent(x.time / picture.duration),
+    ]);
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
     const all = JSON.stringify([warnings, notes, shares, slow]);
     if (all === shown) return;
     shown = all;
-    const rows = shares.map((/** @type {string[]} */ cells) => make("tr", {}, cells.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" }))));
+    const rows = shares.map((/** @type {string[]} */ cells) =>
+      make(
+        "tr",
+        {},
+        cells.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" })),
+      ),
+    );
     region.replaceChildren(
-      ...section("Warnings", list(warnings)), ...section("What bounds the time", rows.length ? [make("table", {}, [make("thead", {}, [make("tr", {}, headings(["limit", "s", "%"]))]), make("tbody", {}, rows)])] : []),
-      ...section("Where it is slower than wished", list(slow)), ...section("Notes", list(notes)),
+      ...section("Warnings", list(warnings)),
+      ...section(
+        "What bounds the time",
+        rows.length
+          ? [
+              make("table", {}, [
+                make("thead", {}, [make("tr", {}, headings(["limit", "s", "%"]))]),
+                make("tbody", {}, rows),
+              ]),
+            ]
+          : [],
+      ),
+      ...section("Where it is slower than wished", list(slow)),
+      ...section("Notes", list(notes)),
     );
   });
   for (const event of ["picture", "figures", "view"]) store.on(event, update);

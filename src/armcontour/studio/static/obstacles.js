@@ -29,7 +29,15 @@ class Obstacles {
     this.elements = [];
     /** The obstacle that is changed now. @type {Obstacle | null} */
     this.held = null;
-    find("#viewbar .spring").before(make("button", { type: "button", id: "add-obstacle", text: "Add obstacle", title: "A box in the middle of the view; move it, drag its corner, or change it in the job file", onclick: () => this.add() }));
+    find("#viewbar .spring").before(
+      make("button", {
+        type: "button",
+        id: "add-obstacle",
+        text: "Add obstacle",
+        title: "A box in the middle of the view; move it, drag its corner, or change it in the job file",
+        onclick: () => this.add(),
+      }),
+    );
     store.on("document", () => {
       this.held = null;
       this.place();
@@ -44,8 +52,12 @@ class Obstacles {
 
   /** Obstacles of the job that stand on the base. @returns {Obstacle[]} */
   list() {
-    const listed = (this.store.document?.obstacles ?? []).filter((/** @type {Obstacle} */ x) => (x.fixed_to ?? "base") === "base");
-    return listed.map((/** @type {Obstacle} */ x) => (this.held?.kind === x.kind && this.held.index === x.index ? this.held : x));
+    const listed = (this.store.document?.obstacles ?? []).filter(
+      (/** @type {Obstacle} */ x) => (x.fixed_to ?? "base") === "base",
+    );
+    return listed.map((/** @type {Obstacle} */ x) =>
+      this.held?.kind === x.kind && this.held.index === x.index ? this.held : x,
+    );
   }
 
   /** A box in the middle of the view. */
@@ -61,7 +73,9 @@ class Obstacles {
   /** A point of the plane in space, on round numbers. @param {Point} uv @param {number} [step] m @returns {number[]} */
   lift([u, v], step = 1e-6) {
     const { origin, x, y } = this.plane;
-    return [0, 1, 2].map((k) => step * Math.round((origin[k] + u * x[k] + v * y[k]) / step)).map((c) => Number(c.toPrecision(12)));
+    return [0, 1, 2]
+      .map((k) => step * Math.round((origin[k] + u * x[k] + v * y[k]) / step))
+      .map((c) => Number(c.toPrecision(12)));
   }
 
   place() {
@@ -103,7 +117,10 @@ class Obstacles {
     const shape = draw("polygon", { class: "seen" });
     body.append(shape);
     const sizer = draw("g", { class: "handle sizer", role: "slider", tabindex: 0, "aria-valuenow": 0 });
-    sizer.append(draw("circle", { r: 12, class: "target" }), draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" }));
+    sizer.append(
+      draw("circle", { r: 12, class: "target" }),
+      draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" }),
+    );
     this.group.append(body, sizer);
     this.movable(body, k, "at");
     this.movable(sizer, k, "size");

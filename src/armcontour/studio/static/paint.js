@@ -75,7 +75,13 @@ export class Painter {
     stroke(context, layers.rapids(picture), inks.faint, 1 * px, [1.5 * px, 4 * px]);
     this.compared(context, view);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
-      stroke(context, path, colour, 3.2 * px, dash.map((d) => d * px));
+      stroke(
+        context,
+        path,
+        colour,
+        3.2 * px,
+        dash.map((d) => d * px),
+      );
     }
     if (executed && store.options.executed) this.executed(context, view, executed, inks.executed);
   }

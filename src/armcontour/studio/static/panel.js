@@ -12,11 +12,19 @@ import { positionOf, STEPS, valueAt } from "./scales.js";
 /** @typedef {import("./scales.js").Slider} Slider */
 
 /** Groups of the server in this order, with their titles. @type {Record<string, string>} */
-const GROUPS = { path: "Speed and corners", joints: "Joint limits", servo: "Servo and set-points", run: "Run", part: "Part" };
+const GROUPS = {
+  path: "Speed and corners",
+  joints: "Joint limits",
+  servo: "Servo and set-points",
+  run: "Run",
+  part: "Part",
+};
 /** Where a value is written: a mark beside it, and a sentence. @type {Record<string, [string, string]>} */
 const FROM = {
-  job: ["", "Written for all runs of the job"], run: ["run", "Written for this run alone"],
-  arm: ["arm", "Of the arm; not written in the job"], default: ["", "The default; not written in the job"],
+  job: ["", "Written for all runs of the job"],
+  run: ["run", "Written for this run alone"],
+  arm: ["arm", "Of the arm; not written in the job"],
+  default: ["", "The default; not written in the job"],
 };
 
 /** One row: name, text, slider. */
@@ -32,9 +40,21 @@ class Row {
     this.range = make("input", { type: "range", min: 0, max: STEPS, "aria-label": `${slider.label}, slider` });
     this.select = make("select", { id, "aria-label": slider.label, hidden: true });
     this.from = make("span", { class: "from" });
-    this.unset = make("button", { type: "button", class: "unset", text: "↺", title: "Leave it out of the file again", "aria-label": `Leave ${slider.label} out of the file again`, onclick: () => link.edit([{ do: "unset", key: this.slider.key }]) });
+    this.unset = make("button", {
+      type: "button",
+      class: "unset",
+      text: "↺",
+      title: "Leave it out of the file again",
+      "aria-label": `Leave ${slider.label} out of the file again`,
+      onclick: () => link.edit([{ do: "unset", key: this.slider.key }]),
+    });
     this.element = make("div", { class: "slider", "data-key": slider.key }, [
-      make("label", { for: id, text: sentenceCase(slider.label) }), this.from, this.unset, this.text, this.select, this.range,
+      make("label", { for: id, text: sentenceCase(slider.label) }),
+      this.from,
+      this.unset,
+      this.text,
+      this.select,
+      this.range,
     ]);
     this.listen(ghost);
     this.show(slider);
@@ -70,15 +90,17 @@ class Row {
     this.gesture = null;
   }
 
-  /** As typed; nothing, or "none", lifts it. @param {string} text */
+  /** As typed; nothing, or "none", lifts a quantity. @param {string} text */
   set(text) {
     if (text === this.written) return;
-    const value = text === "" || text === "none" ? null : text;
+    const value = !this.slider.choices && (text === "" || text === "none") ? null : text;
     this.link.edit([{ do: "set", key: this.slider.key, value }]);
   }
 
   get written() {
-    const { written, value } = this.slider;
+    const { written, value, from } = this.slider;
+    // What nobody wrote has as many digits as a computer gives.
+    if (typeof value === "number" && (from === "arm" || from === "default")) return quantity(value, this.slider);
     if (written !== null && written !== undefined && written !== "") return String(written);
     return typeof value === "number" ? quantity(value, this.slider) : String(value ?? "none");
   }
@@ -106,7 +128,8 @@ class Row {
   /** @param {(string | number)[]} choices @param {any} value */
   showChoices(choices, value) {
     const wanted = choices.map(String);
-    if (wanted.join() !== [...this.select.options].map((o) => o.value).join()) this.select.replaceChildren(...wanted.map((x) => make("option", { value: x, text: x.replaceAll("_", " ") })));
+    if (wanted.join() !== [...this.select.options].map((o) => o.value).join())
+      this.select.replaceChildren(...wanted.map((x) => make("option", { value: x, text: x.replaceAll("_", " ") })));
     this.select.value = String(value);
   }
 }

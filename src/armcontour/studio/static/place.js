@@ -22,8 +22,15 @@ class PlaceHandle {
     this.handles = handles;
     this.group = draw("g", { class: "place", hidden: true });
     this.stem = draw("line", { class: "stem" });
-    this.mover = this.shape("Place of the part", [draw("path", { class: "seen", d: "M0-11V11M-11 0H11M-3.5-8 0-12 3.5-8M-3.5 8 0 12 3.5 8M-8-3.5-12 0-8 3.5M8-3.5 12 0 8 3.5" })]);
-    this.turner = this.shape("Turn of the part", [draw("path", { class: "seen", d: "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5" })]);
+    this.mover = this.shape("Place of the part", [
+      draw("path", {
+        class: "seen",
+        d: "M0-11V11M-11 0H11M-3.5-8 0-12 3.5-8M-3.5 8 0 12 3.5 8M-8-3.5-12 0-8 3.5M8-3.5 12 0 8 3.5",
+      }),
+    ]);
+    this.turner = this.shape("Turn of the part", [
+      draw("path", { class: "seen", d: "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5" }),
+    ]);
     this.group.append(this.stem, this.mover, this.turner);
     view.overlay.append(this.group);
     /** @type {{about: Point, by: Point, turn: number, gesture: Gesture, seq: number} | null} */
@@ -36,7 +43,14 @@ class PlaceHandle {
 
   /** @param {string} label @param {SVGElement[]} parts */
   shape(label, parts) {
-    const element = draw("g", { class: "handle", role: "slider", tabindex: 0, "aria-label": label, "aria-valuenow": 0, "aria-valuetext": "as it was" });
+    const element = draw("g", {
+      class: "handle",
+      role: "slider",
+      tabindex: 0,
+      "aria-label": label,
+      "aria-valuenow": 0,
+      "aria-valuetext": "as it was",
+    });
     element.append(draw("circle", { r: 14, class: "target" }), ...parts);
     return element;
   }
@@ -60,11 +74,22 @@ class PlaceHandle {
       move: (event) => this.update([0, 0], this.turnTo(event), event.timeStamp),
       end: (cancelled) => this.end(cancelled),
     });
-    nudged(this.mover, { start: () => this.begin(), move: (du, dv, event) => this.update([du, dv], 0, event.timeStamp), end: () => this.end() });
-    nudged(this.turner, { start: () => this.begin(), move: (du, dv, event) => this.update([0, 0], 1000 * (dv - du) * TURN_STEP, event.timeStamp), end: () => this.end() });
+    nudged(this.mover, {
+      start: () => this.begin(),
+      move: (du, dv, event) => this.update([du, dv], 0, event.timeStamp),
+      end: () => this.end(),
+    });
+    nudged(this.turner, {
+      start: () => this.begin(),
+      move: (du, dv, event) => this.update([0, 0], 1000 * (dv - du) * TURN_STEP, event.timeStamp),
+      end: () => this.end(),
+    });
   }
 
-  /** Angle from the handle's rest, straight up, to the pointer; whole degrees with Shift. @param {PointerEvent} event @returns {number} rad */
+  /**
+   * Angle from the handle's rest, straight up, to the pointer; with Shift in steps of 5°.
+   * @param {PointerEvent} event @returns {number} rad
+   */
   turnTo(event) {
     const [x, y] = this.handles.screen(this.held?.about ?? this.handles.centre);
     const [px, py] = this.view.within(event);
@@ -117,7 +142,8 @@ class PlaceHandle {
     const [tx, ty] = [x - ARM * Math.sin(turn), y - ARM * Math.cos(turn)];
     this.mover.setAttribute("transform", `translate(${x} ${y})`);
     this.turner.setAttribute("transform", `translate(${tx} ${ty})`);
-    for (const [name, value] of Object.entries({ x1: x, y1: y, x2: tx, y2: ty })) this.stem.setAttribute(name, String(value));
+    for (const [name, value] of Object.entries({ x1: x, y1: y, x2: tx, y2: ty }))
+      this.stem.setAttribute(name, String(value));
   }
 }
 

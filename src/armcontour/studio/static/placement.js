@@ -10,7 +10,7 @@ import { movedSince, moveTo } from "./moved.js";
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {[number, number, number]} Shift right, up [m] and turn [rad] in the plane of the picture */
-/** @typedef {{shift: Shift, value: number, refusal: string}} Cell */
+/** `value` is not finite without a plan: the place is refused, or cannot be better than others. @typedef {{shift: Shift, value: number, refusal: string}} Cell */
 
 /** Scores, which are small where it is good, as text. */
 const SCORES = /** @type {Record<string, {label: string, text: (x: number) => string}>} */ ({
@@ -20,6 +20,8 @@ const SCORES = /** @type {Record<string, {label: string, text: (x: number) => st
   torque: { label: "torque to spare", text: (x) => `${percent(-x)} %` },
 });
 
+/** Stands for no refusal in a result. */
+const NOT_REFUSED = 255;
 /** Width of places along an axis that was not moved along [m]. */
 const NARROW = 0.02;
 
@@ -48,9 +50,12 @@ export class PlacementMap {
     this.shown.checked = true;
     this.shown.addEventListener("change", () => this.redraw());
     this.scale = make("p", { class: "placement-scale quiet" });
+    /** @type {Cell | null} between the places of the grid */
+    this.best = null;
+    const best = make("button", { type: "button", text: "Move to the best place", "data-place": "best", onclick: () => this.best && this.move(this.best) });
     this.element = make("div", { class: "placement-box" }, [
+      make("p", { class: "acts" }, [best, make("label", { class: "field" }, [this.shown, " draw the map under the part"])]),
       this.line, make("div", { class: "placement-frame" }, [this.table]), this.scale,
-      make("label", { class: "field" }, [this.shown, " draw the map under the part"]),
     ]);
     store.underlays.add((context, view) => this.paint(context, view));
     store.on("ground", (/** @type {{uv: [number, number]}} */ { uv }) => this.click(uv));
@@ -64,6 +69,8 @@ export class PlacementMap {
     this.score = SCORES[frame.head.objective] ?? SCORES.cycle;
     this.about = frame.head.anchor;
     this.from = this.store.latest("picture");
+    const { by, turn, duration } = frame.head.best;
+    this.best = { shift: [by[0], by[1], turn], value: duration, refusal: "" };
     this.columns = axisOf(frame, "x").length;
     this.cells = cellsOf(frame);
     const values = this.cells.map((x) => x.value).filter(Number.isFinite);
@@ -95,7 +102,7 @@ export class PlacementMap {
     const row = (/** @type {number} */ k) => make("tr", {}, Array.from({ length: this.columns }, (_, j) => make("td", {}, [this.buttonOf(this.cells[j * rows + k])])));
     this.table.replaceChildren(make("tbody", {}, Array.from({ length: rows }, (_, k) => row(rows - 1 - k))));
     const [low, high] = this.range.map(this.score.text);
-    say(this.scale, `Colour: ${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused.`);
+    say(this.scale, `Colour: ${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused; empty: cannot be the best.`);
   }
 
   /**
@@ -107,7 +114,7 @@ export class PlacementMap {
       type: "button", "aria-label": this.textOf(cell), title: this.textOf(cell), class: cell.refusal ? "refused" : false,
       disabled: Boolean(cell.refusal), onclick: () => this.move(cell), onfocus: () => this.describe(cell), onpointerenter: () => this.describe(cell),
     });
-    if (!cell.refusal) button.style.background = heat(this.goodness(cell), this.store.theme);
+    if (Number.isFinite(cell.value)) button.style.background = heat(this.goodness(cell), this.store.theme);
     return button;
   }
 
@@ -117,7 +124,8 @@ export class PlacementMap {
    */
   textOf({ shift, refusal, value }) {
     const turn = shift[2] ? `, turned by ${((180 * shift[2]) / Math.PI).toFixed(1)}°` : "";
-    const what = refusal ? `refused (${refusal})` : `${this.score.label} ${this.score.text(value)}`;
+    const known = Number.isFinite(value) ? `${this.score.label} ${this.score.text(value)}` : "not planned, as it cannot be the best";
+    const what = refusal ? `refused (${refusal})` : known;
     return `${mm(shift[0], 1)} mm, ${mm(shift[1], 1)} mm${turn}: ${what}`;
   }
 
@@ -166,8 +174,8 @@ export class PlacementMap {
       const [x, y] = view.toScreen([u + cell.shift[0], v + cell.shift[1]]);
       if (x + wide < 0 || y + high < 0 || x - wide > view.width || y - high > view.height) continue;
       if (cell.refusal) cross(context, x, y, Math.min(wide, high) / 6);
-      else {
-        context.globalAlpha = 0.55;
+      else if (Number.isFinite(cell.value)) {
+        context.globalAlpha = 0.75;
         context.fillStyle = heat(this.goodness(cell), this.store.theme);
         context.fillRect(x - wide / 2 + 0.5, y - high / 2 + 0.5, wide - 1, high - 1);
       }
@@ -189,9 +197,8 @@ function cellsOf(frame) {
   return Array.from({ length: count }, (_, k) => {
     let best = k * each;
     for (let j = best; j < (k + 1) * each; j += 1) if (score[j] < score[best]) best = j;
-    const known = Number.isFinite(score[best]);
-    const why = refusal[best] === 255 ? "not planned" : frame.head.refusals[refusal[best]];
-    return { shift: [by[2 * best], by[2 * best + 1], turn[best]], value: score[best], refusal: known ? "" : why };
+    const refused = !Number.isFinite(score[best]) && refusal[best] !== NOT_REFUSED;
+    return { shift: [by[2 * best], by[2 * best + 1], turn[best]], value: score[best], refusal: refused ? frame.head.refusals[refusal[best]] : "" };
   });
 }
 

@@ -73,7 +73,7 @@ export class Result {
 
   /** @param {import("./placement.js").PlacementMap} map */
   addMap(map) {
-    this.body.prepend(map.element);
+    this.body.append(map.element);
   }
 
   /** A chart; one over time has the cursor of all. @param {import("./answers.js").Graph} graph */

@@ -8,7 +8,18 @@ import { mm, NONE, seconds, signed } from "./format.js";
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {{duration?: number | null, rms?: number | null, max?: number | null}} Known */
 
-const COLUMNS = ["(name)", "timing", "compensation", "corners", "cycle time s", "Δ s", "error RMS mm", "Δ mm", "largest mm", "(actions)"];
+const COLUMNS = [
+  "(name)",
+  "timing",
+  "compensation",
+  "corners",
+  "cycle time s",
+  "Δ s",
+  "error RMS mm",
+  "Δ mm",
+  "largest mm",
+  "(actions)",
+];
 
 class Runs {
   /** @param {Store} store @param {Link} link */
@@ -25,7 +36,17 @@ class Runs {
         this.button("New run like this one", () => this.add()),
         this.button("Pin this variant", () => link.send({ op: "pin" })),
       ]),
-      make("table", {}, [make("caption", { text: "Runs and pins", class: "unseen" }), make("thead", {}, [make("tr", {}, headings(COLUMNS, (k) => (k < 4 ? "words" : "")))]), this.body]),
+      make("table", {}, [
+        make("caption", { text: "Runs and pins", class: "unseen" }),
+        make("thead", {}, [
+          make(
+            "tr",
+            {},
+            headings(COLUMNS, (k) => (k < 4 ? "words" : "")),
+          ),
+        ]),
+        this.body,
+      ]),
     );
     const events = ["document", "picture", "executed", "figures", "compare"];
     for (const event of events) store.on(event, () => this.learn());
@@ -40,7 +61,10 @@ class Runs {
   update() {
     const head = this.store.document;
     if (!head) return;
-    const rows = [...head.runs.map((/** @type {any} */ run) => this.run(run, head)), ...head.pins.map((/** @type {any} */ pin) => this.pin(pin, head))];
+    const rows = [
+      ...head.runs.map((/** @type {any} */ run) => this.run(run, head)),
+      ...head.pins.map((/** @type {any} */ pin) => this.pin(pin, head)),
+    ];
     const shown = JSON.stringify(rows.map((row) => row.cells));
     if (shown === this.shown) return;
     this.shown = shown;
@@ -55,11 +79,21 @@ class Runs {
     this.text = document.text;
     for (const of of /** @type {("live" | "compare")[]} */ (["live", "compare"])) {
       const picture = this.store.latest("picture", of)?.head;
-      if (!picture || (of === "live" && this.store.refusal) || (of === "compare" && document.compare?.run !== picture.run)) continue;
+      if (
+        !picture ||
+        (of === "live" && this.store.refusal) ||
+        (of === "compare" && document.compare?.run !== picture.run)
+      )
+        continue;
       const executed = this.store.latest("executed", of)?.head;
-      const figures = of === "live" && this.store.isCurrent(this.store.latest("figures")) ? this.store.latest("figures")?.head : null;
+      const figures =
+        of === "live" && this.store.isCurrent(this.store.latest("figures")) ? this.store.latest("figures")?.head : null;
       const errors = figures ?? (executed?.run === picture.run ? executed : {});
-      this.known.set(picture.run, { duration: figures?.duration ?? picture.duration, rms: errors?.rms ?? null, max: errors?.max ?? null });
+      this.known.set(picture.run, {
+        duration: figures?.duration ?? picture.duration,
+        rms: errors?.rms ?? null,
+        max: errors?.max ?? null,
+      });
     }
   }
 
@@ -71,11 +105,16 @@ class Runs {
     return {
       current,
       cells: [...words, ...this.numbers(figures, current, head)],
-      acts: () => [
-        this.button("Show", () => this.link.send({ op: "select", run: run.name }), `Show run ${run.name}`),
-        this.button("Compare", () => this.link.send({ op: "compare", with: { run: run.name } }), `Compare with run ${run.name}`),
-        this.button("Remove", () => this.link.send({ op: "remove_run", name: run.name }), `Remove run ${run.name}`),
-      ].slice(current ? 2 : 0),
+      acts: () =>
+        [
+          this.button("Show", () => this.link.send({ op: "select", run: run.name }), `Show run ${run.name}`),
+          this.button(
+            "Compare",
+            () => this.link.send({ op: "compare", with: { run: run.name } }),
+            `Compare with run ${run.name}`,
+          ),
+          this.button("Remove", () => this.link.send({ op: "remove_run", name: run.name }), `Remove run ${run.name}`),
+        ].slice(current ? 2 : 0),
     };
   }
 
@@ -100,8 +139,11 @@ class Runs {
     const difference = (/** @type {any} */ a, /** @type {any} */ b, /** @type {number} */ factor) =>
       !current && typeof a === "number" && typeof b === "number" ? signed(factor * (a - b), 3) : "";
     return [
-      seconds(figures.duration), difference(figures.duration, mine.duration, 1),
-      mm(figures.rms), difference(figures.rms, mine.rms, 1000), mm(figures.max),
+      seconds(figures.duration),
+      difference(figures.duration, mine.duration, 1),
+      mm(figures.rms),
+      difference(figures.rms, mine.rms, 1000),
+      mm(figures.max),
     ];
   }
 
@@ -109,7 +151,11 @@ class Runs {
   row(cells, acts, current) {
     const [name, ...rest] = cells;
     const numbers = rest.map((text, k) => make("td", { class: k < 3 ? "words" : "", text }));
-    return make("tr", { "aria-current": current ? "true" : false }, [make("th", { scope: "row", text: name }), ...numbers, make("td", { class: "acts" }, acts())]);
+    return make("tr", { "aria-current": current ? "true" : false }, [
+      make("th", { scope: "row", text: name }),
+      ...numbers,
+      make("td", { class: "acts" }, acts()),
+    ]);
   }
 
   async add() {
@@ -128,7 +174,9 @@ class Runs {
 /** A setting of a run in a word. @param {any} setting @returns {string} */
 function wordOf(setting) {
   if (setting === null || setting === undefined) return NONE;
-  return typeof setting === "object" ? String(setting.method ?? setting.shape ?? JSON.stringify(setting)) : String(setting);
+  return typeof setting === "object"
+    ? String(setting.method ?? setting.shape ?? JSON.stringify(setting))
+    : String(setting);
 }
 
 /** @param {Store} store @param {Link} link */

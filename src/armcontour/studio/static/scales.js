@@ -3,7 +3,7 @@
 /**
  * A quantity that can be set; the server's words, see the contract of frames in `sliders.py`.
  * @typedef {{key: string, label: string, group: string, value: number | string | null, written: string | null, unit: string,
- *   factor: number, min: number, max: number, log: boolean, choices?: (string | number)[] | null, from: string, [more: string]: any}} Slider
+ *   factor: number, min: number, max: number, log: boolean, choices?: (string | number)[] | null, from: string}} Slider
  */
 
 /** Positions of a slider are whole numbers from 0 to this. */

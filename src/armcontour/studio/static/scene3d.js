@@ -1,11 +1,11 @@
 // The arm, its cell and the tool's trail in three.js. Drawn only when asked to.
 
 import {
-  AmbientLight, AxesHelper, BufferAttribute, BufferGeometry, Color, CylinderGeometry,
-  DirectionalLight, DoubleSide, FrontSide, GridHelper, Group, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrthographicCamera,
-  Scene, SphereGeometry, Vector3, WebGLRenderer,
+  AxesHelper, Color, CylinderGeometry, DoubleSide, EdgesGeometry, FrontSide, GridHelper, Group, LineBasicMaterial, LineSegments,
+  Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
 import { Ribbon } from "./ribbon.js";
+import { solidOf } from "./solid.js";
 
 /** @typedef {import("./kinematics.js").Pose} Pose */
 /** @typedef {import("./camera.js").Camera} Camera */
@@ -23,7 +23,9 @@ export class Scene3D {
    * @throws {Error} without WebGL
    */
   constructor(canvas) {
-    this.software = isSoftware();
+    const name = rendererName();
+    if (name === null) throw new Error("There is no WebGL.");
+    this.software = /swiftshader|llvmpipe|software|basic render/i.test(name);
     // Smooth edges cost the processor three times as much: there they are drawn at rest only.
     this.renderer = new WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "low-power" });
     this.kind = this.software ? "webgl-software" : "webgl";
@@ -31,17 +33,17 @@ export class Scene3D {
     this.scene = new Scene();
     this.eye = new OrthographicCamera(-1, 1, 1, -1, 0.01, 2 * AWAY);
     this.eye.matrixAutoUpdate = false;
-    this.sun = new DirectionalLight(0xffffff, 2.2);
-    this.scene.add(this.sun, new AmbientLight(0xffffff, 1.1));
     this.still = new Group();
     /** @type {Pose | null} */
     this.work = null;
     /** @type {Group[]} one per link, the base first */
     this.links = [];
-    this.tip = tool();
+    this.tip = dot();
+    this.alarm = dot();
+    this.alarm.visible = false;
     this.ribbon = new Ribbon();
-    this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip);
-    /** @type {Map<string, MeshLambertMaterial>} */
+    this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip, this.alarm);
+    /** @type {Map<string, MeshBasicMaterial>} */
     this.materials = new Map();
   }
 
@@ -64,6 +66,7 @@ export class Scene3D {
     this.addFloor(cell, paint);
     const size = cell.size;
     this.tip.scale.setScalar(size * 0.008);
+    this.alarm.scale.setScalar(size * 0.011);
     this.repaint(paint);
   }
 
@@ -74,7 +77,8 @@ export class Scene3D {
   repaint(paint) {
     this.renderer.setClearColor(new Color(paint.ground), 1);
     for (const [name, material] of this.materials) material.color.set(paint.bodies[name] ?? paint.bodies.link);
-    /** @type {MeshBasicMaterial} */ (/** @type {Mesh} */ (this.tip).material).color.set(paint.tip);
+    this.tip.material.color.set(paint.tip);
+    this.alarm.material.color.set(paint.alarm);
   }
 
   /**
@@ -96,6 +100,15 @@ export class Scene3D {
     links.forEach((x, k) => setMatrix(this.links[k], x));
     this.tip.position.set(at[3], at[7], at[11]);
     this.ribbon.reach(done);
+  }
+
+  /**
+   * Show where something is refused.
+   * @param {import("./cell.js").Point | null} at in the frame of the base [m]
+   */
+  mark(at) {
+    this.alarm.visible = at !== null;
+    if (at) this.alarm.position.set(...at);
   }
 
   /**
@@ -121,7 +134,6 @@ export class Scene3D {
       0, 0, 0, 1,
     );
     this.eye.matrixWorldNeedsUpdate = true;
-    this.sun.position.set(eye[0] + 0.5 * over[0] - 0.4 * across[0], eye[1] + 0.5 * over[1] - 0.4 * across[1], eye[2] + 0.6);
     this.renderer.render(this.scene, this.eye);
   }
 
@@ -146,30 +158,33 @@ export class Scene3D {
   }
 
   /**
-   * A body from its triangles.
+   * A body from its triangles. A table fills the picture, which costs the processor as much as all else
+   * together: there it is an outline.
    * @param {Body} body
    * @param {Paint} paint
-   * @returns {Mesh}
+   * @returns {Mesh | LineSegments}
    */
   solid(body, paint) {
-    const shape = new BufferGeometry();
-    shape.setAttribute("position", new BufferAttribute(new Float32Array(body.triangles), 3));
-    shape.computeVertexNormals();
-    const mesh = new Mesh(shape, this.material(body.colour, paint));
-    mesh.matrixAutoUpdate = false;
-    setMatrix(mesh, body.at);
-    return mesh;
+    const shape = solidOf(body.triangles);
+    const outlined = this.software && body.colour === "table";
+    const found = outlined
+      ? new LineSegments(new EdgesGeometry(shape), new LineBasicMaterial({ color: paint.axis }))
+      : new Mesh(shape, this.material(body.colour, paint));
+    found.matrixAutoUpdate = false;
+    setMatrix(found, body.at);
+    return found;
   }
 
   /**
-   * @param {string} name "link", "tool", "obstacle" or "table"
+   * @param {string} name "link", "tool", "obstacle", "part" or "table"
    * @param {Paint} paint
-   * @returns {MeshLambertMaterial}
+   * @returns {MeshBasicMaterial}
    */
   material(name, paint) {
     let found = this.materials.get(name);
     if (!found) {
-      found = new MeshLambertMaterial({ color: paint.bodies[name] ?? paint.bodies.link, side: this.software ? FrontSide : DoubleSide });
+      found = new MeshBasicMaterial({ color: paint.bodies[name] ?? paint.bodies.link, side: this.software ? FrontSide : DoubleSide });
+      found.onBeforeCompile = addLight;
       if (name === "obstacle") Object.assign(found, { transparent: true, opacity: 0.7 });
       this.materials.set(name, found);
     }
@@ -194,29 +209,41 @@ export class Scene3D {
 }
 
 /**
- * Whether WebGL is computed by the processor, as by SwiftShader or llvmpipe.
- * @returns {boolean}
+ * Who computes WebGL; SwiftShader and llvmpipe are programs for the processor. Null without WebGL.
+ * @returns {string | null}
  */
-function isSoftware() {
+function rendererName() {
   const gl = document.createElement("canvas").getContext("webgl2");
-  const found = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = gl && found ? String(gl.getParameter(found.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+  if (!gl) return null;
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
-/** A dot at the tool. @returns {Mesh} */
-function tool() {
-  const dot = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
-  dot.renderOrder = 2;
-  return dot;
+/**
+ * Light from the upper left of the eye, at corners only: computed for every pixel it costs twice as much.
+ * @param {{vertexShader: string, fragmentShader: string}} shader
+ */
+function addLight(shader) {
+  const light = "vLight = 0.42 + 0.58 * max(0.0, dot(normalize(normalMatrix * normal), vec3(-0.4, 0.5, 0.77)));";
+  const [position, colour] = ["#include <project_vertex>", "#include <opaque_fragment>"];
+  shader.vertexShader = `varying float vLight;\n${shader.vertexShader.replace(position, `${position}\n${light}`)}`;
+  shader.fragmentShader = `varying float vLight;\n${shader.fragmentShader.replace(colour, `outgoingLight *= vLight;\n${colour}`)}`;
+}
+
+/** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
+function dot() {
+  const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
+  found.renderOrder = 2;
+  return found;
 }
 
 /**
  * Links without a shape, as sticks between the joints.
  * @param {Cell} cell
  * @param {Group[]} groups
- * @param {MeshLambertMaterial} material
+ * @param {MeshBasicMaterial} material
  */
 function addSticks(cell, groups, material) {
   const thick = 0.018 * cell.size;

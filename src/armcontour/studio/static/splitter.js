@@ -12,7 +12,15 @@ const LEAST = 90;
 /** @param {Store} store */
 export function init(store) {
   const body = find("#dock-body");
-  const edge = make("div", { id: "dock-edge", role: "separator", tabindex: 0, "aria-orientation": "horizontal", "aria-label": "Height of the details", "aria-valuemin": LEAST, "aria-controls": "dock-body" });
+  const edge = make("div", {
+    id: "dock-edge",
+    role: "separator",
+    tabindex: 0,
+    "aria-orientation": "horizontal",
+    "aria-label": "Height of the details",
+    "aria-valuemin": LEAST,
+    "aria-controls": "dock-body",
+  });
   let start = { y: 0, height: 0 };
   const set = (/** @type {number} */ height) => {
     const most = Math.max(LEAST, Math.round(0.7 * window.innerHeight));

@@ -45,7 +45,14 @@ const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
-  colour: "limit", executed: true, magnify: 0, place: false, time: "planned", stage: "2d", tab: "charts", dock: true,
+  colour: "limit",
+  executed: true,
+  magnify: 0,
+  place: false,
+  time: "planned",
+  stage: "2d",
+  tab: "charts",
+  dock: true,
 });
 
 export class Store {
@@ -115,7 +122,11 @@ export class Store {
       if (this.isOld(frame)) return;
       this.advance(frame);
     }
-    if (frame.kind === "refusal") return this.setRefusal(frame);
+    if (frame.kind === "refusal") {
+      // What cannot be planned stays so, whatever exact figures say of it.
+      if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
+      return this.setRefusal(frame);
+    }
     if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
     if (frame.kind === "document") this.forgetCompared(frame);
     this.frames.set(frame.kind, frame);
@@ -171,7 +182,8 @@ export class Store {
   setCursor(at) {
     const { t, s } = at;
     if (t === undefined && s === undefined) this.cursor = null;
-    else if (t === undefined) this.cursor = { t: this.timeAt(/** @type {number} */ (s)), s: /** @type {number} */ (s), source: at.source };
+    else if (t === undefined)
+      this.cursor = { t: this.timeAt(/** @type {number} */ (s)), s: /** @type {number} */ (s), source: at.source };
     else this.cursor = { t, s: s ?? this.arcLengthAt(t), source: at.source };
     this.tell("cursor", this.cursor);
   }

@@ -23,6 +23,8 @@ export class Stick2D {
     /** @type {Pose[]} */
     this.links = [];
     this.done = 0;
+    /** @type {import("./cell.js").Point | null} */
+    this.alarm = null;
     /** @type {Float32Array} */
     this.trail = new Float32Array();
     /** @type {Float32Array} */
@@ -62,6 +64,11 @@ export class Stick2D {
     this.links = links;
     this.at = at;
     this.done = done;
+  }
+
+  /** @param {import("./cell.js").Point | null} at */
+  mark(at) {
+    this.alarm = at;
   }
 
   /**
@@ -143,6 +150,8 @@ export class Stick2D {
     for (const x of cell.limbs) this.dot(to(place(this.links[x.link], x.from)), 3);
     context.fillStyle = paint.tip;
     if (this.at) this.dot(to([this.at[3], this.at[7], this.at[11]]), 5);
+    context.fillStyle = paint.alarm;
+    if (this.alarm) this.dot(to(this.alarm), 6);
   }
 
   /**

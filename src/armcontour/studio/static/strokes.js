@@ -12,7 +12,10 @@ const SHADES = 16;
 // Dashes cost more than the line itself: long paths are drawn without.
 const MOST_DASHED = 6000;
 const SIGNS = /** @type {Record<string, string>} */ ({
-  velocity: "v", acceleration: "a", torque: "τ", jerk: "j",
+  velocity: "v",
+  acceleration: "a",
+  torque: "τ",
+  jerk: "j",
 });
 
 /**
@@ -57,7 +60,10 @@ export function startsOf(picture) {
   return new Set(picture.head.contours.map((/** @type {any} */ contour) => contour.from));
 }
 
-/** Kind of the limit that binds from a point on; "none" where nothing is known of limits. @param {Frame} picture @param {number} i @returns {string} */
+/**
+ * Kind of the limit that binds from a point on; "none" where nothing is known of limits.
+ * @param {Frame} picture @param {number} i @returns {string}
+ */
 export function kindAt(picture, i) {
   if (!picture.head.limits.length) return "none";
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
@@ -67,11 +73,16 @@ export function kindAt(picture, i) {
 export function strokesByLimit(picture, theme, least) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
-  const found = buckets(path, (i) => {
-    const kind = kindAt(picture, i);
-    if (!kinds.includes(kind)) kinds.push(kind);
-    return kinds.indexOf(kind);
-  }, startsOf(picture), least);
+  const found = buckets(
+    path,
+    (i) => {
+      const kind = kindAt(picture, i);
+      if (!kinds.includes(kind)) kinds.push(kind);
+      return kinds.indexOf(kind);
+    },
+    startsOf(picture),
+    least,
+  );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
     return { path: way, colour, dash: path.length > 2 * MOST_DASHED ? [] : dash };
@@ -84,10 +95,15 @@ export function strokesByLimit(picture, theme, least) {
  * @returns {Stroke[]}
  */
 export function strokesByHeat(points, values, most, theme, least, starts = new Set()) {
-  const found = buckets(points, (i) => {
-    const share = Math.min(1, Math.max(0, values[i] / (most || 1)));
-    return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
-  }, starts, least);
+  const found = buckets(
+    points,
+    (i) => {
+      const share = Math.min(1, Math.max(0, values[i] / (most || 1)));
+      return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
+    },
+    starts,
+    least,
+  );
   return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
 }
 
@@ -139,7 +155,7 @@ export function magnified(executed, magnify, least) {
     errors.moveTo(base[2 * i], base[2 * i + 1]);
     errors.lineTo(points[2 * i], points[2 * i + 1]);
   }
-  return { tool: polyline(points, [], least), errors, points };
+  return { tool: polyline(points, /** @type {Uint32Array} */ (executed.arrays.breaks ?? []), least), errors, points };
 }
 
 /** Largest number of an array. @param {Numbers} values @returns {number} */

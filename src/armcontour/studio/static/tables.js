@@ -17,7 +17,10 @@ function table(region, caption, columns) {
   const body = make("tbody");
   const note = make("p", { class: "quiet" });
   const head = make("tr", {}, headings(columns));
-  region.append(note, make("table", {}, [make("caption", { text: caption, class: "unseen" }), make("thead", {}, [head]), body]));
+  region.append(
+    note,
+    make("table", {}, [make("caption", { text: caption, class: "unseen" }), make("thead", {}, [head]), body]),
+  );
   return { body, note, head };
 }
 
@@ -40,6 +43,12 @@ class Waypoints {
     this.link = link;
     this.dimension = 0;
     this.region = find("#tab-waypoints");
+    this.convert = make("button", {
+      type: "button",
+      text: "Make waypoints of the drawing",
+      hidden: true,
+      onclick: () => link.edit([{ do: "to_waypoints" }]),
+    });
     whileSeen(store, this.region, ["document"], () => store.document && this.show(store.document));
   }
 
@@ -48,11 +57,12 @@ class Waypoints {
     const dimension = waypoints[0]?.written.length ?? 2;
     if (dimension !== this.dimension) {
       this.dimension = dimension;
-      this.region.replaceChildren();
+      this.region.replaceChildren(this.convert);
       this.table = table(this.region, "Waypoints", ["(number)", ...AXES.slice(0, dimension), "(actions)"]);
     }
     if (!this.table) return;
     const shown = waypoints.slice(0, MOST_ROWS);
+    this.convert.hidden = path.kind !== "file";
     say(this.table.note, this.noteOf(path, waypoints));
     resize(this.table.body, shown.length, (index) => this.row(index));
     shown.forEach((/** @type {any} */ point, /** @type {number} */ index) => this.fillRow(index, point, path.editable));
@@ -61,20 +71,32 @@ class Waypoints {
   /** @param {any} path @param {any[]} waypoints @returns {string} */
   noteOf(path, waypoints) {
     const few = waypoints.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${waypoints.length} waypoints. ` : "";
-    return few + [path.editable ? "" : path.why_not ?? "", ...(path.notes ?? [])].filter(Boolean).join(" ");
+    return few + [path.editable ? "" : (path.why_not ?? ""), ...(path.notes ?? [])].filter(Boolean).join(" ");
   }
 
   /** @param {number} index @returns {HTMLElement} */
   row(index) {
     const fields = AXES.slice(0, this.dimension).map((axis) => {
-      const field = make("input", { type: "text", "aria-label": `Waypoint ${index + 1}, ${axis}`, autocomplete: "off", spellcheck: "false" });
+      const field = make("input", {
+        type: "text",
+        "aria-label": `Waypoint ${index + 1}, ${axis}`,
+        autocomplete: "off",
+        spellcheck: "false",
+      });
       field.addEventListener("change", () => this.set(index, fields));
       return field;
     });
     const act = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ does) =>
       make("button", { type: "button", text, title, "aria-label": `${title} ${index + 1}`, onclick: does });
-    const buttons = [act("+", "Insert a waypoint after", () => this.insert(index)), act("×", "Remove waypoint", () => this.link.edit([{ do: "remove_waypoint", index }]))];
-    return make("tr", {}, [make("th", { scope: "row", text: String(index + 1) }), ...fields.map((f) => make("td", {}, [f])), make("td", { class: "acts" }, buttons)]);
+    const buttons = [
+      act("+", "Insert a waypoint after", () => this.insert(index)),
+      act("×", "Remove waypoint", () => this.link.edit([{ do: "remove_waypoint", index }])),
+    ];
+    return make("tr", {}, [
+      make("th", { scope: "row", text: String(index + 1) }),
+      ...fields.map((f) => make("td", {}, [f])),
+      make("td", { class: "acts" }, buttons),
+    ]);
   }
 
   /** @param {number} index @param {{written: string[]}} point @param {boolean} editable */
@@ -116,7 +138,10 @@ class Corners {
 
   /** @param {any[]} corners */
   show(corners) {
-    say(this.table.note, corners.length ? "" : "This run has no rounded corners: the tool stops at corners, or there are none.");
+    say(
+      this.table.note,
+      corners.length ? "" : "This run has no rounded corners: the tool stops at corners, or there are none.",
+    );
     const shown = corners.slice(0, MOST_ROWS);
     resize(this.table.body, shown.length, (k) => this.row(k));
     shown.forEach((corner, k) => this.fillRow(k, corner));
@@ -127,19 +152,32 @@ class Corners {
   row(k) {
     const field = make("input", { type: "text", autocomplete: "off", spellcheck: "false" });
     field.addEventListener("change", () => {
-      if (field.value.trim() !== field.dataset.written) this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
+      if (field.value.trim() !== field.dataset.written)
+        this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
     });
-    return make("tr", {}, [make("th", { scope: "row" }), make("td"), make("td", {}, [field]), make("td"), make("td", { class: "words" })]);
+    return make("tr", {}, [
+      make("th", { scope: "row" }),
+      make("td"),
+      make("td", {}, [field]),
+      make("td"),
+      make("td", { class: "words" }),
+    ]);
   }
 
   /** @param {number} k @param {any} corner */
   fillRow(k, corner) {
     const cells = this.table.body.children[k].children;
-    say(cells[0], corner.waypoint === null ? "" : String(corner.waypoint + 1));
+    const at = corner.waypoint === null ? "" : String(corner.waypoint + 1);
+    say(cells[0], at);
     say(cells[1], `${mm(corner.error)} mm`);
     const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
-    field.setAttribute("aria-label", corner.waypoint === null ? "Tolerance of a corner" : `Tolerance of the corner at waypoint ${corner.waypoint + 1}`);
-    fill(field, corner.allowed === null || corner.allowed === undefined ? "" : `${Number((1000 * corner.allowed).toPrecision(6))} mm`);
+    field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of a corner");
+    fill(
+      field,
+      corner.allowed === null || corner.allowed === undefined
+        ? ""
+        : `${Number((1000 * corner.allowed).toPrecision(6))} mm`,
+    );
     say(cells[3], `${mm(corner.radius, 2)} mm`);
     say(cells[4], corner.reason ?? "");
   }

@@ -19,7 +19,6 @@ import { make } from "./dom.js";
  * @property {string} task as the server calls it
  * @property {string} title
  * @property {string} what it does, in a sentence
- * @property {string} button
  * @property {Field[]} fields
  * @property {(values: Record<string, any>, sliders: any[]) => Record<string, any>} options for the server
  */
@@ -34,6 +33,7 @@ const PLACE_FIELDS = /** @type {Field[]} */ ([
     name: "objective", label: "best is", kind: "choice", value: "cycle",
     choices: [["cycle", "the shortest cycle"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]],
   },
+  { name: "every", label: "plan every place", kind: "tick", value: false },
 ]);
 
 /** @type {[string, string][]} */
@@ -46,21 +46,21 @@ const SWEPT = 15;
 
 /** All tasks, in the order of their buttons. @type {Task[]} */
 export const TASKS = [
-  { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion.", button: "Check", fields: [], options: () => ({}) },
-  { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time.", button: "Find clearance", fields: [], options: () => ({}) },
+  { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion.", fields: [], options: () => ({}) },
+  { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time.", fields: [], options: () => ({}) },
   {
-    task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.", button: "Certify",
-    fields: [{ name: "tolerance", label: "tool off the path at most", kind: "number", value: "", min: 0, unit: "mm (empty: as in the job)" }],
+    task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
+    fields: [{ name: "tolerance", label: "tolerance", kind: "number", value: "", min: 0, unit: "mm, or as in the job" }],
     options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
   },
   {
-    task: "learn", title: "Learn", what: "Learns set-points from runs of a simulated robot that is not quite known.", button: "Learn",
+    task: "learn", title: "Learn", what: "Learns set-points from runs of a simulated robot that is not quite known.",
     fields: [{ name: "runs", label: "runs", kind: "number", value: 5, min: 1, max: 100 }],
     options: ({ runs }) => ({ runs }),
   },
-  { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", button: "Find the best place", fields: PLACE_FIELDS, options: placeOptions },
+  { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", fields: PLACE_FIELDS, options: placeOptions },
   {
-    task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.", button: "Sweep",
+    task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.",
     fields: [{ name: "key", label: "over", kind: "choice", value: "", choices: [] }],
     options: ({ key }, sliders) => {
       const { min, max, log } = sliders.find((x) => x.key === key) ?? {};
@@ -68,31 +68,31 @@ export const TASKS = [
     },
   },
   {
-    task: "export", title: "Export", what: "Set-points for a robot controller, or tables.", button: "Export",
+    task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     fields: [
       { name: "format", label: "format", kind: "choice", value: "urscript", choices: FORMATS },
       { name: "of", label: "of", kind: "choice", value: "taught", choices: [["taught", "the set-points"], ["planned", "the plan"]] },
     ],
     options: ({ format, of }) => (format.startsWith("template ") ? { format: "template", template: format.slice(9), of } : { format, of }),
   },
-  { task: "report", title: "Report", what: "The page with all figures, to keep and to print.", button: "Make the report", fields: [], options: () => ({}) },
+  { task: "report", title: "Report", what: "The page with all figures, to keep and to print.", fields: [], options: () => ({}) },
 ];
 
 /**
  * @param {Record<string, any>} values
  * @returns {Record<string, any>}
  */
-function placeOptions({ x, y, yaw, steps, objective }) {
+function placeOptions({ x, y, yaw, steps, objective, every }) {
   /** @type {Record<string, [number, number, number]>} */
   const over = {};
   if (x > 0) over.x = [-x / 1000, x / 1000, steps];
   if (y > 0) over.y = [-y / 1000, y / 1000, steps];
   const turn = (yaw * Math.PI) / 180;
   if (turn > 0) over.yaw = [-turn, turn, Math.min(steps, 13)];
-  return { over, objective };
+  return { over, objective, every };
 }
 
-/** A task's sentence, choices and button. */
+/** A task's button, sentence and choices. */
 export class Form {
   /**
    * @param {Task} task
@@ -102,13 +102,11 @@ export class Form {
     this.task = task;
     /** @type {Map<string, HTMLInputElement | HTMLSelectElement>} */
     this.inputs = new Map();
-    this.button = make("button", { type: "submit", text: task.button });
+    this.button = make("button", { type: "submit", text: task.title });
     const fields = task.fields.map((x) => this.field(x));
-    const title = make("h3", { text: task.title });
-    const row = make("div", { class: "task-fields" }, [...fields, this.button]);
-    this.element = make("form", { class: "task", "data-task": task.task, "aria-label": task.title }, [
-      title, make("p", { class: "quiet", text: task.what }), row,
-    ]);
+    const rows = [make("div", { class: "task-head" }, [this.button, make("p", { class: "quiet", text: task.what })])];
+    if (fields.length) rows.push(make("div", { class: "task-fields" }, fields));
+    this.element = make("form", { class: "task", "data-task": task.task, "aria-label": task.title }, rows);
     this.element.addEventListener("submit", (event) => {
       event.preventDefault();
       start(task.options(this.values(), this.sliders));

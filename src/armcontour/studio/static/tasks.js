@@ -72,6 +72,7 @@ class Tasks {
     const result = new Result(id, task, title, this.store, this.link, () => this.link.send({ op: "cancel", id }));
     this.hint.remove();
     this.results.prepend(result.element);
+    this.results.scrollTop = 0;
     this.kept.unshift(result);
     for (const old of this.kept.splice(MOST_RESULTS)) old.close();
     if (this.link.send({ op: "task", id, task, options }) < 0) {

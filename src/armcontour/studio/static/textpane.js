@@ -16,7 +16,14 @@ export function init(store, link) {
   const update = () => {
     apply.disabled = back.disabled = !changed();
     const newer = changed() && store.document?.text !== shown;
-    say(state, newer ? "The job was changed elsewhere meanwhile; applying takes this text." : changed() ? "Not yet applied." : "");
+    say(
+      state,
+      newer
+        ? "The job was changed elsewhere meanwhile; applying takes this text."
+        : changed()
+          ? "Not yet applied."
+          : "",
+    );
   };
   const send = () => {
     if (!changed()) return;

@@ -55,7 +55,8 @@ export class View2d {
       this.stay();
       this.fitOnce();
     });
-    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"]) store.on(event, () => this.changed());
+    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"])
+      store.on(event, () => this.changed());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -172,6 +173,7 @@ export class View2d {
     const data = region.dataset;
     data.seq = String(picture?.seq ?? "");
     data.rev = String(picture?.rev ?? "");
+    data.run = String(picture?.head.run ?? "");
     data.duration = String(picture?.head.duration ?? "");
     data.tier = store.isCurrent(executed) ? "2" : picture ? "1" : "0";
     data.executedSeq = String(executed?.seq ?? "");
@@ -237,7 +239,8 @@ export class View2d {
     this.view.pan(share * (event.clientX - before.clientX), share * (event.clientY - before.clientY));
     const other = [...this.pointers.values()].find((p) => p.pointerId !== event.pointerId);
     if (other) {
-      const apart = (/** @type {PointerEvent} */ p) => Math.max(1, Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY));
+      const apart = (/** @type {PointerEvent} */ p) =>
+        Math.max(1, Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY));
       this.view.zoom(apart(event) / apart(before), this.within(other));
     }
     this.pointers.set(event.pointerId, event);

@@ -5,7 +5,12 @@
 /** @typedef {import("./state.js").Numbers} Numbers */
 
 const TYPES = /** @type {Record<string, any>} */ ({
-  f4: Float32Array, f8: Float64Array, u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Array,
+  f4: Float32Array,
+  f8: Float64Array,
+  u1: Uint8Array,
+  u2: Uint16Array,
+  u4: Uint32Array,
+  i4: Int32Array,
 });
 
 /**
