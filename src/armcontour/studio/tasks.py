@@ -521,8 +521,8 @@ def clearance(x: Request) -> Frame:
         ],
         "left_out": len(found.left_out),
     }
-    arrays: dict[str, Any] = {name: short(y) for name, y in over_time.items()}
-    return Frame("result", header, {"t": short(t), **arrays})
+    over_time["t"] = t
+    return Frame("result", header, {name: short(y) for name, y in over_time.items()})
 
 
 def export(x: Request) -> Frame:
