@@ -86,6 +86,10 @@ class TestFigures:
             ):
                 assert found[key] == pytest.approx(value, abs=1e-9), key
             assert found["warnings"] == result.warnings
+            executed = result.execution
+            held = zip(executed.arm.joint_names, executed.saturated_time.tolist(), strict=True)
+            told = [(x["joint"], x["time"]) for x in found["saturated"]]
+            assert told == [x for x in held if x[1] > 0]
             if result.clearance is not None:
                 least = result.clearance.least
                 assert found["clearance"]["least"] == pytest.approx(least.high, abs=1e-9)

@@ -285,7 +285,13 @@ def figures(x: Request) -> Frame:
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
         "missed": e.missed.max,
-        "saturated": e.saturated,
+        "saturated": [
+            {"joint": name, "time": span}
+            for name, span in zip(
+                x.job.arm.joint_names, result.execution.saturated_time.tolist(), strict=True
+            )
+            if span > 0
+        ],
         "demand": e.demand_ratio,
         "limit_use": e.limit_ratios,
         "clearance": None

@@ -121,7 +121,8 @@ export class Layers {
   magnification(executed, scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const most = this.mostError(executed) * scale;
+    const compared = this.store.latest("executed", "compare");
+    const most = Math.max(this.mostError(executed), compared ? largest(compared.arrays.error) : 0) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

@@ -35,6 +35,8 @@ class Row {
     this.link = link;
     /** @type {Gesture | null} */
     this.gesture = null;
+    /** Text that the document gave, or that was sent. */
+    this.known = "";
     const id = `slider-${slider.key.replace(/[^\w]/g, "-")}`;
     this.text = make("input", { id, type: "text", autocomplete: "off", spellcheck: "false" });
     this.range = make("input", { type: "range", min: 0, max: STEPS, "aria-label": `${slider.label}, slider` });
@@ -64,7 +66,10 @@ class Row {
   listen(ghost) {
     this.range.addEventListener("input", (event) => this.slide(event));
     this.range.addEventListener("change", () => this.endGesture());
-    this.text.addEventListener("change", () => this.set(this.text.value.trim()));
+    this.text.addEventListener("change", () => {
+      this.known = this.text.value;
+      this.set(this.text.value.trim());
+    });
     this.text.addEventListener("keydown", (event) => {
       if (event.key !== "Escape") return;
       this.text.value = this.written;
@@ -120,7 +125,9 @@ class Row {
     this.text.title = this.select.title = title;
     if (choices) this.showChoices(choices, value);
     if (this.gesture) return;
-    if (document.activeElement !== this.text) this.text.value = this.written;
+    // What somebody is typing stays; what was sent is shown as the document has it.
+    const typing = document.activeElement === this.text && this.text.value !== this.known;
+    if (!typing) this.text.value = this.known = this.written;
     this.range.value = String(typeof value === "number" && numeric ? positionOf(slider, value) : STEPS);
     this.range.setAttribute("aria-valuetext", this.written);
   }

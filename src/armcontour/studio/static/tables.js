@@ -30,10 +30,12 @@ function resize(body, count, make) {
   while (body.childElementCount < count) body.append(make(body.childElementCount));
 }
 
-/** @param {HTMLInputElement} field @param {string} value */
+/** What the document has, unless somebody types something else. @param {HTMLInputElement} field @param {string} value */
 function fill(field, value) {
+  const typing = document.activeElement === field && field.value !== (field.dataset.sent ?? field.dataset.written);
   field.dataset.written = value;
-  if (document.activeElement !== field) field.value = value;
+  delete field.dataset.sent;
+  if (!typing) field.value = value;
 }
 
 class Waypoints {
@@ -112,6 +114,7 @@ class Waypoints {
   /** @param {number} index @param {HTMLInputElement[]} fields */
   set(index, fields) {
     const value = fields.map((f) => f.value.trim());
+    for (const f of fields) f.dataset.sent = f.value;
     if (fields.some((f, k) => value[k] !== f.dataset.written)) this.link.edit([{ do: "set_waypoint", index, value }]);
   }
 
@@ -152,6 +155,7 @@ class Corners {
   row(k) {
     const field = make("input", { type: "text", autocomplete: "off", spellcheck: "false" });
     field.addEventListener("change", () => {
+      field.dataset.sent = field.value;
       if (field.value.trim() !== field.dataset.written)
         this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
     });
