@@ -101,6 +101,17 @@ def file(tmp_path: Path) -> Path:
     return place
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    """A session for tests that leave it as it is."""
+    place = tmp_path_factory.mktemp("shared") / "job.yaml"
+    place.write_text(JOB)
+    found = session_of(place)
+    found.begin()
+    yield found
+    found.close()
+
+
 @pytest.fixture
 def session(file: Path) -> Iterator[Session]:
     found = session_of(file)
@@ -285,13 +296,15 @@ def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     ],
 )
 def test_what_makes_no_sense_is_answered_with_a_sentence(
-    session: Session, tab: Tab, message: Any, capsys: pytest.CaptureFixture[str]
+    shared: Session, message: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    tab = Tab(shared)
     heard = tab.heard(message)
     assert set(kinds(heard)) & {"failed", "refusal", "notice"}
-    assert session.document.text == JOB and not session.document.can_undo
+    assert shared.document.text == JOB and not shared.document.can_undo
     assert "Traceback" not in capsys.readouterr().err
-    assert "document" in kinds(tab.edit(MOVE, gesture=9))
+    assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False))
+    shared.leave(tab)
 
 
 def test_the_run_that_is_shown(tab: Tab) -> None:

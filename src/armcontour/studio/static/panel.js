@@ -95,10 +95,10 @@ class Row {
     this.gesture = null;
   }
 
-  /** As typed; nothing, or "none", lifts it. @param {string} text */
+  /** As typed; nothing, or "none", lifts a quantity. @param {string} text */
   set(text) {
     if (text === this.written) return;
-    const value = text === "" || text === "none" ? null : text;
+    const value = !this.slider.choices && (text === "" || text === "none") ? null : text;
     this.link.edit([{ do: "set", key: this.slider.key, value }]);
   }
 

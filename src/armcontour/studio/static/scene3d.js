@@ -1,11 +1,11 @@
 // The arm, its cell and the tool's trail in three.js. Drawn only when asked to.
 
 import {
-  AmbientLight, AxesHelper, BufferAttribute, BufferGeometry, Color, CylinderGeometry,
-  DirectionalLight, DoubleSide, FrontSide, GridHelper, Group, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrthographicCamera,
-  Scene, SphereGeometry, Vector3, WebGLRenderer,
+  AxesHelper, Color, CylinderGeometry, DoubleSide, EdgesGeometry, FrontSide, GridHelper, Group, LineBasicMaterial, LineSegments,
+  Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
 import { Ribbon } from "./ribbon.js";
+import { solidOf } from "./solid.js";
 
 /** @typedef {import("./kinematics.js").Pose} Pose */
 /** @typedef {import("./camera.js").Camera} Camera */
@@ -33,8 +33,6 @@ export class Scene3D {
     this.scene = new Scene();
     this.eye = new OrthographicCamera(-1, 1, 1, -1, 0.01, 2 * AWAY);
     this.eye.matrixAutoUpdate = false;
-    this.sun = new DirectionalLight(0xffffff, 2.2);
-    this.scene.add(this.sun, new AmbientLight(0xffffff, 1.1));
     this.still = new Group();
     /** @type {Pose | null} */
     this.work = null;
@@ -45,7 +43,7 @@ export class Scene3D {
     this.alarm.visible = false;
     this.ribbon = new Ribbon();
     this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip, this.alarm);
-    /** @type {Map<string, MeshLambertMaterial>} */
+    /** @type {Map<string, MeshBasicMaterial>} */
     this.materials = new Map();
   }
 
@@ -136,7 +134,6 @@ export class Scene3D {
       0, 0, 0, 1,
     );
     this.eye.matrixWorldNeedsUpdate = true;
-    this.sun.position.set(eye[0] + 0.5 * over[0] - 0.4 * across[0], eye[1] + 0.5 * over[1] - 0.4 * across[1], eye[2] + 0.6);
     this.renderer.render(this.scene, this.eye);
   }
 
@@ -161,30 +158,33 @@ export class Scene3D {
   }
 
   /**
-   * A body from its triangles.
+   * A body from its triangles. A table fills the picture, which costs the processor as much as all else
+   * together: there it is an outline.
    * @param {Body} body
    * @param {Paint} paint
-   * @returns {Mesh}
+   * @returns {Mesh | LineSegments}
    */
   solid(body, paint) {
-    const shape = new BufferGeometry();
-    shape.setAttribute("position", new BufferAttribute(new Float32Array(body.triangles), 3));
-    shape.computeVertexNormals();
-    const mesh = new Mesh(shape, this.material(body.colour, paint));
-    mesh.matrixAutoUpdate = false;
-    setMatrix(mesh, body.at);
-    return mesh;
+    const shape = solidOf(body.triangles);
+    const outlined = this.software && body.colour === "table";
+    const found = outlined
+      ? new LineSegments(new EdgesGeometry(shape), new LineBasicMaterial({ color: paint.axis }))
+      : new Mesh(shape, this.material(body.colour, paint));
+    found.matrixAutoUpdate = false;
+    setMatrix(found, body.at);
+    return found;
   }
 
   /**
-   * @param {string} name "link", "tool", "obstacle" or "table"
+   * @param {string} name "link", "tool", "obstacle", "part" or "table"
    * @param {Paint} paint
-   * @returns {MeshLambertMaterial}
+   * @returns {MeshBasicMaterial}
    */
   material(name, paint) {
     let found = this.materials.get(name);
     if (!found) {
-      found = new MeshLambertMaterial({ color: paint.bodies[name] ?? paint.bodies.link, side: this.software ? FrontSide : DoubleSide });
+      found = new MeshBasicMaterial({ color: paint.bodies[name] ?? paint.bodies.link, side: this.software ? FrontSide : DoubleSide });
+      found.onBeforeCompile = addLight;
       if (name === "obstacle") Object.assign(found, { transparent: true, opacity: 0.7 });
       this.materials.set(name, found);
     }
@@ -221,6 +221,17 @@ function rendererName() {
   return name;
 }
 
+/**
+ * Light from the upper left of the eye, at corners only: computed for every pixel it costs twice as much.
+ * @param {{vertexShader: string, fragmentShader: string}} shader
+ */
+function addLight(shader) {
+  const light = "vLight = 0.42 + 0.58 * max(0.0, dot(normalize(normalMatrix * normal), vec3(-0.4, 0.5, 0.77)));";
+  const [position, colour] = ["#include <project_vertex>", "#include <opaque_fragment>"];
+  shader.vertexShader = `varying float vLight;\n${shader.vertexShader.replace(position, `${position}\n${light}`)}`;
+  shader.fragmentShader = `varying float vLight;\n${shader.fragmentShader.replace(colour, `outgoingLight *= vLight;\n${colour}`)}`;
+}
+
 /** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
 function dot() {
   const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
@@ -232,7 +243,7 @@ function dot() {
  * Links without a shape, as sticks between the joints.
  * @param {Cell} cell
  * @param {Group[]} groups
- * @param {MeshLambertMaterial} material
+ * @param {MeshBasicMaterial} material
  */
 function addSticks(cell, groups, material) {
   const thick = 0.018 * cell.size;

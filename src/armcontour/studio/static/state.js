@@ -122,7 +122,11 @@ export class Store {
       if (this.isOld(frame)) return;
       this.advance(frame);
     }
-    if (frame.kind === "refusal") return this.setRefusal(frame);
+    if (frame.kind === "refusal") {
+      // What cannot be planned stays so, whatever exact figures say of it.
+      if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
+      return this.setRefusal(frame);
+    }
     if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
     if (frame.kind === "document") this.forgetCompared(frame);
     this.frames.set(frame.kind, frame);

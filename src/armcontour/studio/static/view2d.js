@@ -173,6 +173,7 @@ export class View2d {
     const data = region.dataset;
     data.seq = String(picture?.seq ?? "");
     data.rev = String(picture?.rev ?? "");
+    data.run = String(picture?.head.run ?? "");
     data.duration = String(picture?.head.duration ?? "");
     data.tier = store.isCurrent(executed) ? "2" : picture ? "1" : "0";
     data.executedSeq = String(executed?.seq ?? "");
