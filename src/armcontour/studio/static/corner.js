@@ -29,9 +29,13 @@ export function toleranceAt(corner, to, all) {
   const [du, dv] = bisectorOf(corner);
   const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
   const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
-  const one = { do: "corner_tolerance", index: corner.vertex, value };
-  const edit = all ? { do: "set", key: "corners.tolerance", value } : one;
-  return { edits: [edit], shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv] };
+  const one = [{ do: "corner_tolerance", index: corner.vertex, value }];
+  // Corners with a tolerance of their own get that of all.
+  const every = [
+    { do: "set", key: "corners.tolerance", value },
+    { do: "unset", key: "corners.at" },
+  ];
+  return { edits: all ? every : one, shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv] };
 }
 
 /**
