@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.studio.conftest import ROOT
 
 import armcontour as ac
 from armcontour.frames import Frame

@@ -243,9 +243,9 @@ def _refusal_of(studio: Running, text: str) -> str:
         return str(frame.header["sentence"])
 
 
-BOMB = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">{}]>'.format(
-    "".join(f'<!ENTITY {y} "{f"&{x};" * 10}">' for x, y in zip("abcdefghi", "bcdefghij", strict=True))
-)
+PAIRS = zip("abcdefghi", "bcdefghij", strict=True)
+ENTITIES = [f'<!ENTITY {y} "{f"&{x};" * 10}">' for x, y in PAIRS]
+BOMB = f'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">{"".join(ENTITIES)}]>'
 
 
 @pytest.mark.parametrize("kind", ["svg", "urdf"])

@@ -285,7 +285,13 @@ def figures(x: Request) -> Frame:
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
         "missed": e.missed.max,
-        "saturated": e.saturated,
+        "saturated": [
+            {"joint": name, "time": span}
+            for name, span in zip(
+                x.job.arm.joint_names, result.execution.saturated_time.tolist(), strict=True
+            )
+            if span > 0
+        ],
         "demand": e.demand_ratio,
         "limit_use": e.limit_ratios,
         "clearance": None
@@ -446,7 +452,7 @@ def place(x: Request) -> Frame:
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
-    arrays = {
+    arrays: dict[str, Any] = {
         "by": np.array([_shift(x.view, y) for y in places], dtype=np.float32),
         "turn": np.array([y.get("yaw", 0.0) for y in places], dtype=np.float32),
         "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
@@ -521,8 +527,8 @@ def clearance(x: Request) -> Frame:
         ],
         "left_out": len(found.left_out),
     }
-    arrays: dict[str, Any] = {name: short(y) for name, y in over_time.items()}
-    return Frame("result", header, {"t": short(t), **arrays})
+    over_time["t"] = t
+    return Frame("result", header, {name: short(y) for name, y in over_time.items()})
 
 
 def export(x: Request) -> Frame:

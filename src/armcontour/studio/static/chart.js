@@ -49,7 +49,7 @@ export class Chart {
     this.title = make("h3", { text: axes.title });
     this.summary = make("p", { class: "chart-summary" });
     const head = make("figcaption", {}, [this.title, this.summary]);
-    this.element = make("figure", { class: "chart", "data-chart": name, role: "group", "aria-label": axes.title }, [head, this.plotBox]);
+    this.element = make("figure", { class: "chart", "data-chart": name, "aria-label": axes.title }, [head, this.plotBox]);
     /** @type {uPlot | null} */
     this.plot = null;
     this.signature = "";

@@ -13,8 +13,9 @@ import { drawStrip, stripOf } from "./strip.js";
 /** @typedef {import("./chart.js").Content} Content */
 
 const SOURCE = "charts";
-/** While frames come, charts are drawn so often at most [ms]. */
+/** While frames come, charts wait so long between two drawings [ms]. */
 const PAUSE = 66;
+const LONGEST_PAUSE = 500;
 /** Values at the cursor change so often at most [ms]. */
 const READING = 100;
 /** A chart over arc length has at least so many places. */
@@ -56,41 +57,64 @@ class Charts {
     this.error = new Chart("error", { ...overTime, title: "Contour error of the executed tool", y: "Error", unit: "µm" }, byTime);
     this.all = [this.speed, ...this.demands, this.error];
     region.append(...this.all.map((x) => x.element));
-    this.waits = false;
+    /** Whether charts are being drawn, and whether something came meanwhile. */
+    this.works = false;
+    this.again = false;
+    this.pause = PAUSE;
     addEventListener("beforeprint", () => this.all.forEach((x) => x.draw()));
   }
 
-  /** Draw what is new, soon; a chart never delays the drawing above. */
+  /** Draw what is new, soon. */
   renew() {
-    if (this.waits) return;
-    this.waits = true;
-    setTimeout(() => {
-      this.waits = false;
-      this.fill();
-    }, PAUSE);
+    this.again = true;
+    if (this.works) return;
+    this.works = true;
+    setTimeout(() => this.fill(), this.pause);
   }
 
   repaint() {
-    this.fill();
     for (const x of this.all) x.repaint();
+    this.renew();
   }
 
-  fill() {
+  /** One chart after the other, with room between them: charts never delay the drawing above for long. */
+  async fill() {
+    this.again = false;
+    let cost = 0;
+    try {
+      for (const step of [() => this.fillSpeed(), ...DEMANDS.map((_, k) => () => this.fillDemand(k)), () => this.fillError()]) {
+        const start = performance.now();
+        step();
+        cost += performance.now() - start;
+        await new Promise((go) => setTimeout(go));
+      }
+      this.grey();
+      this.point();
+    } finally {
+      this.works = false;
+    }
+    // They take a quarter of the time at most.
+    this.pause = Math.min(LONGEST_PAUSE, Math.max(PAUSE, 3 * cost));
+    if (this.again) this.renew();
+  }
+
+  fillSpeed() {
     const picture = this.store.latest("picture");
-    if (!picture) return;
-    const compared = this.store.latest("picture", "compare");
+    // A long drawing comes without a plan first.
+    this.speed.element.hidden = !picture?.arrays.path_s.length;
+    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.latest("picture", "compare"), this.store.theme));
+  }
+
+  /** @param {number} k */
+  fillDemand(k) {
+    const [, array, , what] = DEMANDS[k];
+    const picture = this.store.latest("picture");
+    const usage = picture?.arrays[array];
+    // Shares of limits that there are not are zero.
+    const limited = Boolean(usage?.some((x) => x !== 0));
+    this.demands[k].element.hidden = !limited;
     const names = this.store.latest("arm")?.head.joints?.map((/** @type {any} */ x) => x.name) ?? [];
-    this.speed.show(speedContent(picture, compared, this.store.theme));
-    DEMANDS.forEach(([, array, , what], k) => {
-      const usage = picture.arrays[array];
-      // Shares of limits that there are not are zero.
-      const limited = Boolean(usage?.some((x) => x !== 0));
-      this.demands[k].element.hidden = !limited;
-      if (limited) this.demands[k].show(demandContent(picture, usage, names, what));
-    });
-    this.fillError();
-    this.grey();
-    this.point();
+    if (picture && usage && limited) this.demands[k].show(demandContent(picture, usage, names, what));
   }
 
   fillError() {

@@ -5,8 +5,8 @@ import { mm } from "./format.js";
 /** @typedef {[number, number]} Point */
 /**
  * A rounded corner, as in pictures; lengths in metres.
- * @typedef {{index: number, vertex: number, apex: Point, corner: Point, error: number, allowed: number | null,
- *   radius: number, reason: string}} Corner
+ * @typedef {{index: number, vertex: number, waypoint: number | null, apex: Point, corner: Point, error: number,
+ *   allowed: number | null, radius: number, reason: string}} Corner
  */
 
 const LEAST_TOLERANCE = 1e-6; // m
@@ -29,7 +29,7 @@ export function toleranceAt(corner, to, all) {
   const [du, dv] = bisectorOf(corner);
   const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
   const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
-  const one = [{ do: "corner_tolerance", index: corner.vertex, value }];
+  const one = [{ do: "corner_tolerance", index: corner.waypoint, value }];
   // Corners with a tolerance of their own get that of all.
   const every = [
     { do: "set", key: "corners.tolerance", value },

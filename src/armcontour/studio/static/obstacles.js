@@ -4,6 +4,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
+import { place, poseOf } from "./kinematics.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -46,8 +47,15 @@ class Obstacles {
     view.followers.add(() => this.place());
   }
 
+  /** The plane of the picture in the frame of the base, which obstacles are given in. */
   get plane() {
-    return this.store.latest("picture")?.head.plane;
+    const plane = this.store.latest("picture")?.head.plane;
+    const work = this.store.latest("arm")?.head.work;
+    if (!plane || !work) return plane;
+    const pose = poseOf(work);
+    const zero = place(pose, [0, 0, 0]);
+    const turned = (/** @type {number[]} */ axis) => place(pose, axis).map((c, k) => c - zero[k]);
+    return { origin: place(pose, plane.origin), x: turned(plane.x), y: turned(plane.y) };
   }
 
   /** Obstacles of the job that stand on the base. @returns {Obstacle[]} */

@@ -157,7 +157,7 @@ class Corners {
     field.addEventListener("change", () => {
       field.dataset.sent = field.value;
       if (field.value.trim() !== field.dataset.written)
-        this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].vertex, value: field.value.trim() }]);
+        this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
     });
     return make("tr", {}, [
       make("th", { scope: "row" }),
@@ -171,10 +171,11 @@ class Corners {
   /** @param {number} k @param {any} corner */
   fillRow(k, corner) {
     const cells = this.table.body.children[k].children;
-    say(cells[0], String(corner.vertex + 1));
+    const at = corner.waypoint === null ? "" : String(corner.waypoint + 1);
+    say(cells[0], at);
     say(cells[1], `${mm(corner.error)} mm`);
     const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
-    field.setAttribute("aria-label", `Tolerance of the corner at waypoint ${corner.vertex + 1}`);
+    field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of a corner");
     fill(
       field,
       corner.allowed === null || corner.allowed === undefined
