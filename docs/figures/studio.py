@@ -10,7 +10,7 @@ from soak.studio_page import Studio, browsing, serving
 
 FOLDER = Path(__file__).parent
 GASKET = FOLDER.parents[1] / "examples" / "drawings" / "gasket.dxf"
-SIZE = (1180, 800)
+SIZE = (1280, 820)
 
 
 def save(studio: Studio, name: str) -> None:
