@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -56,9 +57,11 @@ def gasket(studio: Studio) -> None:
 
 def main() -> int:
     """Make all pictures."""
-    with browsing() as browser, tempfile.TemporaryDirectory() as folder:
-        for act, arguments in ((demo, ()), (gasket, (GASKET, "--cell", "ur5e"))):
-            with serving(*arguments, folder=Path(folder)) as server:
+    with browsing() as browser, tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copy(GASKET, folder)
+        for act, arguments in ((demo, ()), (gasket, (GASKET.name, "--cell", "ur5e"))):
+            with serving(*arguments, folder=folder) as server:
                 studio = Studio(browser, server, size=SIZE)
                 studio.begin()
                 act(studio)
