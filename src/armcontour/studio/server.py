@@ -364,6 +364,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
         uvicorn.Config(
             Guard(Server(door, desk), door),
             http="h11",
+            ws="websockets-sansio",
             loop="asyncio",
             lifespan="off",
             log_config=None,
