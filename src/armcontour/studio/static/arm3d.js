@@ -56,6 +56,8 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** Which motion was asked for. */
+    this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
     this.time = 0;
@@ -185,14 +187,13 @@ class ArmView {
    */
   read(scene, frame) {
     const { stale, store } = this;
-    const paint = PAINTS[store.theme];
-    if (stale.has("arm")) {
+    if (stale.has("arm") || stale.has("theme")) {
       this.cell = cellOf(frame);
-      scene.setCell(this.cell, paint);
+      scene.setCell(this.cell, PAINTS[store.theme]);
     }
-    if (stale.has("theme")) scene.repaint(paint);
-    const which = store.options.time ?? "planned";
-    if (stale.size > 0 || this.motion?.of !== which) {
+    const which = store.options.time;
+    if (stale.size > 0 || this.asked !== which) {
+      this.asked = which;
       const picture = store.latest("picture");
       this.motion = motionOf(store, which) ?? motionOf(store, "planned");
       this.trail = this.motion && picture ? trailOf(this.motion, picture, store.theme) : null;
@@ -271,8 +272,7 @@ class ArmView {
   noteText(motion) {
     if (this.store.refusal) return this.store.refusal.head.sentence;
     if (!motion) return "No motion yet: the arm is at zero.";
-    const asked = this.store.options.time ?? "planned";
-    if (asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
+    if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
     if (this.scene?.kind === "stick") return "This browser has no WebGL: the arm is drawn as lines.";
     return "";
   }
