@@ -19,6 +19,8 @@ import { passed, trailOf } from "./trail.js";
 
 /** Times closer than this are the same [s]. */
 const SAME_TIME = 1e-9;
+/** Starts that differ by more are in different configurations [rad]. */
+const SAME_POSTURE = 0.01;
 /** So long after the last change the view rests [ms]. */
 const REST = 600;
 /** Numbers change so often at most [ms]. */
@@ -32,7 +34,7 @@ const READING = 80;
 export function init(store, _link) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
-  for (const event of ["cursor", "view", "layout", "refusal"]) store.on(event, view.draw);
+  for (const event of ["cursor", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
@@ -273,9 +275,22 @@ class ArmView {
     if (this.store.refusal) return this.store.refusal.head.sentence;
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
+    if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {
+      return "The full run has the arm in another configuration than this preview.";
+    }
     if (this.scene?.kind === "stick") return "This browser has no WebGL: the arm is drawn as lines.";
     return "";
   }
+}
+
+/**
+ * Whether a full run starts in another configuration.
+ * @param {Motion} motion
+ * @param {number[] | undefined} start joint positions of the full run [rad]
+ * @returns {boolean}
+ */
+function isElsewhere({ q }, start) {
+  return Boolean(start?.some((x, k) => Math.abs(x - q[k]) > SAME_POSTURE));
 }
 
 /** Frames drawn in the last second. */
