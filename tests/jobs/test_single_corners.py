@@ -84,11 +84,19 @@ def test_two_corners_at_one_place_are_told_apart_by_their_directions() -> None:
     points = [[0, 0], [0.1, 0], [0.1, 0.1], [0.2, 0.1], [0.2, -0.1], [0.1, 0], [0.1, -0.2]]
     path = Path.polyline(points)
     assert corner_waypoints(path, path).tolist() == [2, 3, 4, 5, 6]
+    # Seen from a path that starts later, where only places and directions tell.
+    later = Path.polyline([[0.05, 0], *points[1:]])
+    assert corner_waypoints(path, later).tolist() == [2, 3, 4, 5, 6]
 
 
 def test_merged_points_and_points_of_splines_count() -> None:
     repeated = Path.polyline([[0, 0], [0, 0], [0.1, 0], [0.1, 0.1]])
     assert corner_waypoints(repeated, repeated).tolist() == [3]
+    longer = Path.polyline([[-0.1, 0], [0, 0], [0.1, 0], [0.1, 0.1]])
+    assert corner_waypoints(repeated, longer).tolist() == [0, 3]
+    straight = Path.polyline([[0, 0], [0.1, 0], [0.2, 0]])
+    assert not corner_waypoints(straight, straight).any()
+    assert not corner_waypoints(straight, longer).any()
     spline = Path.spline([[0, 0], [0.1, 0.02], [0.2, 0]], tolerance=1e-5)
     assert not corner_waypoints(spline, spline).any()
 

@@ -285,6 +285,7 @@ def test_obstacles_are_added_changed_and_removed() -> None:
         ({"do": "move_waypoint", "index": 1, "to": [0, math.inf]}, "to"),
         ({"do": "move_waypoint", "index": 1, "to": [0]}, "two coordinates"),
         ({"do": "to_waypoints"}, "waypoints of the job already"),
+        ({"do": "corner_tolerance", "index": None, "value": 1}, "at no waypoint of a path"),
     ],
 )
 def test_edits_that_make_no_sense_are_refused(edit, words) -> None:

@@ -9,7 +9,9 @@ from threading import Condition, Event
 
 import pytest
 
+from armcontour._processes import ProcessEnded
 from armcontour.errors import Unreachable
+from armcontour.studio import lanes
 from armcontour.studio.lanes import FastLane, SlowLane
 from armcontour.studio.tasks import SMALL
 from armcontour.studio.wire import Frame
@@ -93,7 +95,7 @@ class Heard:
             return [x for x in self.frames if x.header["id"] == id and x.kind in kinds]
 
         with self.news:
-            assert self.news.wait_for(found, 60), [x.kind for x in self.frames]
+            assert self.news.wait_for(found, 120), [x.kind for x in self.frames]
             return found()[0]
 
 
@@ -147,6 +149,30 @@ class TestSlowLane:
         assert "has ended before it gave an answer" in heard.wait("g", "failed").header["sentence"]
         slow.submit("h", "figures", {"text": SMALL})
         assert heard.wait("h", "figures").header["duration"] > 0
+
+    def test_a_process_that_does_not_start_fails_each_task(self, monkeypatch):
+        starts = []
+
+        class Ended:
+            def __init__(self, work):
+                starts.append(work)
+
+            def do(self, given, heard):
+                raise ProcessEnded("Another process has ended.")
+
+            def end(self):
+                pass
+
+            close = end
+
+        monkeypatch.setattr(lanes, "Worker", Ended)
+        heard = Heard()
+        lane = SlowLane(heard)
+        for id in ("a", "b"):
+            lane.submit(id, "figures", {"text": SMALL})
+            assert heard.wait(id, "failed").header["sentence"] == "Another process has ended."
+        lane.close()
+        assert 2 <= len(starts) <= 3
 
     def test_it_ends_with_the_process_that_started_it(self, slow, heard, tmp_path):
         code = (

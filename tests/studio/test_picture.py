@@ -110,6 +110,21 @@ class TestPicture:
             assert gap == pytest.approx(x["error"], rel=1e-9)
             assert x["allowed"] == pytest.approx(5e-3)
 
+    def test_corners_know_their_waypoints_and_their_own_tolerance(self, previewer, paper, view):
+        paper["corners"] = {"tolerance": "5 mm", "at": {3: "1 mm"}}
+        lead = {"length": "5 mm", "shape": "line", "side": "left"}
+        paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}, "published": None}
+        del paper["experiment"]
+        planned = previewer.plan(paper, "optimal")
+        corners = packed(picture_frame(planned, view)).header["corners"]
+        assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
+        assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
+        assert corners[1]["error"] == pytest.approx(1e-3)
+
+    def test_corners_of_drawings_are_no_waypoints(self, gasket):
+        _, frame = gasket
+        assert {x["waypoint"] for x in frame.header["corners"]} == {None}
+
     def test_shortfalls_are_where_the_tool_is_slow(self, shown, view):
         planned, frame = shown
         assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0

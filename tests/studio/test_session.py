@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from tests.studio.serving import JOB, NoLane
 
+from armcontour.errors import InvalidInput
 from armcontour.studio import screen
 from armcontour.studio.document import Document
 from armcontour.studio.opening import open_session
 from armcontour.studio.preview import Previewer
-from armcontour.studio.session import Session
+from armcontour.studio.session import Session, refuse_new_xacro
 from armcontour.studio.wire import Frame
 
 NEVER = 1e6
@@ -421,7 +422,8 @@ def test_a_job_without_a_file_is_a_download(tmp_path: Path, monkeypatch: Any) ->
 def test_a_draft_is_offered_and_taken(session: Session, tab: Tab, file: Path) -> None:
     tab.edit(MOVE)
     changed = session.document.text
-    assert "draft" in str(session.close())
+    assert "draft" in str(session.unsaved())
+    session.close()
     again = session_of(file)
     other = Tab(again)
     again.begin()
@@ -430,7 +432,8 @@ def test_a_draft_is_offered_and_taken(session: Session, tab: Tab, file: Path) ->
     assert again.document.text == changed and not other.last("document")["draft"]
     other.say("undo")
     assert again.document.text == JOB
-    assert again.close() is None
+    assert again.unsaved() is None
+    again.close()
     assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
 
 
@@ -544,3 +547,20 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) ->
     assert kinds(heard) == ["document", "arm", "picture", "executed"]
     assert tab.last("document")["sentence"] is None
     session.close()
+
+
+@pytest.mark.parametrize("arm", ["b.xacro", "b.yaml", "B.XACRO", {"file": "sub/a.xacro"}])
+def test_programs_that_the_user_has_not_named_are_refused(tmp_path: Path, arm: Any) -> None:
+    with pytest.raises(InvalidInput, match="--trust-xacro"):
+        refuse_new_xacro({"arm": arm}, tmp_path, [tmp_path / "a.xacro"])
+
+
+@pytest.mark.parametrize("arm", ["a.xacro", "./a.xacro", {"file": "a.xacro"}, "ur5e", "b.urdf"])
+def test_programs_that_the_user_has_named_are_not(tmp_path: Path, arm: Any) -> None:
+    refuse_new_xacro({"arm": arm}, tmp_path, [tmp_path / "a.xacro"])
+
+
+def test_without_any_trust_an_arm_file_is_read_as_elsewhere(tmp_path: Path) -> None:
+    refuse_new_xacro({"arm": "b.yaml"}, tmp_path, [])
+    with pytest.raises(InvalidInput, match="is a program"):
+        refuse_new_xacro({"arm": "a.xacro"}, tmp_path, [])

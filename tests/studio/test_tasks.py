@@ -18,7 +18,7 @@ name: gasket
 arm: {name: ur5e, work: {position: [400 mm, -100 mm, 100 mm]}}
 path:
   file: gasket.dxf
-  names: [handle 31, handle 33, handle 38]
+  names: [handle 31, handle 33]
   orientation: {axis: [0, 0, -1]}
 limits: {speed: 0.2 m/s}
 corners: {tolerance: 0.5 mm}
@@ -60,6 +60,12 @@ def coarse(paper):
 def short(coarse):
     """The same with a short path."""
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
+
+
+@pytest.fixture
+def line(square):
+    """The square's job with a short line."""
+    return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
 
 
 class TestFigures:
@@ -104,10 +110,10 @@ class TestFigures:
         frame = ask("figures", square, "fast", drawings)
         assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
 
-    def test_another_configuration_is_said(self, square, drawings):
-        start = np.array(ask("figures", square, "fast", drawings).header["start"])
+    def test_another_configuration_is_said(self, line, drawings):
+        start = np.array(ask("figures", line, "fast", drawings).header["start"])
         for more, says in ((0.0, False), (0.5, True)):
-            found = ask("figures", square, "fast", drawings, start=(start + more).tolist())
+            found = ask("figures", line, "fast", drawings, start=(start + more).tolist())
             assert (OTHER_CONFIGURATION in found.header["notes"]) is says
 
 
@@ -176,24 +182,24 @@ class TestFiles:
             ({"format": "template", "template": "abb"}, ".mod", b"MODULE"),
         ],
     )
-    def test_every_format_is_exported(self, square, drawings, options, ending, begins):
-        found = ask("export", square, "fast", drawings, **options)
+    def test_every_format_is_exported(self, line, drawings, options, ending, begins):
+        found = ask("export", line, "fast", drawings, **options)
         content = found.arrays["content"].tobytes()
         assert found.header["name"] == f"square-fast{ending}"
         assert found.header["bytes"] == len(content) > 100
         assert begins in content[:100]
 
-    def test_a_bag_is_an_archive_of_its_folder(self, square, drawings):
-        found = ask("export", square, "fast", drawings, format="mcap")
+    def test_a_bag_is_an_archive_of_its_folder(self, line, drawings):
+        found = ask("export", line, "fast", drawings, format="mcap")
         with zipfile.ZipFile(BytesIO(found.arrays["content"].tobytes())) as archive:
             assert any(x.endswith(".mcap") for x in archive.namelist())
 
-    def test_files_of_templates_are_not_read(self, square, drawings):
+    def test_files_of_templates_are_not_read(self, line, drawings):
         with pytest.raises(ac.InvalidInput, match="There is no template '/etc/passwd'"):
-            ask("export", square, "fast", drawings, format="template", template="/etc/passwd")
+            ask("export", line, "fast", drawings, format="template", template="/etc/passwd")
 
-    def test_a_report_is_a_page(self, coarse, drawings):
-        found = ask("report", coarse, "optimal", drawings)
+    def test_a_report_is_a_page(self, short, drawings):
+        found = ask("report", short, "optimal", drawings)
         assert found.header["type"] == "text/html"
         assert b"optimal" in found.arrays["content"].tobytes()
 

@@ -33,17 +33,14 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
     require_server()
     _check(file, x)
 
-    def opened(desk: Desk) -> None:
-        desks.append(desk)
-
     desks: list[Desk] = []
-    with before_interrupt(lambda: _leave(desks)):
+    with before_interrupt(lambda: _unsaved(desks)), before_interrupt(lambda: _leave(desks)):
         serve(
             lambda say: _session(file, x, say),
             port=x.port,
             announce=lambda address: _announce(address, x.open_page),
             exit_when_closed=x.exit_when_closed,
-            opened=opened,
+            opened=desks.append,
         )
 
 
@@ -86,7 +83,14 @@ def _announce(address: str, open_page: bool) -> None:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
-def _leave(desks: list[Desk]) -> str | None:
-    """Keep unsaved changes, and end the other process."""
+def _leave(desks: list[Desk]) -> None:
+    """End the other processes."""
+    for desk in desks:
+        if desk.session is not None:
+            desk.session.close()
+
+
+def _unsaved(desks: list[Desk]) -> str | None:
+    """A sentence on changes that were not saved."""
     session = desks[0].session if desks else None
-    return None if session is None else session.close()
+    return None if session is None else session.unsaved()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,15 +31,21 @@ def corner_waypoints(given: Path, prepared: Path) -> IntArray:
         For every vertex between segments of the prepared path the number of its waypoint, from 1,
         or 0 if it is none, (vertices,).
     """
-    from scipy.spatial import cKDTree
-
     numbers, points, before, after = _waypoints(given)
     found = np.zeros(len(prepared) - 1, dtype=np.intp)
-    if not len(found):
+    if np.array_equal(prepared.vertices, given.vertices):
+        # Nothing was added: while a point is dragged this is asked often.
+        inside = np.isin(given.waypoints, np.arange(1, len(given)))
+        kept = _numbers(given)[inside]
+        found[given.waypoints[inside] - 1] = np.where(np.isin(kept, numbers), kept, 0)
         return found
+    if not len(found) or not len(points):
+        return found
+    from scipy.spatial import cKDTree
+
     places = prepared.vertices[1:-1]
     ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
-    near: Sequence[list[int]] = cKDTree(points).query_ball_point(places, REPEATED_POINT).tolist()
+    near: Any = cKDTree(points).query_ball_point(places, REPEATED_POINT)
     for j, candidates in enumerate(near):
         for k in candidates:
             forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])
@@ -121,9 +128,7 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
     Returns:
         Their numbers from 1; their points [m], and the directions before and after them.
     """
-    count = len(path.waypoints) + len(path.merged)
-    numbers = np.setdiff1d(np.arange(count), path.merged) + 1
-    vertices = path.vertices
+    numbers, vertices = _numbers(path), path.vertices
     ahead = np.concatenate([path.segments.end_tangents[-1:], path.segments.end_tangents])
     behind = np.concatenate([path.tangents, path.tangents[:1]])
     turned = angle_between(ahead, behind) > TANGENT_TOLERANCE
@@ -133,6 +138,12 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
     kept = turned[path.waypoints]
     at = path.waypoints[kept]
     return numbers[kept], vertices[at], ahead[at], behind[at]
+
+
+def _numbers(path: Path) -> IntArray:
+    """The numbers of the points of a path that were kept, from 1, (waypoints,)."""
+    count = len(path.waypoints) + len(path.merged)
+    return np.setdiff1d(np.arange(count), path.merged) + 1
 
 
 def _why_not(number: int, count: int, path: Path) -> str:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
+from armcontour.errors import InvalidInput
 from armcontour.io.job_model import CompensationModel, TimingModel
+from armcontour.jobs import Job
+from armcontour.studio.document import Document
 from armcontour.studio.handles import Handles, obstacles_of
 from armcontour.studio.sliders import sliders_of
 from armcontour.studio.variants import Variants
 from armcontour.studio.wire import Frame
-
-if TYPE_CHECKING:
-    from armcontour.studio.document import Document
-    from armcontour.studio.session import Seen
 
 # What an edit is called in the list of what can be undone.
 LABELS = {
@@ -29,6 +29,23 @@ LABELS = {
     "set": "set {key}",
     "unset": "leave {key} out",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """The document as it is shown between gestures.
+
+    Args:
+        data: The job as parsed.
+        job: The job; None if the data make none.
+        handles: What can be grabbed; None without a job.
+        error: Why the data make no job.
+    """
+
+    data: Mapping[str, Any]
+    job: Job | None
+    handles: Handles | None
+    error: InvalidInput | None = None
 
 
 def label_of(edits: Sequence[Mapping[str, Any]]) -> str:

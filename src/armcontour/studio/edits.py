@@ -380,6 +380,11 @@ def _renumbered(index: int, by: int, state: EditState) -> list[Change]:
 
 def _corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set the tolerance of one corner; null takes it away."""
+    if edit["index"] is None:
+        raise InvalidInput(
+            "This corner is at no waypoint of a path of one contour, so that it cannot have a "
+            "tolerance of its own: set that of all corners."
+        )
     index = _checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
     keys = place_of(["corners", "at"], state.data, state.run)
     key: Keys = (*keys, index + 1)

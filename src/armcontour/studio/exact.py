@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from threading import RLock
+from threading import RLock, Thread
 from typing import Any, TypeAlias
 
 from armcontour.errors import InvalidInput
@@ -115,10 +115,13 @@ class Exact:
             self.latest = None
 
     def close(self) -> None:
-        """End both processes."""
-        self._figures.close()
-        if self._tasks is not None:
-            self._tasks.close()
+        """End both processes, at the same time."""
+        lanes = [x for x in (self._figures, self._tasks) if x is not None]
+        closing = [Thread(target=x.close, daemon=True) for x in lanes]
+        for x in closing:
+            x.start()
+        for x in closing:
+            x.join()
 
     def _next(self) -> None:
         """Compute the figures that are wanted."""

@@ -140,11 +140,16 @@ class SlowLane:
                 self._worker = worker
                 if not self._open and worker is not None:
                     worker.end()
+            ready = False
             try:
                 self._do(WARM)
+                ready = True
                 while (given := self._next()) is not None:
                     self._do(given)
-            except ProcessEnded as error:
+            except (ProcessEnded, RuntimeError) as error:
+                if not ready:
+                    # What cannot start is tried again for the next task only.
+                    self._next()
                 self._end(Frame("failed", {"sentence": str(error)}))
             finally:
                 if worker is not None:

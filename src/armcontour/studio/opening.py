@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from armcontour._files import hear_reading
 from armcontour._progress import Step
@@ -60,18 +60,19 @@ def open_session(
     tell(Step(("loading armcontour",)))
     from armcontour.studio.lanes import SlowLane
     from armcontour.studio.preview import Previewer
-    from armcontour.studio.session import Session
+    from armcontour.studio.session import Session, arm_file_of
 
     document = _document(file, cell)
     folder = document.folder or FilePath.cwd()
     previewer = Previewer(folder, trust_xacro=trust_xacro)
     tell(Step(("reading the job",)))
     named: list[FilePath] = []
+    named_arm = arm_file_of(document.data)
     with hear_reading(lambda place, content: named.append(place)):
         session = Session(
             document,
             previewer,
-            trusted=_xacro_of(document.data, folder) if trust_xacro else (),
+            trusted=[folder / named_arm] if trust_xacro and named_arm else (),
             told=tell,
             slow=slow or SlowLane,
         )
@@ -91,10 +92,3 @@ def _document(file: FilePath | None, cell: str | None) -> Document:
         paper = resources.files("armcontour.jobs") / "library" / "paper.yaml"
         return Document.of_text(paper.read_text(encoding="utf-8"), FilePath.cwd(), "paper.yaml")
     return Document.open(file) if cell is None else Document.of_drawing(file, cell)
-
-
-def _xacro_of(data: Mapping[str, Any], folder: FilePath) -> list[FilePath]:
-    """The file of xacro that a job names, if there is one."""
-    arm = data.get("arm")
-    file = arm.get("file") if isinstance(arm, Mapping) else arm
-    return [folder / file] if isinstance(file, str) and file.lower().endswith(".xacro") else []

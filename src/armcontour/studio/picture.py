@@ -15,6 +15,7 @@ from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
+from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.motion import Trajectory
 from armcontour.program import Program
 from armcontour.studio.line import NOTHING, Line, places_of
@@ -306,7 +307,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
-    rounding = planned.run.rounding
+    rounding, given = planned.run.rounding, planned.job.program.contours
     for number, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
@@ -317,11 +318,16 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
         own = path.objective.tolerances
         beside = np.fmin(own[c.vertex - 1], own[np.minimum(c.vertex, len(own) - 1)])
-        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, c.vertex))
+        # Corners of several contours have no tolerance of their own.
+        numbers = np.zeros(len(c), dtype=np.intp)
+        if len(given) == 1:
+            numbers = corner_waypoints(given[0].path, path.objective)[c.vertex - 1]
+        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, numbers))
         for k in range(len(c)):
             found.append(
                 {
                     **{"index": len(found), "contour": number, "vertex": c.vertex[k]},
+                    "waypoint": int(numbers[k]) - 1 if numbers[k] else None,
                     **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
                     **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},
                 }
@@ -329,12 +335,11 @@ def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
     return found
 
 
-def _caps(rounding: Rounding, vertices: IntArray) -> FloatArray:
-    """The largest errors that a job gives corners [m]; NaN without one."""
+def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
+    """The largest errors that a job gives corners [m], by their waypoints; NaN without one."""
     usual = np.nan if rounding.tolerance is None else rounding.tolerance
     single = rounding.at or {}
-    # They are given by the numbers of waypoints, from 1.
-    return np.array([single.get(k + 1, usual) for k in vertices.tolist()], dtype=np.float64)
+    return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Planned) -> list[str]:

@@ -11,7 +11,7 @@ import secrets
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, Protocol, TypeAlias
@@ -25,13 +25,14 @@ from armcontour._text import show
 from armcontour._warming import warm_for_run
 from armcontour._yaml import load
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.io.cell import YAML
 from armcontour.io.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.described import describe, label_of, runs_of
+from armcontour.studio.described import Seen, describe, label_of, runs_of
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.exact import Asked, Exact
-from armcontour.studio.handles import Handles, handles_of
+from armcontour.studio.handles import handles_of
 from armcontour.studio.lanes import FastLane, SlowLane
 from armcontour.studio.preview import Previewer
 from armcontour.studio.screen import Screen, Shown, stamped
@@ -78,23 +79,6 @@ class File:
     data: bytes = field(repr=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """The document as it is shown between gestures.
-
-    Args:
-        data: The job as parsed.
-        job: The job; None if the data make none.
-        handles: What can be grabbed; None without a job.
-        error: Why the data make no job.
-    """
-
-    data: Mapping[str, Any]
-    job: Job | None
-    handles: Handles | None
-    error: InvalidInput | None = None
-
-
 @dataclass(slots=True)
 class Gesture:
     """Edits in one movement: each message has all of them since its start.
@@ -131,7 +115,7 @@ class Session:
     Args:
         document: The document.
         previewer: Plans and executes it.
-        trusted: Files of xacro that may be expanded, which the user has named.
+        trusted: Files of arms that may be programs, as the user has named them.
         fast: Makes the lane of previews.
         slow: Makes the lane of everything else.
         rest: How long nothing changes before the exact figures are computed [s].
@@ -277,17 +261,19 @@ class Session:
                 del self.files[next(iter(self.files))]
         return number
 
-    def close(self) -> str | None:
-        """End all work; returns a sentence on changes that were not saved."""
+    def unsaved(self) -> str | None:
+        """A sentence on changes that are not saved, which are kept in the draft; None without."""
+        if not (self.document.dirty and self.document.write_draft()):
+            return None
+        return f"Changes of {self.document.source} that were not saved are kept as its draft."
+
+    def close(self) -> None:
+        """End all work."""
         self._timer.cancel()
         self.exact.close()
         self.screen.close()
-        kept = self.document.dirty and self.document.write_draft()
         self._ending.close()
         self.uploads.close()
-        if not kept:
-            return None
-        return f"Changes of {self.document.source} that were not saved are kept as its draft."
 
     # Edits.
 
@@ -749,23 +735,41 @@ ACTS: dict[str, Callable[[Session, Tab, Said], None]] = {
 
 
 def refuse_new_xacro(
-    data: Mapping[str, Any], folder: FilePath, trusted: Iterable[FilePath]
+    data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
     """Refuse an arm from a file of xacro, unless the user has named the file.
 
     Such a file is a program: a page may not choose which one is run.
 
+    Args:
+        data: The job.
+        folder: Folder of relative file names.
+        trusted: Files that may be such programs, or may name one.
+
     Raises:
-        InvalidInput: The arm is such a file.
+        InvalidInput: The arm is such a file, or may lead to one.
+    """
+    # An arm file can name another arm; without any trust, reading it refuses what is a program.
+    programs = (".xacro", *YAML) if trusted else (".xacro",)
+    file = arm_file_of(data)
+    if file is None or not file.lower().endswith(programs):
+        return
+    if (folder / file).resolve() not in trusted:
+        raise InvalidInput(
+            f"{file} is a program, or may name one: start the Studio with a job file that names "
+            "it, and with --trust-xacro."
+        )
+
+
+def arm_file_of(data: Mapping[str, Any]) -> str | None:
+    """The file of the arm of a job; None for a built-in one.
+
+    Args:
+        data: The job.
     """
     arm = data.get("arm")
     file = arm.get("file") if isinstance(arm, Mapping) else arm
-    if isinstance(file, str) and file.lower().endswith(".xacro"):
-        if (folder / file).resolve() not in trusted:
-            raise InvalidInput(
-                f"{file} is a program: start the Studio with a job file that names it, and with "
-                "--trust-xacro."
-            )
+    return file if isinstance(file, str) and FilePath(file).suffix else None
 
 
 def _key(frame: Frame) -> str | None:

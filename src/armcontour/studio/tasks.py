@@ -452,7 +452,7 @@ def place(x: Request) -> Frame:
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
-    arrays = {
+    arrays: dict[str, Any] = {
         "by": np.array([_shift(x.view, y) for y in places], dtype=np.float32),
         "turn": np.array([y.get("yaw", 0.0) for y in places], dtype=np.float32),
         "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
@@ -527,8 +527,8 @@ def clearance(x: Request) -> Frame:
         ],
         "left_out": len(found.left_out),
     }
-    arrays: dict[str, Any] = {name: short(y) for name, y in over_time.items()}
-    return Frame("result", header, {"t": short(t), **arrays})
+    over_time["t"] = t
+    return Frame("result", header, {name: short(y) for name, y in over_time.items()})
 
 
 def export(x: Request) -> Frame:

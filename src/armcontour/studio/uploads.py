@@ -6,6 +6,7 @@ until the end, unless the folder of the job has the same file.
 
 from __future__ import annotations
 
+import secrets
 import shutil
 import tempfile
 from pathlib import Path as FilePath
@@ -25,17 +26,15 @@ OWN = ("points", "start", "segments", "spline")
 
 
 class Uploads:
-    """The folder of what pages send, which is made when it is needed."""
+    """The folder of what pages send; it is made when it is needed.
+
+    Attributes:
+        folder: The folder, which may not be there.
+    """
 
     def __init__(self) -> None:
-        self._folder: FilePath | None = None
-
-    @property
-    def folder(self) -> FilePath:
-        """The folder."""
-        if self._folder is None:
-            self._folder = FilePath(tempfile.mkdtemp(prefix="armcontour-"))
-        return self._folder
+        # Nobody can guess the name, and make the folder before.
+        self.folder = FilePath(tempfile.gettempdir()) / f"armcontour-{secrets.token_hex(8)}"
 
     def open(
         self, name: str, content: bytes, cell: str | None, document: Document
@@ -80,14 +79,14 @@ class Uploads:
 
     def close(self) -> None:
         """Remove the folder."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
         """Where a file is: beside the job if it is there, else in the folder."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
+        self.folder.mkdir(mode=0o700, exist_ok=True)
         place = self.folder / name
         place.write_bytes(content)
         return str(place)

@@ -189,7 +189,7 @@ def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
 
 
 def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
-    """Changes that remove a run.
+    """Changes that remove a run, and what names it.
 
     Args:
         data: The job.
@@ -203,7 +203,15 @@ def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
         raise InvalidInput(f"The job has no run {name}.")
     if len(runs) == 1:
         raise InvalidInput(f"{name} is the only run, and a job needs one.")
-    return [Change(("runs", name))]
+    changes = [Change(("runs", name)), Change(("published", "runs", name))]
+    published, experiment = data.get("published") or {}, data.get("experiment") or {}
+    if name in (experiment.get("runs") or []):
+        changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
+    if (data.get("certificate") or {}).get("run") == name:
+        changes.append(Change(("certificate", "run")))
+    if (published.get("time_stamps") or {}).get("run") == name:
+        changes.append(Change(("published", "time_stamps")))
+    return changes
 
 
 def pin_to_run(data: Mapping[str, Any], pin: Pin, name: str) -> list[Change]:

@@ -1,5 +1,6 @@
 // Tables of waypoints and corners: every drag has a way without dragging.
 
+import { toleranceEdits } from "./corner.js";
 import { find, headings, make, say, whileSeen } from "./dom.js";
 import { mm } from "./format.js";
 
@@ -157,7 +158,7 @@ class Corners {
     field.addEventListener("change", () => {
       field.dataset.sent = field.value;
       if (field.value.trim() !== field.dataset.written)
-        this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].vertex, value: field.value.trim() }]);
+        this.link.edit(toleranceEdits(/** @type {any} */ (this.shown?.[k]), field.value.trim()));
     });
     return make("tr", {}, [
       make("th", { scope: "row" }),
@@ -171,10 +172,11 @@ class Corners {
   /** @param {number} k @param {any} corner */
   fillRow(k, corner) {
     const cells = this.table.body.children[k].children;
-    say(cells[0], String(corner.vertex + 1));
+    const at = corner.waypoint === null ? "" : String(corner.waypoint + 1);
+    say(cells[0], at);
     say(cells[1], `${mm(corner.error)} mm`);
     const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
-    field.setAttribute("aria-label", `Tolerance of the corner at waypoint ${corner.vertex + 1}`);
+    field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of all corners");
     fill(
       field,
       corner.allowed === null || corner.allowed === undefined
