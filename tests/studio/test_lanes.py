@@ -95,7 +95,7 @@ class Heard:
             return [x for x in self.frames if x.header["id"] == id and x.kind in kinds]
 
         with self.news:
-            assert self.news.wait_for(found, 60), [x.kind for x in self.frames]
+            assert self.news.wait_for(found, 120), [x.kind for x in self.frames]
             return found()[0]
 
 
