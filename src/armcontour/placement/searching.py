@@ -74,7 +74,7 @@ def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
     """Look at some places, or plan one."""
     which, cutoff = task
     if cutoff is None:
-        return [judge.look(places[k]) for k in which]
+        return judge.look_all([places[k] for k in which])
     return judge.judge(places[which[0]], cutoff)
 
 
