@@ -99,6 +99,14 @@ class Clearance:
         """The pair of the least distance; None if there is no pair."""
         return min(self.pairs, key=lambda x: x.high, default=None)
 
+    @property
+    def nearest(self) -> tuple[PairClearance, ...]:
+        """The pair of the least distance of every kind, the least distance first."""
+        found: dict[str, PairClearance] = {}
+        for x in sorted(self.pairs, key=lambda x: x.high):
+            found.setdefault(x.kind, x)
+        return tuple(found.values())
+
     def later(self, by: float) -> Clearance:
         """The same with all times later by a time [s].
 
@@ -139,10 +147,12 @@ class Clearance:
         """The verdict, with the least distance."""
         if not self.kept:
             return f"Too near: {self.too_near[0]}."
-        least = self.least
-        if least is None:
+        first, *others = self.nearest or (None,)
+        if first is None:
             return "Clear: there is no pair of bodies that could touch."
-        return f"Clear: {least}; no nearer than {least.low * 1e3:.4g} mm at any time."
+        more = "; ".join(f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" for x in others)
+        found = f"Clear: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
+        return f"{found} Nearest of other kinds: {more}." if more else found
 
 
 # A joint path stands for any motion along it: arc length takes the place of time.
