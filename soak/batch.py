@@ -84,14 +84,18 @@ def say(text: str) -> None:
 def speed(folder: FilePath, options: argparse.Namespace) -> bool:
     """The clock of all processors over one, and what the engine adds to the time of the jobs."""
     plan = plan_of(folder, options.jobs)
-    loop = _alone(plan)
+    loop, together = _loops(plan, 1), _loops(plan, processors())
+    say(
+        f"without an engine, {processors()} loops at once do {loop / together * processors():.2f} "
+        f"times the jobs of one: the most that this machine gives"
+    )
     took = {}
     for workers in (1, processors()):
         begin, (own, others) = time.perf_counter(), spent()
         found = ac.batch(plan, folder / f"speed-{workers}", workers=workers)
         took[workers] = time.perf_counter() - begin
         own, others = (b - a for a, b in zip((own, others), spent(), strict=True))
-        ideal = loop * len(found.plan)
+        ideal = (loop if workers == 1 else together) * len(found.plan)
         say(
             f"{workers} workers: {len(found.plan)} jobs in {took[workers]:.1f} s by the clock; "
             f"processor: {own:.1f} s here, {others:.1f} s in workers; in a loop {ideal:.1f} s; the "
@@ -102,19 +106,26 @@ def speed(folder: FilePath, options: argparse.Namespace) -> bool:
     return ratio >= FASTER and (own + others) / ideal - 1 <= SHARE
 
 
-def _alone(plan: FilePath) -> float:
-    """Processor time of a job, with nothing but `run` [s]: some jobs from all over the plan."""
+def _loops(plan: FilePath, count: int) -> float:
+    """Processor time of a job with nothing but `run`, while so many processes work on jobs [s]."""
+    call = [sys.executable, "-m", "soak.batch", LOOP, "--plan", str(plan)]
+    children = [subprocess.Popen(call, stdout=subprocess.PIPE, text=True) for _ in range(count)]
+    return max(float(x.communicate()[0]) for x in children)
+
+
+def work_alone(plan: FilePath, seed: int) -> None:
+    """Print the processor time of a job with nothing but `run` [s]: some jobs of a plan."""
     found = read_plan(plan)
     base = found.bases[0]
     chosen = [
         base.job(base.at(found.keys, found.values(k)))
-        for k in range(0, len(found), max(1, len(found) // 200))
+        for k in random.Random(seed).sample(range(len(found)), min(400, len(found)))
     ]
     ac.run(chosen[0])
     begin = time.process_time()
     for job in chosen:
         ac.run(job)
-    return (time.process_time() - begin) / len(chosen)
+    say(f"{(time.process_time() - begin) / len(chosen)}")
 
 
 def engines(folder: FilePath, options: argparse.Namespace) -> bool:
@@ -363,6 +374,7 @@ def million(folder: FilePath, options: argparse.Namespace) -> bool:
 
 
 KINDS = {"speed": speed, "engines": engines, "kills": kills, "poison": poison, "rows": million}
+LOOP = "loop"
 JOBS = {"kills": 1500, "rows": 1_000_000}
 
 
@@ -371,12 +383,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("kind", nargs="?", choices=KINDS)
+    parser.add_argument("kind", nargs="?", choices=(*KINDS, LOOP))
+    parser.add_argument("--plan", type=FilePath, help=argparse.SUPPRESS)
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--only", choices=("worker", "parent"), help="whom kills are for")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    if options.kind == LOOP:
+        work_alone(options.plan, options.seed)
+        return
     jobs = options.jobs
     good = True
     for kind in [options.kind] if options.kind else KINDS:
