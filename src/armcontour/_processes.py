@@ -38,6 +38,8 @@ CHUNKS = 32
 ALONE = 1.0
 # Largest number of others that work ahead; each takes about as much memory as this process.
 MOST_AHEAD = 7
+# So many processes of a pool may end one after the other before they are ready for work.
+STARTS = 5
 # Every process computes in one thread.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -243,8 +245,10 @@ class ProcessPool(Executor):
     """Other processes that do one piece of work after the other.
 
     A process that ends costs what it was working on: that raises `ProcessEnded`, and another
-    process takes its place. Other errors of the work come as a RuntimeError with their text. Where
-    no process can be started, threads of this one work.
+    process takes its place. Work with a method `prepare`, which is called in each process before
+    its first piece, is not lost if the process ends in that: another one is started, up to STARTS
+    times. Other errors of the work come as a RuntimeError with their text. Where no process can be
+    started, threads of this one work.
 
     Args:
         processes: Number of processes; by default that of processors.
@@ -252,7 +256,7 @@ class ProcessPool(Executor):
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
-        self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
+        self._given = SimpleQueue[tuple[Future[Any], partial[Any]] | None]()
         self._lock, self._open = Lock(), True
         # A program may end without these threads, and then their processes end too.
         self._threads = [
@@ -298,9 +302,8 @@ class ProcessPool(Executor):
                     future.set_result(work())
                     continue
                 if child is None:
-                    child = _start()
-                    assert child.stdin is not None
-                    _send(child.stdin, _call)
+                    child = _prepared(work.func)
+                    begin = time.monotonic()
                 assert child.stdin is not None and child.stdout is not None
                 # As bytes in bytes: what the other process cannot unpack is an error of the work.
                 _send(child.stdin, pickle.dumps(work))
@@ -315,6 +318,33 @@ class ProcessPool(Executor):
         if child is not None:
             child.kill()
             _end(child)
+
+
+def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
+    """A process of a pool that is ready for some work.
+
+    Raises:
+        ProcessEnded: So many processes have ended before they were ready.
+    """
+    for left in reversed(range(STARTS)):
+        child = _start()
+        assert child.stdin is not None and child.stdout is not None
+        try:
+            _send(child.stdin, _call)
+            _send(child.stdin, pickle.dumps(getattr(work, "prepare", _nothing)))
+            _receive(child.stdout)
+        except BaseException as error:
+            child.kill()
+            _end(child)
+            if not isinstance(error, ProcessEnded) or not left:
+                raise
+        else:
+            break
+    return child
+
+
+def _nothing() -> None:
+    """What work without a method `prepare` does before its first piece."""
 
 
 def _call(work: bytes) -> Any:
