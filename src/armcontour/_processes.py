@@ -305,8 +305,7 @@ class ProcessPool(Executor):
                     child = _prepared(work.func)
                     begin = time.monotonic()
                 assert child.stdin is not None and child.stdout is not None
-                # As bytes in bytes: what the other process cannot unpack is an error of the work.
-                _send(child.stdin, pickle.dumps(work))
+                _send(child.stdin, work)
                 future.set_result(_receive(child.stdout))
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
@@ -331,7 +330,7 @@ def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
         assert child.stdin is not None and child.stdout is not None
         try:
             _send(child.stdin, _call)
-            _send(child.stdin, pickle.dumps(getattr(work, "prepare", _nothing)))
+            _send(child.stdin, getattr(work, "prepare", _nothing))
             _receive(child.stdout)
         except BaseException as error:
             child.kill()
@@ -347,9 +346,9 @@ def _nothing() -> None:
     """What work without a method `prepare` does before its first piece."""
 
 
-def _call(work: bytes) -> Any:
+def _call(work: Callable[[], Any]) -> Any:
     """Do a piece of work of a pool."""
-    return pickle.loads(work)()
+    return work()
 
 
 class _Team(Generic[T, R]):
@@ -439,17 +438,17 @@ class _Team(Generic[T, R]):
             found = []
             try:
                 if not sent:
-                    _send(child.stdin, _Unpacked(pack(self.work)))
+                    _send(child.stdin, self.work)
                     sent = True
-                _send(child.stdin, pack(self.items[k]))
+                _send(child.stdin, self.items[k])
                 found = [_receive(child.stdout)]
             except Exception:  # Also what pickle raises, which is anything.
                 pass
             self._add(k, found)
 
 
-class _Unpacked:
-    """Work on items that come packed, and that is packed itself.
+class _Several:
+    """Work on several items together, for executors; arrays are read-only as in own processes.
 
     Args:
         packed: The work.
@@ -463,17 +462,9 @@ class _Unpacked:
         """The work itself."""
         return cast(Callable[[Any], Any], unpack(self.packed))
 
-    def __call__(self, item: Packed) -> Any:
-        """Do the work on an item."""
-        return self.work(unpack(item))
-
-
-class _Several(_Unpacked):
-    """Work on several items that come packed together."""
-
-    def __call__(self, item: Packed) -> list[Any]:
+    def __call__(self, items: Packed) -> list[Any]:
         """Do the work on each of the items."""
-        return [self.work(x) for x in unpack(item)]
+        return [self.work(x) for x in unpack(items)]
 
 
 def pack(value: Any) -> Packed:
@@ -501,11 +492,13 @@ def serve() -> None:
     # What libraries print is no answer.
     os.dup2(2, 1)
     try:
-        work = pickle.load(sys.stdin.buffer)
+        packed, work = pickle.load(sys.stdin.buffer), None
         while True:
             item = pickle.load(sys.stdin.buffer)
             try:
-                answer = pickle.dumps((True, work(item)))
+                if work is None:
+                    work = unpack(packed)
+                answer = pickle.dumps((True, work(unpack(item))))
             except Exception as error:
                 answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
             _write(answers, answer)
@@ -559,12 +552,12 @@ def _each(left: Iterator[T], lock: Lock) -> Iterator[T]:
 
 
 def _send(pipe: IO[bytes], value: Any) -> None:
-    """Write a value to a pipe.
+    """Write a value to a pipe, with arrays that are read-only at its other end.
 
     Raises:
         ProcessEnded: The other process has ended.
     """
-    _write(pipe, pickle.dumps(value))
+    _write(pipe, pickle.dumps(pack(value)))
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:
