@@ -105,7 +105,7 @@ def _table(name: str, result: RunResult) -> Table:
     assert result.clearance is not None
     executed = {(x.first, x.second): x for x in getattr(result.executed_clearance, "pairs", ())}
     rows = []
-    for x in result.clearance.pairs[:MOST_ROWS]:
+    for x in sorted(result.clearance.pairs, key=lambda x: x.high - x.margin)[:MOST_ROWS]:
         driven = executed.get((x.first, x.second))
         rows.append(
             (
