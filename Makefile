@@ -10,8 +10,12 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 # The files of compiled functions, and the list of what they are called with.
 COMPILED := $(shell find src/armcontour -name '_*.py') src/armcontour/_kernels.txt
 
+# What developers of the Studio's page need of node: bundles, and types.
+TOOLS := tools/vendor
+TSC := $(TOOLS)/node_modules/.bin/tsc
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soak bench figures schema kernels clean
+.PHONY: help demo test check page soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -27,6 +31,14 @@ check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	@$(MAKE) --no-print-directory page
+
+page:  ## Check the types of the Studio's page, where node is found
+	@if [ -x $(TSC) ] || { command -v npm >/dev/null && npm --prefix $(TOOLS) ci --silent; }; then \
+		echo "$(TSC) --project $(TOOLS)/tsconfig.json" && $(TSC) --project $(TOOLS)/tsconfig.json; \
+	else \
+		echo "The types of the Studio's page were not checked: that needs node with npm, and its registry."; \
+	fi
 
 soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
 	$(BIN)/python -m soak
@@ -61,6 +73,10 @@ schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
 	$(BIN)/python -m soak.kernels
 
+vendor:  ## Bundle what the Studio's page takes from others (needs node)
+	npm --prefix $(TOOLS) ci
+	node $(TOOLS)/build.mjs
+
 clean:  ## Remove the environment and the demo's results
 	rm -rf $(VENV) demo
 
@@ -69,7 +85,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/base: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[experiment,drawings,ros,tables]'
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[experiment,drawings,ros,tables,studio]'
 	@touch $@
 
 $(VENV)/test: pyproject.toml | $(VENV)/bin/python

@@ -23,7 +23,7 @@ from benchmarks.measured import Line, Measured, Missing, in_words, measure
 
 MODULES = (
     *("start_up", "optimal", "torque", "square", "kinematics", "polyline", "projection"),
-    *("paper", "certify", "learning", "spread", "shaping", "jerk", "commands"),
+    *("paper", "certify", "learning", "spread", "shaping", "jerk", "commands", "studio"),
 )
 PACKAGES = (
     *("numpy", "scipy", "numba", "pin"),

@@ -291,6 +291,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, runs={"one": {"compensation": {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
+    _with(PLANE, corners={"at": {2: 1e-3}}),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
     _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
     _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),

@@ -4,7 +4,7 @@ import os
 import sys
 from functools import partial
 from operator import truediv
-from threading import Condition
+from threading import Condition, Timer
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from armcontour._processes import (
     STARTS,
     ProcessEnded,
     ProcessPool,
+    Worker,
     map_ahead,
     map_in_processes,
     pack,
@@ -229,3 +230,23 @@ def test_work_that_has_not_begun_can_be_given_up():
     slow = [pool.submit(eval, "__import__('time').sleep(0.3)") for _ in range(9)]
     pool.shutdown(cancel_futures=True)
     assert sum(x.cancelled() for x in slow) >= 7
+
+
+class TestWorker:
+    def test_it_tells_before_it_answers_and_goes_on_after_errors(self):
+        worker, told = Worker(eval), []
+        tell = "__import__('armcontour._processes', fromlist=['tell']).tell"
+        assert worker.do(f"[{tell}(x) for x in 'ab'] and 3", told.append) == 3
+        assert told == ["a", "b"]
+        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+            worker.do("1 / 0", told.append)
+        assert worker.do("4", told.append) == 4
+        worker.close()
+
+    def test_another_thread_can_end_it(self):
+        worker = Worker(eval)
+        timer = Timer(0.3, worker.end)
+        timer.start()
+        with pytest.raises(ProcessEnded):
+            worker.do("__import__('time').sleep(60)", print)
+        worker.close()

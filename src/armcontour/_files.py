@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from armcontour.errors import InvalidInput
@@ -15,6 +16,27 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
+
+
+@dataclass(frozen=True, slots=True)
+class _Allowed:
+    """Where files may be read: below folders, and some files elsewhere; all without links."""
+
+    folders: tuple[FilePath, ...]
+    files: frozenset[FilePath]
+
+    def check(self, place: FilePath, what: str) -> None:
+        """Refuse a file that is elsewhere, before anything of it is known."""
+        real = place.resolve()
+        if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
+            raise InvalidInput(
+                f"The {what} {place} is not in {self.folders[0]} or below, where files may be read "
+                "here: copy it there, or name it in the job file before the start."
+            )
+
+
+# The innermost `reading_below` is the last; without one, files may be read everywhere.
+_allowed: list[_Allowed] = []
 
 # Who is told of the content of every file that is read.
 _listeners: list[Callable[[FilePath, bytes], None]] = []
@@ -30,6 +52,22 @@ def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
         _listeners.remove(listener)
 
 
+@contextmanager
+def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -> Iterator[None]:
+    """Read files in some folders only meanwhile, in all threads; links that lead out are refused.
+
+    Args:
+        folders: The folders.
+        files: Files elsewhere that may be read, too.
+    """
+    allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
+    _allowed.append(allowed)
+    try:
+        yield
+    finally:
+        _allowed.remove(allowed)
+
+
 def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
     """Read the content of a regular file.
 
@@ -41,10 +79,13 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
         most: The size limit [bytes].
 
     Raises:
-        InvalidInput: No such file, no regular file, a file that is too large or unreadable.
+        InvalidInput: No such file, no regular file, a file that is too large or unreadable, or one
+            that may not be read here.
     """
     place = FilePath(file)
     try:
+        if _allowed:
+            _allowed[-1].check(place, what)
         # Not blocking: opening a pipe without a writer would wait for ever.
         handle = os.open(place, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
     except FileNotFoundError:

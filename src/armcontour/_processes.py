@@ -239,6 +239,8 @@ class _Serving:
     """Whether this process is one of the others, which start no further ones."""
 
     here = False
+    # Where answers go.
+    answers: IO[bytes] | None = None
 
 
 class ProcessPool(Executor):
@@ -317,6 +319,58 @@ class ProcessPool(Executor):
         if child is not None:
             child.kill()
             _end(child)
+
+
+class Worker(Generic[T, R]):
+    """Another process that does one piece of work at a time, tells of it, and can be ended.
+
+    Args:
+        work: The work; it can be pickled, as items and results can.
+    """
+
+    def __init__(self, work: Callable[[T], R]) -> None:
+        self._child = _start()
+        self._work = work
+        self._begun = False
+
+    def do(self, item: T, heard: Callable[[Any], None]) -> R:
+        """Do the work on an item.
+
+        Args:
+            item: The item.
+            heard: Called with what the work tells by `tell` meanwhile.
+
+        Raises:
+            ProcessEnded: The process has ended, or was ended.
+            RuntimeError: An error of the work, as text.
+        """
+        stdin, stdout = self._child.stdin, self._child.stdout
+        assert stdin is not None and stdout is not None
+        if not self._begun:
+            _send(stdin, self._work)
+            self._begun = True
+        _send(stdin, item)
+        found: R = _receive(stdout, heard)
+        return found
+
+    def end(self) -> None:
+        """End the process, whatever it is doing; another thread may wait for its answer."""
+        self._child.kill()
+
+    def close(self) -> None:
+        """End the process, and close its pipes."""
+        self.end()
+        _end(self._child)
+
+
+def tell(value: Any) -> None:
+    """Tell the process that this one works for something before the answer.
+
+    Args:
+        value: What is told; it can be pickled. It is not for work that nobody listens to.
+    """
+    if _Serving.answers is not None:
+        _write(_Serving.answers, pickle.dumps((None, value)))
 
 
 def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
@@ -488,7 +542,7 @@ def serve() -> None:
     _Serving.here = True
     # The terminal interrupts all processes; the first one decides what that means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    answers = os.fdopen(os.dup(1), "wb")
+    answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
     # What libraries print is no answer.
     os.dup2(2, 1)
     try:
@@ -573,19 +627,28 @@ def _write(pipe: IO[bytes], data: bytes) -> None:
         raise ProcessEnded(f"Another process of this work has ended: {error}.") from None
 
 
-def _receive(pipe: IO[bytes]) -> Any:
+def _receive(pipe: IO[bytes], heard: Callable[[Any], None] | None = None) -> Any:
     """Read an answer from a pipe.
+
+    Args:
+        pipe: The pipe.
+        heard: Called with what is told before the answer.
 
     Raises:
         ProcessEnded: The other process has ended.
     """
-    try:
-        worked, value = pickle.load(pipe)
-    except (EOFError, OSError, pickle.UnpicklingError):
-        raise ProcessEnded(
-            "Another process of this work has ended before it gave an answer, as when memory "
-            "runs out: take fewer processes, or free some memory."
-        ) from None
+    while True:
+        try:
+            worked, value = pickle.load(pipe)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise ProcessEnded(
+                "Another process of this work has ended before it gave an answer, as when memory "
+                "runs out: take fewer processes, or free some memory."
+            ) from None
+        if worked is not None:
+            break
+        if heard is not None:
+            heard(value)
     if not worked:
         raise RuntimeError(f"Another process of this work failed: {value}")
     return value

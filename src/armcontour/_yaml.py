@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import yaml
@@ -21,6 +23,8 @@ OF_ONE_VALUE = 80
 FLOAT = "tag:yaml.org,2002:float"
 INT = "tag:yaml.org,2002:int"
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
+# The key whose value is merged into its mapping.
+MERGE = "<<"
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
 DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
@@ -125,6 +129,37 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
         InvalidInput: Not YAML, a repeated key, a text that is too long, or aliases that add too
             many values.
     """
+    with _reading(content, source):
+        return yaml.load(_decoded(content), Loader=loader)
+
+
+def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+    """Load the YAML document in a text, with the nodes that say where its values are written.
+
+    Args:
+        text: The text.
+        source: As in `load`.
+
+    Returns:
+        The data, and the root of the nodes, in which merged keys stay where they are written.
+
+    Raises:
+        InvalidInput: As in `load`.
+    """
+    with _reading(text, source):
+        loader = Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None, None
+        _refuse_flood(node)
+        # Merging moves nodes, so that those with a merge key are made once more.
+        kept = yaml.compose(text, Loader=Loader) if MERGE in text else node
+        return loader.construct_document(node), kept
+
+
+@contextmanager
+def _reading(content: str | bytes, source: str) -> Iterator[None]:
+    """Context in which a text is parsed; what it raises are sentences."""
     if len(content) > MOST_CHARACTERS:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
@@ -132,8 +167,7 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
             "a CSV file of its own."
         )
     try:
-        text = content if isinstance(content, str) else content.decode("utf-8")
-        return yaml.load(text, Loader=loader)
+        yield
     except UnicodeDecodeError as error:
         raise InvalidInput(
             f"{source} is not valid YAML: it is not text in UTF-8 ({error})."
@@ -146,6 +180,11 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(f"{source} is not valid YAML: {error}.") from None
+
+
+def _decoded(content: str | bytes) -> str:
+    """A text, from bytes of UTF-8 if need be."""
+    return content if isinstance(content, str) else content.decode("utf-8")
 
 
 def _refuse_flood(root: yaml.Node) -> None:

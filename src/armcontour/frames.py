@@ -119,6 +119,16 @@ def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     return np.asarray(exp(z) @ exp(y) @ exp(x))
 
 
+def to_rpy(rotation: FloatArray) -> FloatArray:
+    """Roll, pitch and yaw about fixed x, y and z of a rotation matrix [rad], (3, 3) to (3,)."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+        # Roll and yaw have the same axis: the whole rotation goes to roll.
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
 def exp(vectors: npt.ArrayLike) -> FloatArray:
     """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3), by Rodrigues."""
     v = np.asarray(vectors, dtype=np.float64)

@@ -89,3 +89,33 @@ def test_gives_the_exit_code_and_raises_errors() -> None:
     with pytest.raises(KeyError, match="broken"):
         run_interruptibly(broken)
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+SERVER = """
+import sys, threading, time
+from armcontour.cli.interrupts import before_interrupt, run_interruptibly
+
+def work():
+    with before_interrupt(lambda: 1 / 0), before_interrupt(lambda: time.sleep(60)):
+        with before_interrupt(lambda: "The draft is kept."):
+            print("working", flush=True)
+            threading.Event().wait()
+
+run_interruptibly(work)
+"""
+
+
+def test_what_has_to_be_tidied_up_is_and_may_say_so() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", SERVER],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL),
+    )
+    with process:
+        assert process.stdout is not None and process.stdout.readline() == "working\n"
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=20)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert said == "Interrupted (SIGTERM). The draft is kept.\n"

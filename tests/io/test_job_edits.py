@@ -1,6 +1,9 @@
 """Keys of job files are set in their text; the rest stays as it was written."""
 
+import copy
 import json
+import timeit
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -9,7 +12,15 @@ from hypothesis import strategies as st
 
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import move_files, set_keys
+from armcontour.io.job_edits import (
+    REMOVE,
+    Change,
+    change_data,
+    change_text,
+    file_names,
+    move_files,
+    set_keys,
+)
 
 TEXT = """\
 # A cell.
@@ -41,10 +52,10 @@ def test_a_block_is_replaced_by_one_line_and_what_follows_stays() -> None:
     assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {}\n" in found
 
 
-def test_new_keys_come_first_in_their_mapping() -> None:
+def test_new_keys_come_last_in_their_mapping() -> None:
     found = set_keys(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
-    assert "limits: {tool: 2, speed: 1 m/s}  # of the tool" in found
-    assert "  # Before the work frame.\n  tool: 1\n  name: ur5e\n" in found
+    assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in found
+    assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in found
     assert "runs: {a: {b: 3}}" in found
 
 
@@ -100,3 +111,227 @@ def test_files_are_named_from_another_folder(tmp_path: Path) -> None:
     assert found.startswith("arm: arm.yaml  # mine\npath: {file: part.dxf,")
     gone = "path: {file: gone.dxf}\n"
     assert move_files(gone, tmp_path, tmp_path / "out") == gone
+
+
+PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text()
+# Values as somebody writes them, with what they are.
+SCALARS = st.sampled_from(
+    [
+        ("5 mm", "5 mm"),
+        ("0.350", 0.35),
+        ("'it''s'", "it's"),
+        ('"a # b: \\u00e9"', "a # b: é"),
+        ("größe µm", "größe µm"),
+        ("-3", -3),
+        ("true", True),
+        ("null", None),
+        ("1.0e-05", 1e-5),
+        ("'007'", "007"),
+    ]
+)
+KEYS = st.sampled_from(["a", "b", "größe", "x-1", "'on'", "7"])
+NEW = st.recursive(
+    st.sampled_from(
+        [1, 0.25, "2 mm", "1e3", "no", "a: b # c", "é\nü", None, False, "", "- x", "7"]
+    ),
+    lambda x: (
+        st.dictionaries(st.sampled_from(["p", "q", 3]), x, max_size=2) | st.lists(x, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+def key_of(written: str) -> str | int:
+    return int(written) if written == "7" else written.strip("'")
+
+
+@st.composite
+def flows(draw, depth: int = 2) -> tuple[str, object]:
+    """A value on one line, and what it is."""
+    kind = draw(st.sampled_from("sslm")) if depth else "s"
+    if kind == "s":
+        return draw(SCALARS)
+    gap = draw(st.sampled_from(["", " "]))
+    inner = draw(st.lists(flows(depth - 1), max_size=3))
+    if kind == "l":
+        return f"[{gap}{', '.join(x for x, _ in inner)}{gap}]", [x for _, x in inner]
+    names = draw(st.lists(KEYS, min_size=len(inner), max_size=len(inner), unique=True))
+    text = ", ".join(f"{name}: {x}" for name, (x, _) in zip(names, inner, strict=True))
+    pairs = zip(names, inner, strict=True)
+    return f"{{{gap}{text}{gap}}}", {key_of(name): x for name, (_, x) in pairs}
+
+
+@st.composite
+def blocks(draw, indent: str = "", depth: int = 3) -> tuple[list[str], object]:
+    """Lines of a block with comments, and what they are."""
+    names = draw(st.lists(KEYS, min_size=1, max_size=3, unique=True))
+    listed = bool(indent) and draw(st.booleans())
+    lines, items, data = [], [], {}
+    for name in names:
+        if draw(st.integers(0, 4)) == 0:
+            lines.append(indent + f"# about - {name}: é")
+        head = f"{indent}-" if listed else f"{indent}{name}:"
+        if depth and draw(st.integers(0, 2)) == 0:
+            below, value = draw(blocks(indent + draw(st.sampled_from(["  ", "    "])), depth - 1))
+            lines += [head + draw(st.sampled_from(["", "  # below"])), *below]
+        elif draw(st.integers(0, 9)) == 0:
+            value = "two words"
+            lines += [f"{head} |-", f"{indent}    two words"]
+        else:
+            text, value = draw(flows())
+            lines.append(f"{head} {text}" + draw(st.sampled_from(["", " # so", "   # [x]: é"])))
+        items.append(value)
+        data[key_of(name)] = value
+    return lines, items if listed else data
+
+
+@st.composite
+def documents(draw) -> tuple[str, dict]:
+    lines, data = draw(blocks())
+    eol = draw(st.sampled_from(["\n", "\n", "\r\n"]))
+    head = draw(st.sampled_from([[], ["# first"], ["---"]]))
+    return eol.join([*head, *lines]) + draw(st.sampled_from([eol, ""])), data
+
+
+def places(data: object, keys: tuple = ()) -> list[tuple]:
+    """All places in data, and some where nothing is."""
+    found = [keys] if keys else []
+    if isinstance(data, dict):
+        found.append((*keys, "new"))
+        for key, x in data.items():
+            found += places(x, (*keys, key))
+    elif isinstance(data, list):
+        for k, x in enumerate(data):
+            found += places(x, (*keys, k))
+    return found
+
+
+def lists(data: object, keys: tuple = ()) -> list[tuple]:
+    """All places at which an item can be inserted."""
+    inner = data.items() if isinstance(data, dict) else ()
+    own = []
+    if isinstance(data, list):
+        inner = list(enumerate(data))
+        own = [(*keys, k) for k in range(len(data) + 1)]
+    return own + [y for key, x in inner for y in lists(x, (*keys, key))]
+
+
+def changed(data: object, keys: tuple, value: object, how: str) -> object:
+    """The data with a change, by plain mutation of a copy."""
+    data = copy.deepcopy(data)
+    at = data
+    for key in keys[:-1]:
+        at = at[key]
+    if how == "insert":
+        at.insert(keys[-1], value)
+    elif how == "set":
+        at[keys[-1]] = value
+    elif not (isinstance(at, dict) and keys[-1] not in at):
+        del at[keys[-1]]
+    return data
+
+
+@given(documents(), st.data())
+def test_any_change_of_any_text_is_the_change_of_its_data(document, draw) -> None:
+    text, data = document
+    assert load(text, "") == data
+    how = draw.draw(st.sampled_from(["set", "remove", "insert"]))
+    known = lists(data) if how == "insert" else places(data)
+    if not known:
+        return
+    keys = draw.draw(st.sampled_from(known))
+    value = REMOVE if how == "remove" else draw.draw(NEW)
+    change = Change(keys, value, insert=how == "insert")
+    wanted = changed(data, keys, value, how)
+    assert change_data(data, [change]) == wanted
+    found = change_text(text, [change])
+    assert load(found, "") == wanted
+    if "\r" in text:
+        assert "\n" not in found.replace("\r\n", "")
+    # All lines of other keys are the same.
+    others = [key for key in data if key != keys[0]]
+    for key in others:
+        assert lines_of(found, key) == lines_of(text, key)
+
+
+def lines_of(text: str, key: str | int) -> list[str]:
+    """The lines of a key of the document, with their line breaks."""
+    found: list[str] = []
+    inside = False
+    for line in text.splitlines(keepends=True):
+        if line[:1] not in " #-\r\n":
+            name = line.partition(":")[0]
+            inside = key_of(name) == key
+        if inside and not line.startswith("#"):
+            found.append(line.rstrip("\r\n"))
+    return found
+
+
+def test_items_are_inserted_moved_and_removed_in_blocks_and_on_lines() -> None:
+    text = "a:\n  # one\n  - 1  # eins\n  # two\n  - 2\nb: [1, 2]  # here\n"
+    first, last = Change(("a", 0), 0, insert=True), Change(("a", 2), 3, insert=True)
+    assert change_text(text, [first]).startswith("a:\n  # one\n  - 0\n  - 1  # eins\n  # two\n")
+    assert "  # two\n  - 2\n  - 3\nb:" in change_text(text, [last])
+    between = change_text(text, [Change(("a", 1), [5, 6], insert=True)])
+    assert "  - 1  # eins\n  - [5, 6]\n  # two\n" in between
+    assert change_text(text, [Change(("a", 0))]) == text.replace("  - 1  # eins\n", "")
+    assert "b: [2]  # here" in change_text(text, [Change(("b", 0))])
+    assert "b: [1]  # here" in change_text(text, [Change(("b", 1))])
+    emptied = change_text(text, [Change(("b", 0)), Change(("b", 0)), Change(("a", 0))])
+    assert "b: []  # here" in emptied
+
+
+def test_lists_over_several_lines_keep_their_lines() -> None:
+    text = "p: [\n  [1, 2],  # one\n  [3, 4],  # two\n]\n"
+    assert change_text(text, [Change(("p", 1), [5, 6], insert=True)]) == (
+        "p: [\n  [1, 2],  # one\n  [5, 6],\n  [3, 4],  # two\n]\n"
+    )
+    assert change_text(text, [Change(("p", 1))]) == "p: [\n  [1, 2],  # one\n]\n"
+
+
+def test_a_long_value_becomes_a_block_and_numbers_that_stay_keep_their_digits() -> None:
+    points = [[0.123456789 + k, 0.1] for k in range(8)]
+    found = change_text("path:\n  frame: {}\n", [Change(("path", "points"), points)])
+    assert found.count("\n    - [") == 8 and load(found, "") == {
+        "path": {"frame": {}, "points": points}
+    }
+    text = "p: [0.350, 1.0e-1]   # digits\n"
+    assert change_text(text, [Change(("p",), [0.35, 0.2])]) == "p: [0.350, 0.2]   # digits\n"
+
+
+def test_a_comment_behind_a_value_stays_in_its_column() -> None:
+    found = change_text(PAPER, [Change(("limits", "speed"), "0.1525 m/s")])
+    (line,) = set(found.splitlines()) - set(PAPER.splitlines())
+    (old,) = set(PAPER.splitlines()) - set(found.splitlines())
+    assert line.index("#") == old.index("#")
+
+
+def test_aliases_and_positions_that_are_not_there_are_refused() -> None:
+    text = "a: &x [1, 2]\nb: *x\nc: {<<: &y {k: 1}, l: 2}\n"
+    for keys in (("b", 0), ("b",), ("a", 0), ("a",)):
+        with pytest.raises(InvalidInput, match="is shared with other keys"):
+            change_text(text, [Change(keys, 5)])
+    # What is merged can be had as a key of its own.
+    assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])
+    with pytest.raises(InvalidInput, match=r"a \(item 4\).*has 2 items"):
+        change_data({"a": [1, 2]}, [Change(("a", 3), 1)])
+
+
+def test_changes_of_the_papers_job_are_fast() -> None:
+    data, change = load(PAPER, ""), [Change(("path", "points", 1, 0), 0.42)]
+
+    def least(work, times: int) -> float:
+        return min(timeit.repeat(work, number=1, repeat=times))
+
+    # Processor time of this machine would be the same in the least of some.
+    assert least(lambda: change_data(data, change), 50) < 100e-6
+    assert least(lambda: change_text(PAPER, change), 7) < 0.1
+
+
+def test_names_of_files_are_found(tmp_path: Path) -> None:
+    text = "arm: {file: a.urdf, srdf: a.srdf}\npath: {file: p.dxf}\nscene: {files: [s.urdf]}\n"
+    assert file_names(text) == ["a.urdf", "a.srdf", "p.dxf", "s.urdf"]
+    (tmp_path / "a.srdf").touch()
+    (tmp_path / "s.urdf").touch()
+    found = move_files(text, tmp_path, tmp_path / "in")
+    assert "srdf: ../a.srdf" in found and "files: [../s.urdf]" in found and "file: p.dxf" in found

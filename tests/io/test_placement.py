@@ -75,8 +75,10 @@ def test_the_job_file_gets_a_work_frame_and_keeps_its_comments() -> None:
     over = {"x": (-0.1, -0.1, 1), "tilt": (0.1, 0.1, 1)}
     found = ac.place(parse_job(SQUARE), over=over, refined=False)
     text = placed_job_text(found, SQUARE, folder=HERE, to=HERE)
-    changed = set(text.splitlines()) ^ set(SQUARE.splitlines())
-    assert all(x.startswith("arm: ") for x in changed)
+    kept = [x for x in text.splitlines() if x in SQUARE.splitlines()]
+    assert kept == [x for x in SQUARE.splitlines() if not x.startswith("arm: ")]
+    new = [x for x in text.splitlines() if x not in kept]
+    assert new[0] == "arm:" and all(x.startswith("  ") for x in new[1:])
     again = parse_job(text)
     assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
     np.testing.assert_allclose(again.arm.arrays[3], found.placed().arm.arrays[3], atol=1e-12)

@@ -6,10 +6,24 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pint
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from armcontour.io.units import MOST_CHARACTERS, PERCENT, QUANTITY, USUAL, parse, share
+from armcontour._quantities import Quantity
+from armcontour.io.units import (
+    MOST_CHARACTERS,
+    PERCENT,
+    QUANTITY,
+    USUAL,
+    parse,
+    read_quantity,
+    share,
+    unit_of,
+    write_like,
+)
 
 
 @pytest.mark.parametrize(
@@ -156,3 +170,45 @@ def test_usual_quantities_do_not_start_pint():
         "assert 'pint' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
+
+
+@pytest.mark.parametrize(
+    ("value", "old", "kind", "written"),
+    [
+        (0.2, "0.15 m/s", Quantity("m/s", "0.15 m/s"), "0.2 m/s"),
+        (0.3525, "350 mm", LENGTH, "352.5 mm"),
+        (0.1 + 0.2, "350mm", LENGTH, "300mm"),
+        (0.1 + 0.2, 0.35, LENGTH, 0.3),
+        (4.0, 3, LENGTH, 4),
+        (2e-6, "0.1 m", LENGTH, "0.000002 m"),
+        (np.pi / 3, "90 deg", Quantity("rad", "90 deg"), "60 deg"),
+        (np.pi / 3, "90°", Quantity("rad", "90 deg"), "60°"),
+        (0.25, "10 %", SHARE, "25 %"),
+        (0.0254, "5 inch", LENGTH, "1 inch"),
+        (0.002, None, LENGTH, "2 mm"),
+        (-0.0, "5 mm", LENGTH, "0 mm"),
+        (0.002, "sharp", LENGTH, "2 mm"),
+    ],
+)
+def test_a_quantity_is_written_as_another_one(value, old, kind, written) -> None:
+    found = write_like(value, old, kind)
+    assert found == written and type(found) is type(written)
+
+
+@given(st.floats(-1e4, 1e4), st.sampled_from(["1 mm", "2.5 m", "3 um", 0.5, "7 thou"]))
+def test_what_is_written_is_read_again(value, old) -> None:
+    exact = read_quantity(write_like(value, old, LENGTH), LENGTH)
+    assert exact == pytest.approx(value, rel=3e-15, abs=0)
+    # Fewer digits where that is enough.
+    rough = write_like(value, old, LENGTH, within=1e-4)
+    assert abs(read_quantity(rough, LENGTH) - value) <= 1e-4 * (1 + 1e-9)
+    assert len(str(rough)) <= len(str(write_like(value, old, LENGTH))) + 2
+
+
+def test_the_unit_of_a_quantity_is_the_one_written() -> None:
+    assert unit_of("350 mm", LENGTH) == ("mm", 1e-3)
+    assert unit_of(0.35, LENGTH) == ("m", 1.0)
+    assert unit_of(None, SHARE) == ("%", 0.01)

@@ -227,8 +227,7 @@ class Sharing:
             return self.this
         line = rounding.line_tolerance
         left: Rounding = replace(
-            rounding,
-            tolerance=tolerance - servo,
+            rounding.within(tolerance - servo),
             line_tolerance=None if line is None else self._tightest - servo,
         )
         return replace(self.this, rounding=left)

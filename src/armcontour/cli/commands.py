@@ -25,6 +25,7 @@ from armcontour.cli.options import (
     RunOptions,
     ShowOptions,
     StoredExportOptions,
+    StudioOptions,
     SweepOptions,
     grouped,
 )
@@ -113,6 +114,24 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     from armcontour.cli.running import built_in_job, run_job
 
     run_job(lambda progress: built_in_job(), out, force=force, open_report=open_report)
+
+
+@app.command()
+@grouped
+def studio(
+    options: StudioOptions,
+    job: Annotated[
+        FilePath | None,
+        typer.Argument(
+            help="Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the "
+            "paper's job."
+        ),
+    ] = None,
+) -> None:
+    """Open a page in which the path is dragged, and the robot's answer is seen at once."""
+    from armcontour.cli.serving import open_studio
+
+    open_studio(job, options)
 
 
 @app.command()

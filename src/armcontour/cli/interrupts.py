@@ -11,8 +11,8 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 from armcontour import _staging
@@ -26,12 +26,30 @@ PULSE = 0.2
 STACK = 64 * 1024 * 1024
 
 
+# Called before the program ends because of a signal; they may return a sentence to be printed.
+_farewells: list[Callable[[], str | None]] = []
+
+
 class _Stopped(BaseException):
     """Raised in the main thread by a signal."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.number = number
+
+
+@contextmanager
+def before_interrupt(farewell: Callable[[], str | None]) -> Iterator[None]:
+    """Call a function before a signal ends the program meanwhile; it has `PATIENCE`.
+
+    Args:
+        farewell: Tidies up, and may return a sentence for the user.
+    """
+    _farewells.append(farewell)
+    try:
+        yield
+    finally:
+        _farewells.remove(farewell)
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
@@ -92,12 +110,30 @@ def _end(number: int) -> NoReturn:
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+    said = _bid_farewell()
     unwritten = _staging.abandon(PATIENCE)
     message = f"Interrupted ({signal.Signals(number).name})"
     message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
+    message = " ".join([message, *said])
     # Written directly to the file descriptor: the thread may hold the locks of the streams.
     with suppress(OSError, AttributeError, ValueError):
         # Clears the line of a progress bar and shows the cursor again.
         clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""
         os.write(2, f"{clear}{message}\n".encode(errors="backslashreplace"))
     os._exit(128 + number)
+
+
+def _bid_farewell() -> list[str]:
+    """Call the functions that tidy up, each in a thread that is not waited for too long."""
+    said: list[str] = []
+
+    def call(farewell: Callable[[], str | None]) -> None:
+        with suppress(Exception):
+            if (sentence := farewell()) is not None:
+                said.append(sentence)
+
+    for farewell in tuple(_farewells):
+        thread = threading.Thread(target=call, args=(farewell,), daemon=True)
+        thread.start()
+        thread.join(PATIENCE)
+    return said

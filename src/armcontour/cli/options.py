@@ -217,6 +217,31 @@ class ShowOptions:
     as_json: AsJson = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudioOptions:
+    """Options of the command `studio`."""
+
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            "--cell",
+            help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
+            "without a path.",
+        ),
+    ] = None
+    open_page: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
+    ] = True
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port on this machine; 0 for any.")
+    ] = 0
+    exit_when_closed: Annotated[
+        bool,
+        typer.Option("--exit-when-closed", help="End a minute after the last page is closed."),
+    ] = False
+    trust_xacro: TrustXacro = False
+
+
 Output = Annotated[
     list[str] | None,
     typer.Option(

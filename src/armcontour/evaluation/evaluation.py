@@ -20,13 +20,11 @@ from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
-from armcontour.evaluation.pieces import Piece, pieces_of
+from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
 from armcontour.geometry import Path
 from armcontour.motion import Execution
 from armcontour.program import Program
 
-# The tool is at rest below this speed [m/s].
-REST_SPEED = 1e-3
 # A joint makes full use of a limit from this share on.
 NEAR = 0.99
 
@@ -142,8 +140,8 @@ def evaluate(
     bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
     trajectory = executed.taught.trajectory
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
-    moving, moved = np.flatnonzero(speed > REST_SPEED), (t >= 0) & (t <= duration)
-    settled = float(t[moving[-1]]) if len(moving) else 0.0
+    moved = (t >= 0) & (t <= duration)
+    settled = settling_time(executed, speed)
     end = max(duration, settled)
     if until is not None:
         end = _checks.positive("until", until, "s")

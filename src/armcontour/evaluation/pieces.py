@@ -20,6 +20,9 @@ from armcontour.geometry.biarcs import length
 from armcontour.motion import Execution, Span
 from armcontour.program import Program
 
+# The tool is at rest below this speed [m/s].
+REST_SPEED = 1e-3
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Piece:
@@ -158,6 +161,17 @@ class Piece:
     ) -> ErrorProfile:
         """The profile of values at the samples, (n,), with the arc lengths of their points."""
         return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side)
+
+
+def settling_time(executed: Execution, speed: FloatArray) -> float:
+    """Time after which the tool stays at rest [s].
+
+    Args:
+        executed: The execution.
+        speed: Its tool speeds [m/s], (n,).
+    """
+    moving = np.flatnonzero(speed > REST_SPEED)
+    return float(executed.t[moving[-1]]) if len(moving) else 0.0
 
 
 def pieces_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
@@ -13,6 +14,7 @@ from armcontour._progress import Progress
 from armcontour._text import make_printable, shorten
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.io.job_edits import Change, change_text, move_files
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
 from armcontour.io.job_overrides import JobOverrides, override
@@ -119,6 +121,28 @@ def cell_data(
     own = {key: x for key, x in (data.get("path") or {}).items() if key not in OWN_PATH}
     path = {**own, "file": str(place.absolute())}
     return {**data, **_names(found, place), "path": path}, source, folder
+
+
+def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
+    """A cell and a drawing as the text of a job file, with the comments of the cell.
+
+    Args:
+        cell: As in `read_cell`.
+        drawing: The file of the drawing.
+        to: The folder of the job file, to which the names of files are relative.
+
+    Raises:
+        InvalidInput: No such cell, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    place = FilePath(drawing).absolute()
+    found = read_model(CellModel, text, source)
+    text = move_files(text, folder, to)
+    own = (load(text, source).get("path") or {}).keys()
+    changes = [Change(("path", key)) for key in OWN_PATH if key in own]
+    changes += [Change((key,), x) for key, x in _names(found, place).items()]
+    changes.append(Change(("path", "file"), FilePath(os.path.relpath(place, to)).as_posix()))
+    return change_text(text, changes, source)
 
 
 def _names(cell: CellModel, drawing: FilePath) -> dict[str, Any]:

@@ -3,19 +3,51 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import lru_cache
 from pathlib import Path as FilePath
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import yaml
 
-from armcontour._yaml import Loader, load
+from armcontour._yaml import Loader, load_with_node
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.problems import place
+from armcontour.io.yaml_text import Shared, Splice, YamlText, flow_text, same
 
-Keys: TypeAlias = tuple[str, ...]
+Key: TypeAlias = str | int
+Keys: TypeAlias = tuple[Key, ...]
 # Keys whose values are names of files, relative to the folder of the job file.
-FILES = ("file", "joint_limits")
+FILES = ("file", "joint_limits", "srdf")
+
+
+class Remove(Enum):
+    """Stands for the value of a key that is removed."""
+
+    REMOVE = "remove"
+
+
+REMOVE: Final = Remove.REMOVE
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of one key of a job file: a value that is set, inserted into a list, or removed.
+
+    Args:
+        keys: The keys that lead there, from the outermost; a number is a position in a list, from
+            0, or the key of a mapping.
+        value: The new value; `REMOVE` removes the key or the item, if it is there.
+        insert: Whether the value becomes a new item of a list, before the one that is there now;
+            one behind the last is allowed.
+    """
+
+    keys: Keys
+    value: Any = REMOVE
+    insert: bool = False
 
 
 def set_keys(text: str, changes: Mapping[Keys, Any], source: str = "job") -> str:
@@ -27,18 +59,51 @@ def set_keys(text: str, changes: Mapping[Keys, Any], source: str = "job") -> str
         source: Name of the text in messages.
 
     Raises:
-        InvalidInput: A value cannot be set without changing others, as with aliases.
+        InvalidInput: As in `change_text`.
     """
-    for keys, value in changes.items():
-        wanted = _unshared(load(text, source))
-        _set_in(wanted, keys, value)
-        text = _set(text, keys, value)
-        if load(text, source) != wanted:
-            raise InvalidInput(
-                f"{source}: {'.'.join(keys)} is shared with other keys, so it is not changed: "
-                f"write {'.'.join(keys)}: {_flow(value)} by hand."
-            )
+    return change_text(text, [Change(keys, x) for keys, x in changes.items()], source)
+
+
+def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
+    """A YAML text with some keys changed; all other lines stay as they were written.
+
+    Args:
+        text: The text; a mapping.
+        changes: The changes, one after the other.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
+            changed alone, because an alias repeats it or stands for it.
+    """
+    data, root = _parsed(text, source)
+    for these in _together(data, changes):
+        written = YamlText(text, root)
+        try:
+            text = _spliced(text, [y for x in these for y in _splices(written, data, x)])
+            wanted = change_data(data, these)
+            # What is no YAML any more had an anchor that is still used.
+            data, root = _parsed(text, source)
+            if not same(data, wanted):
+                raise Shared
+        except (Shared, InvalidInput):
+            raise _shared(source, these[-1]) from None
     return text
+
+
+def change_data(data: Any, changes: Sequence[Change]) -> Any:
+    """The data of a job file with some keys changed; the given data stay as they are.
+
+    Args:
+        data: The data.
+        changes: The changes, one after the other.
+
+    Raises:
+        InvalidInput: A position that its list does not have.
+    """
+    for x in changes:
+        data = _changed(data, x.keys, x)
+    return data
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
@@ -55,10 +120,21 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
         there = folder / node.value
         if not FilePath(node.value).is_absolute() and there.exists():
             name = FilePath(os.path.relpath(there.resolve(), to.resolve())).as_posix()
-            edits.append((node.start_mark.index, node.end_mark.index, _flow(name)))
-    for begin, end, name in sorted(edits, reverse=True):
-        text = text[:begin] + name + text[end:]
-    return text
+            edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
+    return _spliced(text, edits)
+
+
+def file_names(text: str, source: str = "job") -> list[str]:
+    """The files and folders that a job file names.
+
+    Args:
+        text: The job file.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: Not YAML.
+    """
+    return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
@@ -74,66 +150,138 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
             yield from (x for _, x in value.value if isinstance(x, yaml.ScalarNode))
         elif isinstance(value, yaml.SequenceNode):
             for x in value.value:
+                if isinstance(x, yaml.ScalarNode) and key.value == "files":
+                    yield x
                 yield from _file_names(x)
         else:
             yield from _file_names(value)
 
 
-def _unshared(data: Any) -> Any:
-    """The same data, where what aliases repeat are parts of their own."""
-    if isinstance(data, dict):
-        return {key: _unshared(x) for key, x in data.items()}
-    return [_unshared(x) for x in data] if isinstance(data, list) else data
+@lru_cache(maxsize=1)
+def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+    """Data and nodes of a text; those of the last one are kept, which is likely to be changed next.
+
+    Nobody may change them.
+    """
+    return load_with_node(text, source)
 
 
-def _set_in(data: dict[str, Any], keys: Keys, value: Any) -> None:
-    """Set a value in nested mappings; what is no mapping on the way becomes one."""
-    for key in keys[:-1]:
-        if not isinstance(data.get(key), dict):
-            data[key] = {}
-        data = data[key]
-    data[keys[-1]] = value
+def _changed(data: Any, keys: Keys, change: Change) -> Any:
+    """Data with a change, whose keys start there; what is no mapping or list becomes one."""
+    key, *rest = keys
+    last, removing = not rest, change.value is REMOVE
+    if isinstance(data, list) and isinstance(key, int):
+        return _changed_list(data, key, tuple(rest), change)
+    if last and change.insert:
+        return _changed_list([], _position(key, change), (), change)
+    if removing and not (isinstance(data, dict) and key in data):
+        return data
+    own = dict(data) if isinstance(data, dict) else {}
+    if last and removing:
+        del own[key]
+    else:
+        own[key] = change.value if last else _changed(own.get(key), tuple(rest), change)
+    return own
 
 
-def _set(text: str, keys: Keys, value: Any) -> str:
-    """Set one value in a text."""
-    node: Any = yaml.compose(text, Loader=Loader)
-    for depth, key in enumerate(keys):
-        rest = value
-        for x in reversed(keys[depth + 1 :]):
-            rest = {x: rest}
-        known = next((pair for pair in node.value if pair[0].value == key), None)
-        if known is None:
-            return _insert(text, node, key, rest)
-        name, old = known
-        if depth + 1 == len(keys) or not isinstance(old, yaml.MappingNode) or not old.value:
-            begin = text.index(":", name.end_mark.index) + 1
-            return f"{text[:begin]} {_flow(rest)}{text[max(_end(old), begin) :]}"
-        node = old
+def _changed_list(data: list[Any], at: int, rest: Keys, change: Change) -> list[Any]:
+    """A list with a change at one of its positions, or inside it."""
+    adding = change.insert and not rest
+    if not 0 <= at < len(data) + adding:
+        raise InvalidInput(
+            f"{place(change.keys)} cannot be changed: the list there has {len(data)} "
+            f"item{'' if len(data) == 1 else 's'}."
+        )
+    if adding:
+        return [*data[:at], change.value, *data[at:]]
+    if not rest and change.value is REMOVE:
+        return [*data[:at], *data[at + 1 :]]
+    new = change.value if not rest else _changed(data[at], rest, change)
+    return [*data[:at], new, *data[at + 1 :]]
+
+
+def _position(key: Key, change: Change) -> int:
+    """The position in a list that a key names."""
+    if not isinstance(key, int):
+        raise InvalidInput(f"{place(change.keys)} is no position in a list.")
+    return key
+
+
+def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
+    """The changes in groups whose places in the text do not depend on each other."""
+    group: list[Change] = []
+    for x in changes:
+        alone = x.insert or x.value is REMOVE or not _has(data, x.keys)
+        if group and (alone or any(_meet(x.keys, y.keys) for y in group)):
+            yield group
+            group = []
+        data = change_data(data, [x])
+        group.append(x)
+        if alone:
+            yield group
+            group = []
+    if group:
+        yield group
+
+
+def _has(data: Any, keys: Keys) -> bool:
+    """Whether data have a value there."""
+    for key in keys:
+        if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
+            data = data[key]
+        elif isinstance(data, dict) and key in data:
+            data = data[key]
+        else:
+            return False
+    return True
+
+
+def _meet(one: Keys, other: Keys) -> bool:
+    """Whether one of two places in data lies inside the other, or they are the same."""
+    shared = min(len(one), len(other))
+    return one[:shared] == other[:shared]
+
+
+def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
+    """What changes in a text with a change.
+
+    Raises:
+        Shared: An alias stands for what has to change.
+    """
+    here = text.root
+    for depth, key in enumerate(change.keys):
+        rest = change.keys[depth + 1 :]
+        if not here.holds(key):
+            removing = change.value is REMOVE
+            return [] if removing else here.replace(data, _changed(data, (key, *rest), change))
+        if change.insert and not rest and isinstance(data, list):
+            assert isinstance(key, int)
+            return here.insert(key, change.value)
+        inner = here.part(key)
+        if inner is None:
+            removing = change.value is REMOVE
+            return [] if removing else here.add(key, _changed({}, (key, *rest), change)[key])
+        if not rest and change.value is REMOVE:
+            return here.remove(key)
+        if not rest:
+            return inner.replace(data[key], change.value)
+        here, data = inner, data[key]
+    return []
+
+
+def _spliced(text: str, splices: Sequence[Splice]) -> str:
+    """A text with parts replaced."""
+    for x in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
+        text = text[: x.begin] + x.text + text[x.end :]
     return text
 
 
-def _insert(text: str, node: yaml.MappingNode, key: str, value: Any) -> str:
-    """Add a key to a mapping, before its first one."""
-    entry = f"{key}: {_flow(value)}"
-    if node.flow_style:
-        at = node.start_mark.index + 1
-        return f"{text[:at]}{entry}{', ' if node.value else ''}{text[at:]}"
-    first = node.value[0][0].start_mark
-    return f"{text[: first.index]}{entry}\n{' ' * first.column}{text[first.index :]}"
-
-
-def _end(node: yaml.Node) -> int:
-    """Where the text of a value ends, without the comments after it."""
-    if not isinstance(node, yaml.CollectionNode) or node.flow_style:
-        return int(node.end_mark.index)
-    inner: list[Any] = list(node.value)
-    return max(_end(x[1] if isinstance(x, tuple) else x) for x in inner)
-
-
-def _flow(value: Any) -> str:
-    """A value on one line."""
-    text = yaml.safe_dump(
-        value, default_flow_style=True, sort_keys=False, width=1_000_000, allow_unicode=True
+def _shared(source: str, change: Change) -> InvalidInput:
+    """The refusal of a change that would change other keys, too."""
+    name = place(change.keys)
+    by_hand = f"write {name}: {flow_text(change.value)}"
+    if change.value is REMOVE:
+        by_hand = f"remove {name}"
+    return InvalidInput(
+        f"{source}: {name} is shared with other keys, so it is not changed: {by_hand} by hand."
     )
-    return text.removesuffix("...\n").strip()

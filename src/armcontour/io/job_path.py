@@ -55,6 +55,23 @@ def path_of(
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
     """
+    return placed_path(model, unplaced_path(model, folder, dimension, progress), dimension)
+
+
+def unplaced_path(
+    model: PathModel, folder: FilePath, dimension: int, progress: Progress | None = None
+) -> Path | Program:
+    """The same before its frame places it: what takes long to read stays where the part moves.
+
+    Args:
+        model: As of `path_of`.
+        folder: As of `path_of`.
+        dimension: As of `path_of`.
+        progress: As of `path_of`.
+
+    Raises:
+        InvalidInput: As of `path_of`.
+    """
     if model.file is not None:
         return _drawn(model, model.file, folder, dimension, progress)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
@@ -65,13 +82,26 @@ def path_of(
                 f"path.{x.name} is an option for reading a file and needs path.file; if this job "
                 "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
             )
-    path = _oriented(model)
-    if model.frame is None:
-        return path
-    frame = frame_of("path.frame", model.frame)
+    return _oriented(model)
+
+
+def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
+    """The path or program of `unplaced_path` in its frame.
+
+    Args:
+        model: As of `path_of`.
+        path: The path or program.
+        dimension: As of `path_of`.
+
+    Raises:
+        InvalidInput: A frame out of the plane in which the arm moves its tool.
+    """
+    frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not keeps_plane(frame):
         raise InvalidInput(LIFTED)
-    return place_path(path, frame)
+    if isinstance(path, Program):
+        return path.placed(frame)
+    return path if model.frame is None else place_path(path, frame)
 
 
 def _oriented(model: PathModel) -> Path:
@@ -88,8 +118,8 @@ def _oriented(model: PathModel) -> Path:
     return _orient_waypoints(path, model.orientation)
 
 
-def _refuse_space(model: PathModel, program: Program, frame: Frame) -> None:
-    """Refuse a drawing that a planar arm cannot follow: with z, an orientation or a tilted frame.
+def _refuse_space(model: PathModel, program: Program) -> None:
+    """Refuse a drawing that a planar arm cannot follow: with z or an orientation.
 
     Raises:
         InvalidInput: The drawing does not stay in the plane.
@@ -102,14 +132,12 @@ def _refuse_space(model: PathModel, program: Program, frame: Frame) -> None:
         )
     if model.orientation is not None:
         raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
-    if not keeps_plane(frame):
-        raise InvalidInput(LIFTED)
 
 
 def _drawn(
     model: PathModel, file: str, folder: FilePath, dimension: int, progress: Progress | None
 ) -> Program:
-    """Read a drawing, orient the tool and place the program in its frame."""
+    """Read a drawing, and orient the tool."""
     if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
         raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
     options = {name: getattr(model, name) for name in READING}
@@ -121,10 +149,9 @@ def _drawn(
     program = read_path(folder / file, **options, progress=progress)
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
-    frame = part_of(model)
     if dimension == 2:
-        _refuse_space(model, program, frame)
-        return program.placed(frame)
+        _refuse_space(model, program)
+        return program
     program = program.mapped(lift_path)
     if model.orientation is not None:
         how = model.orientation
@@ -137,7 +164,7 @@ def _drawn(
             program = dataclasses.replace(program, notes=(*program.notes, note))
         else:
             program = _orient_contours(program, how)
-    return program.placed(frame)
+    return program
 
 
 def part_of(model: PathModel) -> Frame:

@@ -62,12 +62,23 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     else:
         alike = [x for x in problems if _keys(x) == keys]
         sentence = f"{place(keys) or 'the file'}: {_words(first, alike)}"
+    sentence = sentence.replace(place(keys), place(_named(keys, schema)), 1)
     others = {_keys(x) for x in problems}
     more = sum(not _within(x, keys) and not _within(keys, x) for x in others)
     closing = "" if sentence.endswith("?") else "."
     return (
         sentence + closing + (f" ({more} more problem{'s' if more > 1 else ''}.)" if more else "")
     )
+
+
+def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
+    """The keys, of which numbers that are keys of mappings are texts, unlike positions in lists."""
+    kinds, found = list(_alternatives(schema, schema)), list[int | str]()
+    for key in keys:
+        listed = any("items" in x for x in kinds)
+        found.append(key if listed else str(key))
+        kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, found[-1]))]
+    return tuple(found)
 
 
 def place(keys: Sequence[int | str]) -> str:

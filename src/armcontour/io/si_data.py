@@ -17,7 +17,7 @@ from armcontour.io.units import read_quantity
 Kind = Any
 
 
-def quantity_of(of: type, keys: Sequence[str]) -> Quantity | None:
+def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
     """The quantity that a key of a file takes; None if it takes none.
 
     Args:
@@ -26,7 +26,9 @@ def quantity_of(of: type, keys: Sequence[str]) -> Quantity | None:
     """
     kinds: tuple[Kind, ...] = (of,)
     for key in keys:
-        kinds = _inside(kinds, key)
+        # One value for all joints, or a list with one for each.
+        of_all = (x for x in kinds if isinstance(x, Quantity) and isinstance(key, int))
+        kinds = (*of_all, *_inside(kinds, key))
     return next((x for x in kinds if isinstance(x, Quantity)), None)
 
 
@@ -67,8 +69,10 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
             found += _fields(kind).get(key, ())
             continue
         origin: Any = get_origin(kind)
-        if origin in (dict, Mapping) and isinstance(key, str):
-            found += _alternatives(get_args(kind)[1])
+        if origin in (dict, Mapping):
+            numbered = get_args(kind)[0] is int
+            if isinstance(key, int if numbered else str):
+                found += _alternatives(get_args(kind)[1])
         elif origin in (list, tuple) and isinstance(key, int):
             found += _alternatives(get_args(kind)[0])
     return tuple(found)

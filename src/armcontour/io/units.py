@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from decimal import Decimal
 from functools import cache
 from typing import Any
 
@@ -22,6 +24,10 @@ NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![
 UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
 QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
 PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
+# Numbers that differ by less than this share of themselves differ by rounding errors.
+NOISE = 1e-15
+# Longest number that is written without an exponent.
+LONGEST_POSITIONAL = 20
 # Usual units: pint, which knows all of them, takes a third of a second to start.
 USUAL = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
@@ -30,6 +36,9 @@ USUAL = {
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
     "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "rad/s**2": 1.0, "deg/s^2": math.pi / 180},
+    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0},
+    "rad/s^3": {"rad/s^3": 1.0, "rad/s³": 1.0},
+    "N m": {"N m": 1.0, "N*m": 1.0},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "1/s": {"1/s": 1.0},
     "kg": {"kg": 1.0, "g": 1e-3},
@@ -152,3 +161,92 @@ def read_quantity(value: Any, kind: Quantity) -> float:
             f"must be between -{LARGEST:g} and {LARGEST:g} {kind.unit}, but is {written}"
         )
     return found
+
+
+def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -> Any:
+    """Write a quantity in the form in which another one is written.
+
+    Args:
+        value: The quantity in SI units.
+        old: The other one, such as "350 mm", a plain number, or None for the kind's usual unit.
+        kind: The kind of both.
+        within: How far the written value may be from `value` [SI]: the fewest digits are taken.
+
+    Returns:
+        Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
+        or by a few units in the last place of a float.
+    """
+    found = _written(old, kind)
+    if found is None:
+        number = float(_shortest(value, value, float, within))
+        return int(number) if isinstance(old, int) and number == int(number) else number
+    before, after = found
+    one = read_plain(f"{before}1{after}", kind)
+    text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
+    return before + text + after
+
+
+def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
+    """The unit in which a quantity is written, and its size in SI units.
+
+    Args:
+        old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
+        kind: The kind of the quantity.
+    """
+    found = _written(old, kind)
+    if found is None:
+        return ("" if kind.unit == "1" else kind.unit), 1.0
+    return found[1].strip(), read_plain(f"1{found[1]}", kind)
+
+
+def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
+    """What is before and behind the number of a quantity; None for a plain number."""
+    if isinstance(old, int | float) and not isinstance(old, bool):
+        return None
+    pattern = PERCENT if kind.unit == "1" else QUANTITY
+    match = pattern.fullmatch(old) if isinstance(old, str) else None
+    if match is None:
+        old, match = kind.example, pattern.fullmatch(kind.example)
+    assert match is not None
+    return old[: match.start(1)], old[match.end(1) :]
+
+
+def read_plain(value: Any, kind: Quantity) -> float:
+    """Convert a quantity to SI units, in any range.
+
+    Args:
+        value: A plain number, or text with a unit.
+        kind: Its unit.
+
+    Raises:
+        ValueError: As in `read_quantity`.
+    """
+    return share(value) if kind.unit == "1" else parse(value, kind.unit)
+
+
+def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:
+    """The fewest digits of a number that are read as a value.
+
+    Args:
+        number: The number.
+        value: The value [SI].
+        read: Gives the value of a text.
+        within: How far the value of the text may be off [SI].
+    """
+    allowed = max(within, NOISE * abs(value))
+    text = "0"
+    if abs(value) <= allowed:
+        return text
+    for digits in range(1, 18):
+        text = _positional(f"{number:.{digits}g}")
+        if abs(read(text) - value) <= allowed:
+            break
+    return text
+
+
+def _positional(text: str) -> str:
+    """A decimal number without an exponent, unless that is long."""
+    if "e" not in text:
+        return text
+    plain = f"{Decimal(text):f}"
+    return text if len(plain) > LONGEST_POSITIONAL else plain

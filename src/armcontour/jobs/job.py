@@ -24,6 +24,7 @@ from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
+from armcontour.jobs.single_corners import refuse_no_corners
 from armcontour.motion import Method, check_interval
 from armcontour.program import Process, Program, prepare
 from armcontour.scene import Scene
@@ -50,6 +51,9 @@ class Rounding:
             path whose points are all within the tolerance of the objective, corners and lines
             alike; it needs `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
+        at: For the shape arc, the largest errors of single corners in the place of `tolerance` [m],
+            by the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or
+            a spline, ends of segments. For a path of one contour.
         line_tolerance: For the shape free, the largest distance from the objective farther than
             `zone` from its corners [m]; by default the tolerance holds everywhere.
         zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
@@ -68,6 +72,8 @@ class Rounding:
 
     shape: Annotated[str, Choice(SHAPES)] = ARC
     tolerance: Distance | None = None
+    # Not part of the hash: mappings have none.
+    at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Distance | None = None
     zone: Distance | None = None
     iterations: Annotated[int, AtLeast(0)] | None = None
@@ -86,6 +92,15 @@ class Rounding:
     def with_arcs(self) -> Rounding:
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC, **dict.fromkeys(OF_FREE))
+
+    def within(self, tolerance: float) -> Rounding:
+        """The same with another tolerance, which those of single corners do not exceed.
+
+        Args:
+            tolerance: Largest corner error [m].
+        """
+        single = {k: min(x, tolerance) for k, x in (self.at or {}).items()}
+        return replace(self, tolerance=tolerance, at=single or None)
 
     @property
     def without_continuity(self) -> Rounding:
@@ -111,6 +126,7 @@ class Rounding:
         """
         _checks.choice(f"{key}.shape", self.shape, SHAPES)
         self._check_continuity(timing, key)
+        self._check_single(key)
         if not self.free:
             for name in OF_FREE:
                 if getattr(self, name) is not None:
@@ -146,6 +162,24 @@ class Rounding:
             )
         with locate_errors(key):
             Wishes(**self.wishes)
+
+    def _check_single(self, key: str) -> None:
+        """Refuse tolerances of single corners without a tolerance of the others, and a free shape.
+
+        Raises:
+            InvalidInput: There are such tolerances.
+        """
+        if not self.at:
+            return
+        if self.free:
+            raise InvalidInput(
+                f"{key}.at is for corners with arcs, but the shape is free, whose tolerance holds "
+                "everywhere: leave at out, or write shape: arc."
+            )
+        if self.tolerance is None:
+            raise InvalidInput(
+                f"{key}.at needs {key}.tolerance beside it, the tolerance of all other corners."
+            )
 
     def _check_continuity(self, timing: str, key: str) -> None:
         """Refuse a continuity of the corners that shape or timing do not have.
@@ -342,6 +376,8 @@ class Job:
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(program, x.limits)
                 refuse_open_speeds(program, self.process, x.limits)
+                if x.rounding is not None and x.rounding.at:
+                    refuse_no_corners(program, self.process, list(x.rounding.at))
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")

@@ -1,4 +1,4 @@
-"""Prepare, trace and time the program of a run; compute the lengths of automatic leads."""
+"""The steps of a run one by one, and the lengths of automatic leads."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from collections.abc import Callable
 import numpy.typing as npt
 
 from armcontour._progress import Progress
+from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
-from armcontour.jobs.job import TANGENT, Job, Run
+from armcontour.execution import ServoPlant, execute
+from armcontour.geometry import Path
+from armcontour.jobs.job import TANGENT, Job, Rounding, Run
+from armcontour.jobs.memory import RESOLUTION
+from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
-from armcontour.motion import Trajectory
+from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import (
     Contour,
     Leads,
@@ -23,8 +28,10 @@ from armcontour.program import (
     smooth_curvature,
 )
 from armcontour.timing import (
+    Explanation,
     Tracing,
     choose_start,
+    explain,
     intervals_of,
     plan,
     shape,
@@ -63,6 +70,8 @@ def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[
             )
         leads = automatic_leads(job, this)
         objective = prepare(job.program, job.process, leads)
+    if this.rounding is not None and this.rounding.at:
+        refuse_missing(job.program.path, objective, list(this.rounding.at))
     return objective, round_program(job, this, objective, progress)
 
 
@@ -91,13 +100,22 @@ def round_program(
         acceleration = this.limits.centripetal_acceleration
     rounded = round_corners(
         _join_smoothly(program, this, rounded=False),
-        tolerance=rounding.tolerance,
+        tolerance=_tolerance(job, rounding),
         speed=rounding.speed,
         acceleration=acceleration,
         angular_tolerance=rounding.angular_tolerance,
         continuity=this.continuity or TANGENT,
     )
     return _join_smoothly(rounded, this, rounded=True)
+
+
+def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], npt.ArrayLike]:
+    """The largest corner error [m], which single corners may have of their own."""
+    single, tolerance = rounding.at, rounding.tolerance
+    if not single or tolerance is None:
+        return tolerance
+    given = job.program.path
+    return lambda path: corner_tolerances(given, path, tolerance, single)
 
 
 def _join_smoothly(program: Program, this: Run, *, rounded: bool) -> Program:
@@ -272,3 +290,40 @@ def time_run(
         memory=job.memory,
         **this.plan_options,
     )
+
+
+def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | None:
+    """Which limit binds where on the plan of a run; None for methods that have no such limits.
+
+    A smoothed plan has none, as it is moved away from the limits.
+    """
+    if trajectory.method is not Method.OPTIMAL:
+        return None
+    return explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
+
+
+def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
+    """Compensate the plan of a run for the servo's delay.
+
+    Raises:
+        CompensationError: The method cannot compensate this delay.
+    """
+    return compensate(
+        trajectory,
+        job.servo,
+        method=this.compensation,
+        period=this.period,
+        arm=job.arm,
+        memory=job.memory,
+        **this.compensation_options,
+    )
+
+
+def execute_run(job: Job, this: Run, taught: TaughtData) -> Execution:
+    """Simulate how the servo executes the set-points of a run.
+
+    Raises:
+        ExecutionError: The joints do not come to rest.
+    """
+    plant = ServoPlant(job.arm, job.plant_servo, this.limits)
+    return execute(taught, plant, resolution=RESOLUTION, memory=job.memory)

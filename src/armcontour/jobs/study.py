@@ -13,17 +13,23 @@ import numpy as np
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance, check_clearance
-from armcontour.compensation import compensate
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
-from armcontour.execution import RigidBodyPlant, ServoPlant, execute
+from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.avoiding import keep_clear
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
-from armcontour.jobs.programs import programs_of, time_run, trace_run
+from armcontour.jobs.programs import (
+    execute_run,
+    explain_run,
+    programs_of,
+    teach_run,
+    time_run,
+    trace_run,
+)
 from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
@@ -35,14 +41,7 @@ from armcontour.jobs.weak_points import (
 )
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
-from armcontour.timing import (
-    Explanation,
-    Tracing,
-    assigned_time,
-    explain,
-    refuse_unkept_jerk,
-    with_reserve,
-)
+from armcontour.timing import Explanation, Tracing, assigned_time, refuse_unkept_jerk
 
 STEPS = (
     "rounding",
@@ -78,8 +77,8 @@ class ExperimentResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RunPlan:
-    """Plan and taught data of one run of a job.
+class TimedRun:
+    """Plan of one run of a job, before it is compensated.
 
     Args:
         run: The run.
@@ -87,7 +86,6 @@ class RunPlan:
         path: The program that the tool follows: with rounded or shaped corners, if the run rounds
             corners.
         trajectory: The realizable trajectory.
-        taught: The taught data.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
         exceeded: Sentences on limits that the smoothed plan exceeds.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
@@ -99,7 +97,6 @@ class RunPlan:
     objective: Program
     path: Program
     trajectory: Trajectory
-    taught: TaughtData
     traced: Tracing | None = None
     exceeded: tuple[str, ...] = ()
     clearance: Clearance | None = None
@@ -194,6 +191,17 @@ class RunPlan:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunPlan(TimedRun):
+    """Plan and taught data of one run of a job.
+
+    Args:
+        taught: The taught data.
+    """
+
+    taught: TaughtData
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult(RunPlan):
     """Result of one run of a job: its plan, the simulated execution and the evaluation.
 
@@ -251,7 +259,7 @@ class Study:
     runs: Mapping[str, RunResult]
 
 
-def warnings_of(plans: Iterable[RunPlan]) -> tuple[str, ...]:
+def warnings_of(plans: Iterable[TimedRun]) -> tuple[str, ...]:
     """The warnings of several runs; what holds for more than one of them is said once.
 
     Args:
@@ -339,12 +347,7 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
     earlier = list(earlier)
     plan = _teach(job, this, progress, earlier, simulated=True)
     progress(Step(("execution",)))
-    executed = execute(
-        plan.taught,
-        ServoPlant(job.arm, job.plant_servo, this.limits),
-        resolution=RESOLUTION,
-        memory=job.memory,
-    )
+    executed = execute_run(job, this, plan.taught)
     progress(Step(("evaluation",)))
     evaluation = evaluate(
         executed,
@@ -362,13 +365,9 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
                 experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
         except ExecutionError as error:
             failure = error
-    explanation = None
-    if plan.trajectory.method is Method.OPTIMAL:
-        kept = with_reserve(this.limits, this.reserve)
-        explanation = explain(plan.trajectory, job.arm, kept)
     return RunResult(
         **{x.name: getattr(plan, x.name) for x in fields(RunPlan)},
-        explanation=explanation,
+        explanation=explain_run(job, this, plan.trajectory),
         execution=executed,
         evaluation=evaluation,
         executed_clearance=_executed_clearance(job, plan, executed),
@@ -418,15 +417,7 @@ def _teach(
     traced, trajectory = cleared.traced, cleared.trajectory
     beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
     progress(Step(("compensation",)))
-    taught = compensate(
-        trajectory,
-        job.servo,
-        method=this.compensation,
-        period=this.period,
-        arm=job.arm,
-        memory=job.memory,
-        **this.compensation_options,
-    )
+    taught = teach_run(job, this, trajectory)
     return RunPlan(
         run=this,
         objective=objective,

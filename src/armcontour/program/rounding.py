@@ -32,7 +32,7 @@ def round_corners(
 def round_corners(
     path: Program,
     *,
-    tolerance: npt.ArrayLike | None = None,
+    tolerance: npt.ArrayLike | Callable[[Path], npt.ArrayLike] | None = None,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
@@ -41,7 +41,7 @@ def round_corners(
 def round_corners(
     path: Path | Program,
     *,
-    tolerance: npt.ArrayLike | None = None,
+    tolerance: npt.ArrayLike | Callable[[Path], npt.ArrayLike] | None = None,
     speed: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
     angular_tolerance: float | None = None,
@@ -55,7 +55,8 @@ def round_corners(
     Args:
         path: The objective path, or the program.
         tolerance: Largest corner error [m]. This and the next two arguments are one value for all
-            corners or, for a path, one value per vertex between segments.
+            corners or, for a path, one value per vertex between segments. For a program,
+            `tolerance` may be a function that gives these values for the path of a contour.
         speed: Lowest speed on a corner [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. With `tolerance` alone this
             value only sets the corner speeds that are reported.
@@ -74,7 +75,7 @@ def round_corners(
             x,
             round_path(
                 x.path,
-                tolerance=tolerance,
+                tolerance=tolerance(x.path) if callable(tolerance) else tolerance,
                 speed=speed,
                 acceleration=acceleration,
                 angular_tolerance=angular_tolerance,

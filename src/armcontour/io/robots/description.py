@@ -15,7 +15,7 @@ from armcontour._text import list_some, show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, exp
+from armcontour.frames import Frame, exp, to_rpy
 from armcontour.io.robots.tree import Joint, Tree
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
@@ -151,7 +151,7 @@ class Description:
         place, along = Frame.rpy(xyz, rpy), self._axis(joint) * value
         if joint.kind == "prismatic":
             return xyz + place.rotation @ along, rpy
-        return xyz, _rpy(place.rotation @ exp(along))
+        return xyz, to_rpy(place.rotation @ exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
         """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0.
@@ -351,13 +351,3 @@ def three(where: str, what: str, words: str) -> FloatArray:
 def _words(numbers: FloatArray) -> str:
     """Numbers as the text of an attribute."""
     return " ".join(repr(float(x)) for x in numbers)
-
-
-def _rpy(rotation: FloatArray) -> FloatArray:
-    """Roll, pitch and yaw of a rotation matrix [rad], (3,)."""
-    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
-        # Roll and yaw have the same axis: the whole rotation goes to roll.
-        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
-    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
-    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])

@@ -1,0 +1,106 @@
+"""What the Studio computes when the mouse moves, from the data of the job to bytes for the page.
+
+The waypoint is elsewhere in every call, so that nothing of the path is kept from the one before.
+Bars leave the rest of the time from the event to the picture to the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib.resources import files
+from itertools import count
+from typing import Any
+
+from armcontour._yaml import load
+from benchmarks import reference
+from benchmarks.measured import Bar, Line, Pair, timed
+
+SQUARE = """
+name: square
+arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
+path:
+  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 0.25}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+runs: {optimal: {}}
+"""
+# A waypoint moves by so much from one call to the next, in so many steps [m].
+STEP, STEPS = 1e-5, 1000
+
+Data = Mapping[str, Any]
+
+
+def lines() -> list[Line]:
+    """Pictures of plans, with executions, and of an arm in space; and a slider."""
+    peer = reference.NAME
+    drag = "drag a waypoint, to bytes for the page"
+    paper = files("armcontour.jobs.library").joinpath("paper.yaml").read_text
+    moved = partial(_prepare, change=_move)
+    return [
+        Line(
+            "studio/plan",
+            f"{drag}: the paper's job, its plan",
+            peer,
+            lambda: moved(paper(), executed=False),
+            Bar(seconds=20e-3),
+        ),
+        Line(
+            "studio/executed",
+            f"{drag}: the paper's job, executed too",
+            peer,
+            lambda: moved(paper()),
+            Bar(seconds=45e-3),
+        ),
+        Line(
+            "studio/square",
+            f"{drag}: square on a UR5e with limits of torque, executed too",
+            peer,
+            lambda: moved(SQUARE),
+            Bar(seconds=100e-3),
+        ),
+        Line(
+            "studio/gains",
+            "slide a gain, to bytes for the page: the paper's job, executed too",
+            peer,
+            lambda: _prepare(paper(), change=_slide),
+            Bar(seconds=45e-3),
+        ),
+    ]
+
+
+def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
+    from armcontour.studio.handles import handles_of
+    from armcontour.studio.picture import executed_frame, picture_frame
+    from armcontour.studio.preview import Previewer
+    from armcontour.studio.view import View
+
+    data, previewer, numbers = load(text, "job"), Previewer(), count()
+    handles = handles_of(previewer.job(data, "optimal"), data)
+    view = View(handles.plane, handles.centre)
+
+    def preview() -> list[bytes]:
+        planned = previewer.plan(change(data, next(numbers) % STEPS), "optimal")
+        found = [picture_frame(planned, view).pack()]
+        if executed:
+            found.append(executed_frame(previewer.execute(planned), view).pack())
+        return found
+
+    def notes() -> list[str]:
+        return [f"{', '.join(f'{len(x) / 1e3:.0f} kB' for x in preview())} for the page"]
+
+    return Pair(timed(preview), timed(reference.work), notes)
+
+
+def _move(data: Data, number: int) -> Data:
+    """The job with a waypoint elsewhere."""
+    points = [list(x) for x in data["path"]["points"]]
+    points[1][0] += STEP * number
+    return {**data, "path": {**data["path"], "points": points}}
+
+
+def _slide(data: Data, number: int) -> Data:
+    """The job with another gain."""
+    return {**data, "servo": {"kp": 20.0 + 5e-3 * number, "kv": 150.0}}

@@ -1,0 +1,315 @@
+"""How fast the Studio answers in a browser: `python -m benchmarks.studio_page [--only NAME ...]`.
+
+From an event of the mouse to the end of the drawing that shows its answer, as the page measures it
+itself; what the screen needs after that is not in it. A quiet machine is needed: the bars are by
+the clock, on two processors. The exit code is 1 if a bar is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from soak.studio_page import Studio, browsing, serving, write_job
+
+from benchmarks.commands import gcode
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+# How long each motion of the mouse lasts [s], and how often it moves [Hz].
+SECONDS, RATE = 5.0, 60.0
+LINES, SEGMENTS = 150_000, 10_000
+SQUARE = """
+name: square
+arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
+path:
+  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 0.25}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+command_interval: 4 ms
+runs: {optimal: {}}
+"""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A measured figure with its bar.
+
+    Args:
+        what: What was measured.
+        value: The figure.
+        bar: What it may be at most, or at least; None for what is only told.
+        unit: Unit of both.
+        least: Whether the bar is a least value.
+        more: What else is to be said.
+    """
+
+    what: str
+    value: float
+    bar: float | None
+    unit: str
+    least: bool = False
+    more: str = ""
+
+    @property
+    def kept(self) -> bool:
+        """Whether the bar is kept."""
+        if self.bar is None:
+            return True
+        return self.value >= self.bar if self.least else self.value <= self.bar
+
+
+Measure: TypeAlias = "Callable[[Browser, FilePath], Iterator[Found]]"
+
+
+def paper(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """A waypoint of the paper's job is dragged, then sliders."""
+    job = write_job(
+        folder / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.2 ms")]
+    )
+    with _studio(browser, job) as studio:
+        with _measuring(studio) as drawn:
+            _circle(studio, 1, 40.0)
+        yield from _latencies("drag, paper's job", drawn, 60.0, 100.0)
+        for key in ("limits.speed", "servo.kp"):
+            with _measuring(studio) as drawn:
+                _shake(studio, key)
+            yield from _latencies(f"slider {key}", drawn, 100.0, 100.0, rate=None)
+        yield Found("server after that", studio.server.memory / 1e6, None, "MB")
+
+
+def square(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """A corner of the UR5e's square is dragged, with the arm's torque limits."""
+    job = folder / "square.yaml"
+    job.write_text(SQUARE)
+    with _studio(browser, job) as studio, _measuring(studio) as drawn:
+        _circle(studio, 2, 20.0)
+    yield from _latencies("drag, UR5e square with torques", drawn, 150.0, 150.0, rate=None)
+
+
+def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """A drawing of 10,000 segments is panned and zoomed."""
+    file = folder / "part.ngc"
+    file.write_text(gcode(SEGMENTS))
+    with _studio(browser, file, "--cell", "pmk3s") as studio:
+        box = studio.find("#view2d").bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        mouse = studio.page.mouse
+
+        def pan(t: float) -> None:
+            mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
+
+        def zoom(t: float) -> None:
+            mouse.wheel(0, 60 * math.cos(2 * t))
+
+        mouse.move(x, y)
+        for name, act in (("pan", pan), ("zoom", zoom)):
+            if name == "pan":
+                mouse.down()
+            frames = _frames(studio, act)
+            mouse.up()
+            slowest = f"95 % of the frames within {_share(frames, 0.95):.0f} ms"
+            rate = 1e3 * len(frames) / sum(frames)
+            what = f"{name} {SEGMENTS:,} segments"
+            yield Found(what, rate, 30.0, "frames/s", least=True, more=slowest)
+
+
+def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """G-code of 150,000 lines is opened."""
+    job = write_job(folder / "job.yaml", "optimal")
+    file = folder / "long.ngc"
+    file.write_text(gcode(LINES))
+    with _studio(browser, job) as studio:
+        began = time.perf_counter()
+        with studio.renewing():
+            studio.open(file, "")
+        rev = studio.told("body", "rev")
+        studio.wait("#view2d", rev=rev)
+        took = time.perf_counter() - began
+        yield Found(f"G-code of {LINES:,} lines: first picture", took, 2.0, "s")
+        studio.page.wait_for_timeout(2000)
+        yield Found("its page, objects", studio.memory / 1e6, 400.0, "MB")
+        yield Found("its page, whole process", _process(browser) / 1e6, 400.0, "MB")
+        yield Found("its server", studio.server.memory / 1e6, None, "MB")
+
+
+def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """From the command to a page that can be used, and to the first plan."""
+    usable, planned = [], []
+    for _ in range(4):
+        with serving(folder=folder) as server:
+            studio = Studio(browser, server)
+            studio.wait("body", link="open")
+            usable.append(time.perf_counter() - server.begin)
+            studio.wait_for("#view2d[data-tier='1'], #view2d[data-tier='2']")
+            planned.append(time.perf_counter() - server.begin)
+            studio.close()
+    # The first start fills the system's cache of files.
+    yield Found("start: usable page", max(usable[1:]), 1.5, "s")
+    yield Found("start: first plan", max(planned[1:]), 3.0, "s")
+
+
+MEASURES: dict[str, Measure] = {
+    "paper": paper,
+    "square": square,
+    "segments": segments,
+    "program": program,
+    "start": start,
+}
+
+
+@contextmanager
+def _studio(browser: Browser, *arguments: str | FilePath) -> Iterator[Studio]:
+    """A page that shows a job, at rest; whatever goes wrong in it is an error."""
+    with serving(*arguments) as server:
+        studio = Studio(browser, server)
+        studio.begin()
+        studio.wait_for("#view2d[data-tier='2']")
+        studio.page.wait_for_timeout(1000)
+        yield studio
+        assert not studio.troubles, studio.troubles
+        studio.close()
+
+
+@dataclass
+class Drawn:
+    """What a page has drawn: by kind, how long after the event [ms], and of which message."""
+
+    after: dict[str, list[float]]
+    messages: dict[str, list[int]]
+    seconds: float = 0.0
+
+
+@contextmanager
+def _measuring(studio: Studio) -> Iterator[Drawn]:
+    """Collects what is drawn during the block."""
+    studio.page.evaluate("() => performance.clearMeasures()")
+    found = Drawn({}, {})
+    begin = time.perf_counter()
+    yield found
+    found.seconds = time.perf_counter() - begin
+    entries = studio.page.evaluate(
+        "() => performance.getEntriesByType('measure').map((e) => [e.name, e.duration, e.detail])"
+    )
+    for name, duration, message in entries:
+        found.after.setdefault(name, []).append(duration)
+        found.messages.setdefault(name, []).append(message)
+
+
+def _latencies(
+    what: str, drawn: Drawn, first: float, second: float, rate: float | None = 30.0
+) -> Iterator[Found]:
+    """How long after the event the plan and the executed error are drawn, and how often."""
+    for kind, name, bar in (("picture", "plan", first), ("executed", "executed error", second)):
+        after = drawn.after.get(f"drawn {kind}", [math.inf])
+        order = drawn.messages.get(f"drawn {kind}", [])
+        per = len(order) / drawn.seconds
+        told = f"p50 {_share(after, 0.5):.0f}, max {max(after):.0f}, {per:.0f}/s"
+        yield Found(f"{what}: {name}, p95", _share(after, 0.95), bar, "ms", more=told)
+        if kind == "picture" and rate is not None:
+            yield Found(f"{what}: updates", per, rate, "1/s", least=True)
+        back = sum(a > b for a, b in zip(order, order[1:], strict=False))
+        if back:
+            yield Found(f"{what}: older after newer", back, 0.0, "times")
+
+
+def _share(values: Sequence[float], share: float) -> float:
+    """The value that such a share of them is not above."""
+    return float(np.quantile(np.asarray(values), share, method="inverted_cdf"))
+
+
+def _every_frame(act: Callable[[float], None]) -> None:
+    """Do something at 60 Hz for a while, with the time since its start."""
+    begin = time.perf_counter()
+    for k in range(int(SECONDS * RATE)):
+        time.sleep(max(0.0, begin + k / RATE - time.perf_counter()))
+        act(time.perf_counter() - begin)
+        if time.perf_counter() - begin > 1.5 * SECONDS:
+            return
+
+
+def _circle(studio: Studio, waypoint: int, radius: float) -> None:
+    """Drag a waypoint in a circle [px]."""
+    with studio.grabbing(studio.handle("waypoint", waypoint)) as (x, y):
+        mouse = studio.page.mouse
+        _every_frame(
+            lambda t: mouse.move(
+                x - radius + radius * math.cos(4 * t), y + 0.7 * radius * math.sin(5 * t)
+            )
+        )
+
+
+def _shake(studio: Studio, key: str) -> None:
+    """Drag the thumb of a slider to and fro."""
+    thumb = studio.slider(key).locator("input[type=range]")
+    with studio.grabbing(thumb) as (x, y):
+        mouse = studio.page.mouse
+        _every_frame(lambda t: mouse.move(x + 30 * math.sin(4 * t), y))
+
+
+def _frames(studio: Studio, act: Callable[[float], None]) -> list[float]:
+    """Times between frames of the page while something is done [ms]."""
+    studio.page.evaluate(
+        """() => {
+            window.frames_seen = [];
+            const see = (now) => { window.frames_seen.push(now); requestAnimationFrame(see); };
+            requestAnimationFrame(see);
+        }"""
+    )
+    _every_frame(act)
+    times = studio.page.evaluate("() => window.frames_seen.splice(0)")
+    return list(np.diff(times))
+
+
+def _process(browser: Browser) -> float:
+    """Memory of the largest process of a page [bytes]; Linux only."""
+    session = browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    sizes = [
+        int(FilePath(f"/proc/{x['id']}/statm").read_text().split()[1])
+        for x in processes
+        if x["type"] == "renderer"
+    ]
+    return float(max(sizes) * os.sysconf("SC_PAGE_SIZE"))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; answers 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studio_page", description=__doc__)
+    parser.add_argument("--only", nargs="+", choices=MEASURES, default=list(MEASURES))
+    given = parser.parse_args(arguments)
+    table = Table("what", "found", "bar", "", "")
+    found = []
+    with browsing() as browser:
+        for name in given.only:
+            with tempfile.TemporaryDirectory() as folder:
+                for x in MEASURES[name](browser, FilePath(folder)):
+                    found.append(x)
+                    sign = "≥" if x.least else "≤"
+                    bar = "" if x.bar is None else f"{sign} {x.bar:g} {x.unit}"
+                    missed = "" if x.kept else "missed"
+                    table.add_row(x.what, f"{x.value:.3g} {x.unit}", bar, missed, x.more)
+    Console().print(table)
+    print(f"Load of the machine: {os.getloadavg()[0]:.1f}.")
+    return 0 if all(x.kept for x in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

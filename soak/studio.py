@@ -1,0 +1,228 @@
+"""A monkey at the Studio: random input at 60 Hz, and then everything is undone.
+
+    python -m soak.studio [--seconds 300] [--seed 0]
+
+Nothing may fail: no exception in the page or the server, no message in the console, no request to
+anybody else. Server and page grow by less than 50 MB. At the end every step is undone, the text has
+the bytes that it had, and the figures are those of the start. Exit code 1 if that is not so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+
+from soak.studio_page import Server, Studio, browsing, serving, write_job
+
+# How often something is done [Hz], and how much memory may grow [bytes].
+RATE, GROWTH = 60.0, 50e6
+# The share of the time after which memory is measured first: by then all is loaded.
+WARM = 0.2
+HANDLES = ("g.handle.waypoint", "g.handle.corner", "g.handle.middle", "g.place .handle")
+BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #pin, #undo, #redo, #theme"
+KEYS = (
+    *("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft"),
+    *("Tab", "Shift+Tab", "Escape", "Control+z", "Control+Shift+z", "Delete", "Insert", "Space"),
+    *("p", "c", "e", "f", "m", "v", "d", "1", "2", "3", "[", "]", "+", "-", "?", "Alt+1", "Alt+3"),
+)
+TEXTS = ("0.1 m/s", "3 mm", "0", "-1", "none", "", "1e400", "7 apples", "ⅷ", "80 mm/s", "2 rad/s^2")
+
+
+class Monkey:
+    """Does something random, one small step at a time.
+
+    Args:
+        studio: The page.
+        seed: What it does.
+    """
+
+    def __init__(self, studio: Studio, seed: int) -> None:
+        self.studio, self.random = studio, random.Random(seed)
+        self.done = 0
+        self._plays: tuple[tuple[int, Callable[[], Iterator[None]]], ...] = (
+            (8, self._drag),
+            (4, self._slide),
+            (3, self._press_keys),
+            (2, self._zoom),
+            (2, self._click),
+            (2, self._type),
+            (1, self._choose),
+            (1, self._hover),
+        )
+
+    def run(self, seconds: float) -> None:
+        """Go on for a time, at 60 Hz where the machine keeps up."""
+        begin = time.perf_counter()
+        steps = self._steps()
+        while (now := time.perf_counter() - begin) < seconds:
+            next(steps)
+            self.done += 1
+            # Behind time it goes on at once, but does not make up for what it has missed.
+            time.sleep(max(0.0, 1 / RATE - (time.perf_counter() - begin - now)))
+        self.studio.page.mouse.up()
+
+    def _steps(self) -> Iterator[None]:
+        weights = [weight for weight, _ in self._plays]
+        while True:
+            _, play = self.random.choices(self._plays, weights)[0]
+            yield from play()
+            self._leave_dialog()
+
+    def _leave_dialog(self) -> None:
+        if self.studio.page.locator("dialog[open]").count():
+            self.studio.page.keyboard.press("Escape")
+
+    def _one(self, selector: str) -> tuple[float, float] | None:
+        """The middle of one of the elements that are seen [px]."""
+        found = [
+            x
+            for x in self.studio.page.locator(selector).all()
+            if (box := x.bounding_box()) and box["width"] and 0 < box["y"] < 900
+        ]
+        return self.studio.middle(self.random.choice(found)) if found else None
+
+    def _drag(self) -> Iterator[None]:
+        """Drag a handle, or the ground; sometimes it is let go by Escape."""
+        mouse, to = self.studio.page.mouse, self._one(self.random.choice(HANDLES))
+        x, y = to or (self.random.uniform(50, 1000), self.random.uniform(150, 550))
+        mouse.move(x, y)
+        mouse.down()
+        for _ in range(self.random.randrange(3, 40)):
+            x += self.random.gauss(0, 12)
+            y += self.random.gauss(0, 12)
+            mouse.move(x, y)
+            yield
+        if self.random.random() < 0.15:
+            self.studio.page.keyboard.press("Escape")
+        mouse.up()
+        yield
+
+    def _slide(self) -> Iterator[None]:
+        mouse, at = self.studio.page.mouse, self._one("#panel input[type=range], .scrub")
+        if at is None:
+            return
+        mouse.move(*at)
+        mouse.down()
+        for _ in range(self.random.randrange(3, 25)):
+            mouse.move(at[0] + self.random.uniform(-140, 140), at[1])
+            yield
+        mouse.up()
+
+    def _press_keys(self) -> Iterator[None]:
+        for _ in range(self.random.randrange(1, 12)):
+            self.studio.page.keyboard.press(self.random.choice(KEYS))
+            yield
+
+    def _zoom(self) -> Iterator[None]:
+        self.studio.page.mouse.move(self.random.uniform(50, 1000), self.random.uniform(150, 550))
+        for _ in range(self.random.randrange(2, 15)):
+            self.studio.page.mouse.wheel(0, self.random.uniform(-200, 200))
+            yield
+        self.studio.page.keyboard.press("f")
+
+    def _click(self) -> Iterator[None]:
+        at = self._one(BUTTONS)
+        if at is not None:
+            self.studio.page.mouse.click(*at)
+        yield
+
+    def _type(self) -> Iterator[None]:
+        at = self._one("#panel input[type=text], #tab-waypoints input, #tab-corners input")
+        if at is not None:
+            self.studio.page.mouse.click(*at, click_count=3)
+            yield
+            self.studio.page.keyboard.insert_text(self.random.choice(TEXTS))
+            self.studio.page.keyboard.press("Enter")
+        yield
+
+    def _choose(self) -> Iterator[None]:
+        """Another run, or another value of a list."""
+        page = self.studio.page
+        lists = page.locator("#run, #compare, #panel select:visible, #playback select")
+        if count := lists.count():
+            chosen = lists.nth(self.random.randrange(count))
+            if options := chosen.locator("option:not([disabled])").count():
+                chosen.select_option(index=self.random.randrange(options), timeout=2000)
+        yield
+
+    def _hover(self) -> Iterator[None]:
+        for _ in range(self.random.randrange(5, 30)):
+            self.studio.page.mouse.move(self.random.uniform(0, 1400), self.random.uniform(0, 900))
+            yield
+
+
+def undo_all(studio: Studio) -> int:
+    """Undo until nothing is left; returns the number of steps."""
+    steps = 0
+    studio.page.keyboard.press("Escape")
+    while not studio.find("#undo").is_disabled():
+        with studio.renewing():
+            studio.find("#undo").click()
+        steps += 1
+    return steps
+
+
+def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
+    """Let a monkey at a page that shows the run `optimal`; returns what went wrong.
+
+    Args:
+        studio: The page, at rest and with nothing to undo.
+        seconds: For how long.
+        seed: What it does.
+    """
+    text, figures = studio.text, [studio.figure(x) for x in ("duration", "rms")]
+    monkey, server = Monkey(studio, seed), studio.server
+    monkey.run(WARM * seconds)
+    warm = server.memory, studio.memory
+    monkey.run((1 - WARM) * seconds)
+    grown = server.memory - warm[0], studio.memory - warm[1]
+    steps = undo_all(studio)
+    same = studio.text == text
+    studio.choose_run("optimal")
+    studio.wait("#view2d", run="optimal")
+    studio.rest()
+    again = [studio.figure(x) for x in ("duration", "rms")]
+    print(
+        f"seed {seed}: {monkey.done} inputs in {seconds:g} s, {steps} steps undone; "
+        f"the server grew by {grown[0] / 1e6:.1f} MB, the page by {grown[1] / 1e6:.1f} MB"
+    )
+    return [
+        *studio.troubles,
+        *(() if same else ("The text is not what it was.",)),
+        *(() if again == figures else (f"Figures {figures} became {again}.",)),
+        *(f"Something grew by {x / 1e6:.0f} MB." for x in grown if x > GROWTH),
+    ]
+
+
+def main() -> int:
+    """Run the soak; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m soak.studio", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=300.0, help="how long")
+    parser.add_argument("--seed", type=int, default=0, help="what is done")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name, browsing() as browser:
+        folder = FilePath(name)
+        job = write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
+        with serving(job, folder=folder) as server:
+            troubles = let_loose(begin(browser, server), given.seconds, given.seed)
+    print(*troubles, sep="\n")
+    return 1 if troubles else 0
+
+
+def begin(browser: object, server: Server) -> Studio:
+    """A page that shows the run `optimal`, at rest."""
+    studio = Studio(browser, server)  # type: ignore[arg-type]
+    studio.begin()
+    studio.choose_run("optimal")
+    studio.wait("#view2d", run="optimal")
+    studio.rest()
+    return studio
+
+
+if __name__ == "__main__":
+    sys.exit(main())

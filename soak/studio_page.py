@@ -1,0 +1,330 @@
+"""The Studio in a real browser: its server as a process, its page, and what a person does there.
+
+Tests, the soak, the benchmark and the pictures of the documentation all use it. The page tells its
+state in attributes, because its content security policy forbids the evaluation of text in it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
+
+# Where a browser is looked for; ARMCONTOUR_CHROMIUM names another one.
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+# How long the page may take to show something [ms], on a machine that others use as well.
+PATIENCE = 60_000
+ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/#[0-9a-f]{32}")
+
+
+def find_browser() -> str | None:
+    """The program that tests drive, if there is one."""
+    named = os.environ.get("ARMCONTOUR_CHROMIUM")
+    return named or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+class Server:
+    """`armcontour studio` as a process.
+
+    Args:
+        *arguments: Its arguments.
+        folder: Where it starts.
+    """
+
+    def __init__(self, *arguments: str | FilePath, folder: FilePath | None = None) -> None:
+        command = [sys.executable, "-m", "armcontour", "studio", "--no-open", *map(str, arguments)]
+        self.begin = time.perf_counter()
+        self.process = subprocess.Popen(
+            command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert self.process.stdout is not None
+        found = ADDRESS.search(self.process.stdout.readline())
+        if found is None:
+            raise RuntimeError(f"The Studio did not start: {self.stop()}")
+        self.address = found[0]
+        self.port = int(self.address.split(":")[2].split("/")[0])
+
+    def stop(self) -> str:
+        """End it as Ctrl+C does; returns what it has said of errors."""
+        self.process.send_signal(2)
+        try:
+            return self.process.communicate(timeout=20)[1]
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return "It did not end at Ctrl+C.\n" + self.process.communicate()[1]
+
+    @property
+    def memory(self) -> float:
+        """Memory that the server itself has in use [bytes]; Linux only."""
+        fields = FilePath(f"/proc/{self.process.pid}/statm").read_text().split()
+        return int(fields[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@contextmanager
+def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Iterator[Server]:
+    """A server that ends with the block; it must have told no error.
+
+    Raises:
+        AssertionError: It wrote a traceback, or did not end.
+    """
+    server = Server(*arguments, folder=folder)
+    try:
+        yield server
+    finally:
+        said = server.stop() if server.process.poll() is None else server.process.communicate()[1]
+    assert said.strip() in ("", "Interrupted (SIGINT)."), said
+
+
+@contextmanager
+def browsing() -> Iterator[Browser]:
+    """A browser that ends with the block."""
+    from playwright.sync_api import sync_playwright
+
+    # Chromium has no sandbox for root.
+    rights = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=find_browser(), args=[*rights, "--enable-precise-memory-info"]
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+class Studio:
+    """A page of the Studio, and all that must not happen in it.
+
+    Args:
+        browser: The browser.
+        server: The server, or an address.
+        colours: "light" or "dark".
+        size: Width and height of the page [px].
+    """
+
+    def __init__(
+        self,
+        browser: Browser,
+        server: Server,
+        *,
+        colours: str = "light",
+        size: tuple[int, int] = (1400, 900),
+    ) -> None:
+        context = browser.new_context(
+            viewport={"width": size[0], "height": size[1]},
+            color_scheme=colours,  # type: ignore[arg-type]
+            accept_downloads=True,
+        )
+        context.set_default_timeout(PATIENCE)
+        self.server = server
+        self.troubles: list[str] = []
+        # While the server is away on purpose, the page cannot reach it, and the console says so.
+        self.is_cut_off = False
+        self.page: Page = context.new_page()
+        self.page.on("console", self._hear)
+        self.page.on("pageerror", lambda error: self.troubles.append(f"exception: {error}"))
+        self.page.on("request", self._watch)
+        self.page.goto(server.address)
+
+    def _hear(self, message: Any) -> None:
+        """Violations of the content security policy are such messages, too."""
+        if message.type == "error" and not self.is_cut_off:
+            self.troubles.append(f"console: {message.text}")
+
+    def _watch(self, request: Any) -> None:
+        own = (f"http://127.0.0.1:{self.server.port}/", "data:", "blob:")
+        if not request.url.startswith(own):
+            self.troubles.append(f"foreign request: {request.url}")
+
+    def close(self) -> None:
+        """Close the page."""
+        self.page.context.close()
+
+    # What the page shows.
+
+    def find(self, selector: str) -> Locator:
+        """An element by a selector."""
+        return self.page.locator(selector)
+
+    def told(self, selector: str, name: str) -> str:
+        """An attribute `data-...` of an element."""
+        return self.find(selector).get_attribute(f"data-{name}") or ""
+
+    def wait(self, selector: str, **facts: str) -> None:
+        """Wait until attributes `data-...` of an element have values."""
+        names = {name.replace("_", "-"): value for name, value in facts.items()}
+        self.wait_for(selector + "".join(f'[data-{k}="{v}"]' for k, v in names.items()))
+
+    def wait_for(self, selector: str, timeout: float = PATIENCE) -> None:
+        """Wait until there is an element, seen or not.
+
+        Unlike `expect`, this looks in every frame of the page, and not only now and then.
+        """
+        self.page.wait_for_selector(selector, state="attached", timeout=timeout)
+
+    def begin(self) -> None:
+        """Wait for the first document."""
+        self.wait_for("body[data-link=open][data-rev]")
+
+    def rest(self) -> None:
+        """Wait until what is shown is exact, as `armcontour run` would have it."""
+        self.begin()
+        self.wait("body", busy="false")
+        self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
+        self.wait("#figures", exact="true")
+
+    @contextmanager
+    def renewing(self) -> Iterator[None]:
+        """Wait until what is done in the block has changed the document."""
+        before = self.told("body", "rev")
+        yield
+        self.wait_for(f'body:not([data-rev="{before}"])')
+
+    @contextmanager
+    def changing(self) -> Iterator[None]:
+        """Wait until what is done in the block has changed the document, and rests."""
+        with self.renewing():
+            yield
+        self.rest()
+
+    def figure(self, name: str) -> float:
+        """A figure in SI units, not rounded."""
+        return float(self.told(f"[data-figure={name}]", "value"))
+
+    @property
+    def text(self) -> str:
+        """The job file as the page has it."""
+        return self.find("#tab-text textarea").input_value()
+
+    @property
+    def refusal(self) -> str:
+        """The sentence of the refusal that is shown."""
+        return self.find("#messages .refusal > span").first.inner_text()
+
+    @property
+    def memory(self) -> float:
+        """Memory of the page's objects after its garbage is collected [bytes]."""
+        session = self.page.context.new_cdp_session(self.page)
+        session.send("HeapProfiler.collectGarbage")
+        used = session.send("Runtime.getHeapUsage")
+        session.detach()
+        # Arrays of numbers lie beside the heap.
+        return float(used["usedSize"] + used.get("backingStorageSize", 0))
+
+    # What a person does.
+
+    def open(self, file: FilePath, cell: str | None = None) -> None:
+        """Open a file by the picker; a cell is chosen for drawings."""
+        with self.renewing():
+            self.find("#picker").set_input_files(file)
+            dialog = self.find("#question")
+            if cell is not None:
+                dialog.locator("select").select_option(cell)
+            if cell is not None or self.told("body", "dirty") == "true":
+                dialog.get_by_role("button", name="Open").click()
+
+    def tab(self, name: str) -> None:
+        """Open a tab below the drawing."""
+        self.find(f"#tab-button-{name}").click()
+
+    def choose_run(self, name: str) -> None:
+        """Show another run."""
+        self.find("#run").select_option(name)
+
+    def handle(self, kind: str, index: int) -> Locator:
+        """A handle over the drawing: "waypoint", "corner" or "middle"."""
+        return self.find(f"g.handle.{kind}[data-index='{index}']")
+
+    def middle(self, element: Locator) -> tuple[float, float]:
+        """The middle of an element [px]."""
+        box = element.bounding_box()
+        assert box is not None
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    @contextmanager
+    def grabbing(self, element: Locator) -> Iterator[tuple[float, float]]:
+        """Hold the mouse's button down on an element during the block."""
+        x, y = self.middle(element)
+        mouse = self.page.mouse
+        mouse.move(x, y)
+        mouse.down()
+        try:
+            yield x, y
+        finally:
+            mouse.up()
+
+    def drag(self, element: Locator, by: tuple[float, float], steps: int = 8) -> None:
+        """Drag an element [px], right and down."""
+        with self.grabbing(element) as (x, y):
+            self.page.mouse.move(x + by[0], y + by[1], steps=steps)
+
+    def slider(self, key: str) -> Locator:
+        """The row of a quantity that can be set."""
+        return self.find(f"#panel .slider[data-key='{key}']")
+
+    def type(self, key: str, text: str) -> None:
+        """Type a quantity."""
+        field = self.slider(key).locator("input[type=text]")
+        field.fill(text)
+        field.press("Enter")
+
+    def slide(self, key: str, share: float) -> None:
+        """Drag the thumb of a slider to a share of its length."""
+        box = self.slider(key).locator("input[type=range]").bounding_box()
+        assert box is not None
+        y = box["y"] + box["height"] / 2
+        self.page.mouse.move(box["x"] + 0.5 * box["width"], y)
+        self.page.mouse.down()
+        self.page.mouse.move(box["x"] + share * box["width"], y, steps=8)
+        self.page.mouse.up()
+
+    def do(self, task: str, fields: Mapping[str, str] | None = None) -> Locator:
+        """Do a task by its button; returns what came of it."""
+        self.tab("tasks")
+        form = self.find(f"#tasks form[data-task={task}]")
+        for name, value in (fields or {}).items():
+            field = form.locator(f"[name={name}]")
+            if field.evaluate("e => e.tagName") == "SELECT":
+                field.select_option(value)
+            else:
+                field.fill(value)
+        form.locator("button[type=submit]").click()
+        return self.find(f".task-result[data-task={task}]").first
+
+    def save_file(self, button: Locator) -> tuple[str, bytes]:
+        """Press a button that saves a file; returns its name and content."""
+        with self.page.expect_download() as waiting:
+            button.click()
+        return waiting.value.suggested_filename, FilePath(waiting.value.path()).read_bytes()
+
+
+def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = ()) -> FilePath:
+    """The paper's job with some of its runs, set-points every 4 ms and no experiment.
+
+    Args:
+        file: Where it is written.
+        *runs: Names of the runs that stay, in this order of the file.
+        changes: Texts that are replaced, and by what.
+    """
+    from importlib.resources import files
+
+    text = files("armcontour.jobs").joinpath("library", "paper.yaml").read_text(encoding="utf-8")
+    head, _, rest = text.partition("\nruns:\n")
+    blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest.partition("\npublished:")[0])
+    kept = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
+    text = f"{head}\nruns:\n{kept}".replace("experiment: {}\n", "")
+    for old, new in (("command_interval: 0.2 ms", "command_interval: 4 ms"), *changes):
+        assert old in text, old
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return file

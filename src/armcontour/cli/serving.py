@@ -1,0 +1,92 @@
+"""The command `studio`: a local page that shows a job and changes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour._text import to_line
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import StudioOptions
+    from armcontour.studio.server import Desk
+    from armcontour.studio.session import Session
+
+# A job may have one of these endings, or none.
+JOBS = (".yaml", ".yml", "")
+
+
+def open_studio(file: FilePath | None, x: StudioOptions) -> None:
+    """Serve the Studio until it is interrupted, or its last page is closed.
+
+    Args:
+        file: A job file or a drawing; None opens the paper's job, which has no file of its own.
+        x: The options.
+
+    Raises:
+        InvalidInput: No such file, a drawing without a cell, or a library that is missing.
+    """
+    from armcontour.cli.interrupts import before_interrupt
+    from armcontour.studio.server import require_server, serve
+
+    require_server()
+    _check(file, x)
+
+    def opened(desk: Desk) -> None:
+        desks.append(desk)
+
+    desks: list[Desk] = []
+    with before_interrupt(lambda: _leave(desks)):
+        serve(
+            lambda say: _session(file, x, say),
+            port=x.port,
+            announce=lambda address: _announce(address, x.open_page),
+            exit_when_closed=x.exit_when_closed,
+            opened=opened,
+        )
+
+
+def _check(file: FilePath | None, x: StudioOptions) -> None:
+    """Refuse what cannot be opened before anything is loaded that takes long."""
+    from armcontour._files import LARGE, read_bytes
+    from armcontour.errors import InvalidInput
+
+    if file is None:
+        if x.cell is not None:
+            raise InvalidInput("--cell goes with a drawing: name one.")
+        return
+    is_job = file.suffix.lower() in JOBS
+    if is_job and x.cell is not None:
+        raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
+    if not is_job and x.cell is None:
+        raise InvalidInput(
+            f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
+            "ur5e, or a job file."
+        )
+    read_bytes(file, "job file" if is_job else "drawing", most=LARGE)
+
+
+def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], None]) -> Session:
+    """Open the document; this loads all that computes."""
+    from armcontour.studio.opening import open_session
+
+    return open_session(file, cell=x.cell, trust_xacro=x.trust_xacro, say=say)
+
+
+def _announce(address: str, open_page: bool) -> None:
+    """Print the address, and open it in a browser."""
+    print(to_line(f"Studio: {address}"), flush=True)
+    print("The address holds a key: give it to nobody. Ctrl+C ends the Studio.", flush=True)
+    if open_page:
+        import threading
+        import webbrowser
+
+        # Some browsers return only when they are closed.
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+
+def _leave(desks: list[Desk]) -> str | None:
+    """Keep unsaved changes, and end the other process."""
+    session = desks[0].session if desks else None
+    return None if session is None else session.close()

@@ -1,0 +1,155 @@
+"""Corners with a tolerance of their own, named by the waypoints of the path as it was given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
+from armcontour.frames import angle_between
+from armcontour.geometry import Path
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.program import Process, Program
+
+# Directions of one corner on both paths differ by less [rad]: rounding errors of short segments.
+SAME_DIRECTION = 1e-6
+
+
+def corner_waypoints(given: Path, prepared: Path) -> IntArray:
+    """The waypoints that the vertices of a prepared path are, matched by place and directions.
+
+    A process changes the vertices of a path: it adds leads, moves the start, and runs on past it.
+
+    Args:
+        given: The path as it was given.
+        prepared: The path with what a process adds.
+
+    Returns:
+        For every vertex between segments of the prepared path the number of its waypoint, from 1,
+        or 0 if it is none, (vertices,).
+    """
+    from scipy.spatial import cKDTree
+
+    numbers, points, before, after = _waypoints(given)
+    found = np.zeros(len(prepared) - 1, dtype=np.intp)
+    if not len(found):
+        return found
+    places = prepared.vertices[1:-1]
+    ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
+    near: Sequence[list[int]] = cKDTree(points).query_ball_point(places, REPEATED_POINT).tolist()
+    for j, candidates in enumerate(near):
+        for k in candidates:
+            forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])
+            # An open contour may be run from its end.
+            if forwards or (_alike(ahead[j], -after[k]) and _alike(behind[j], -before[k])):
+                found[j] = numbers[k]
+    return found
+
+
+def corner_tolerances(
+    given: Path, prepared: Path, tolerance: float, single: Mapping[int, float]
+) -> FloatArray:
+    """The tolerances of all vertices between segments of a prepared path [m], (vertices,).
+
+    Args:
+        given: The path as it was given.
+        prepared: The path with what a process adds.
+        tolerance: The tolerance of corners without one of their own [m].
+        single: Tolerances by the numbers of waypoints, from 1 [m].
+    """
+    numbers = corner_waypoints(given, prepared)
+    return np.array([single.get(int(k), tolerance) for k in numbers])
+
+
+def refuse_no_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
+    """Refuse numbers of waypoints at which a path has no corner.
+
+    Args:
+        program: The program as it was given.
+        process: What is added to it.
+        numbers: The numbers, from 1.
+
+    Raises:
+        InvalidInput: There is such a number; or the program has several contours, or a process that
+            moves its corners.
+    """
+    if len(program.contours) != 1:
+        raise InvalidInput(
+            f"corners.at is for a path of one contour, but {program.source or 'the job'} has "
+            f"{len(program.contours)}: give layers a tolerance (path.layers), or choose a contour "
+            "(path.names)."
+        )
+    if process.kerf is not None or any(
+        process.of_layer(x.layer).weave is not None for x in program.contours
+    ):
+        key = "weave" if process.kerf is None else "kerf"
+        raise InvalidInput(
+            f"corners.at goes without process.{key}, which moves the path off its waypoints: leave "
+            "one of them out."
+        )
+    path = program.contours[0].path
+    known, *_ = _waypoints(path)
+    count = len(path.waypoints) + len(path.merged)
+    for number in numbers:
+        if number not in known:
+            raise InvalidInput(f"corners.at: {_why_not(number, count, path)}.")
+
+
+def refuse_missing(given: Path, program: Program, numbers: Sequence[int]) -> None:
+    """Refuse the start of a closed path as a corner, if the prepared path does start there.
+
+    Args:
+        given: The path as it was given.
+        program: The prepared program.
+        numbers: Numbers of waypoints with a tolerance of their own, from 1.
+
+    Raises:
+        InvalidInput: The number 1 is among them, and no contour passes the first waypoint.
+    """
+    if 1 in numbers and not any(1 in corner_waypoints(given, x.path) for x in program.contours):
+        raise InvalidInput(
+            "corners.at: the path starts and ends at waypoint 1, so that this corner is not "
+            "rounded: move the start by process.begin, or add process.overlap."
+        )
+
+
+def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """The waypoints at which a path has a corner.
+
+    Returns:
+        Their numbers from 1; their points [m], and the directions before and after them.
+    """
+    count = len(path.waypoints) + len(path.merged)
+    numbers = np.setdiff1d(np.arange(count), path.merged) + 1
+    vertices = path.vertices
+    ahead = np.concatenate([path.segments.end_tangents[-1:], path.segments.end_tangents])
+    behind = np.concatenate([path.tangents, path.tangents[:1]])
+    turned = angle_between(ahead, behind) > TANGENT_TOLERANCE
+    closed = np.linalg.norm(vertices[-1] - vertices[0]) <= REPEATED_POINT
+    # The start of a closed path has the number 1 only.
+    turned[0], turned[-1] = turned[0] and closed, False
+    kept = turned[path.waypoints]
+    at = path.waypoints[kept]
+    return numbers[kept], vertices[at], ahead[at], behind[at]
+
+
+def _why_not(number: int, count: int, path: Path) -> str:
+    """Why there is no corner at a waypoint."""
+    if not 1 <= number <= count:
+        return f"there is no waypoint {number}: the path has {count}, counted from 1"
+    if number - 1 in path.merged:
+        return f"waypoint {number} repeats the one before it: name that one"
+    if number in (1, count):
+        closed = np.linalg.norm(path.vertices[-1] - path.vertices[0]) <= REPEATED_POINT
+        if closed and number == count:
+            return f"waypoint {number} is the start of the closed path: name it 1"
+        if not closed:
+            return f"waypoint {number} is an end of the path, where it has no corner"
+    return f"the path has no corner at waypoint {number}, so that nothing is rounded there"
+
+
+def _alike(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two directions are the same."""
+    return bool(np.linalg.norm(one - other) <= SAME_DIRECTION)

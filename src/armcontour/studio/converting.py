@@ -1,0 +1,190 @@
+"""A drawing's contour as points or segments of the job itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._quantities import Quantity
+from armcontour.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.geometry.placing import place_path
+from armcontour.io.job_edits import Change, change_data
+from armcontour.io.job_model import PathModel
+from armcontour.io.job_path import READING, path_of
+from armcontour.io.keys import Keys, read_keys
+from armcontour.io.units import write_like
+from armcontour.studio.handles import FILE, LENGTH, Handles
+
+ANGLE = Quantity("rad", "90 deg")
+SPEED = Quantity("m/s", "100 mm/s")
+# Arcs up to this angle go through a point to an end, which can be moved. Others, whose ends may lie
+# near each other, are written with their centre [rad].
+THROUGH = 1.5 * math.pi
+# Coordinates that differ by less than this are one: rounding errors of the frame [m].
+NOISE = 1e-15
+# How far points [m] and axes of the tool may be off afterwards.
+SAME = 1e-9
+
+Write = Callable[[FloatArray], list[Any]]
+
+
+def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
+    """The changes that make the contour of a drawing points or segments of the job.
+
+    Lines stay lines and arcs stay arcs; the frame of the path stays.
+
+    Args:
+        handles: What can be grabbed of the job.
+        data: The data of its file, as written.
+
+    Raises:
+        InvalidInput: There is no drawing, or it has more than one path can hold.
+    """
+    path = _only_path(handles)
+    given = data["path"]
+    here = place_path(path, handles.frame.inverse)
+    old = ((given.get("frame") or {}).get("position") or [None])[0]
+    write = partial(_coordinates, like=old)
+    demands = [_demand(here, i) for i in range(len(here))]
+    straight = not any(demands) and not here.curvatures.any()
+    new = _points(here, write) if straight else _segments(here, write, demands)
+    changes = [Change(("path", key), x) for key, x in new.items()]
+    changes += [Change(("path", key)) for key in ("file", *READING, "repeat") if key in given]
+    _verify(path, change_data(data, changes)["path"], handles)
+    return changes
+
+
+def _only_path(handles: Handles) -> Path:
+    """The path of a drawing with a single contour, with the speeds of its layer.
+
+    Raises:
+        InvalidInput: The job has no drawing, several contours, or more than a path.
+    """
+    job, program = handles.job, handles.job.program
+    if handles.kind != FILE:
+        raise InvalidInput("The path consists of waypoints of the job already.")
+    contours = program.contours
+    if len(contours) != 1:
+        raise InvalidInput(
+            f"{handles.file} has {len(contours)} contours, but waypoints of a job are one path: "
+            "choose one by path.names first."
+        )
+    path, layer = program.single_path, contours[0].layer
+    if path is None:
+        raise InvalidInput(
+            f"{handles.file} has rapids, dwells or events besides its contour, which waypoints of "
+            "a job do not have: draw the contour alone."
+        )
+    if layer in job.process.by_layer:
+        raise InvalidInput(
+            f"process.by_layer has values for the layer {layer}, which waypoints of a job do not "
+            "have: give them to the whole process first."
+        )
+    if path.segments.bent.any():
+        raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
+    own = job.process.layers.get(layer or "")
+    if own is None:
+        return path
+    table = path.segments
+    columns: dict[str, Any] = {
+        name: np.where(np.isnan(getattr(table, name)), value, getattr(table, name))
+        for name, value in (("speeds", own.speed), ("tolerances", own.tolerance))
+        if value is not None
+    }
+    return Path(segments=table.replace(**columns), orientation=path.orientation)
+
+
+def _points(path: Path, write: Write) -> dict[str, Any]:
+    """The keys of a path of lines."""
+    return {"points": _closed([write(x) for x in path.vertices], path)}
+
+
+def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[str, Any]:
+    """The keys of a path of lines and arcs."""
+    ends = _closed([write(x) for x in path.vertices], path)
+    listed: list[dict[str, Any]] = []
+    for i, (to, demand) in enumerate(zip(ends[1:], demands, strict=True)):
+        angle = float(path.curvatures[i] * path.lengths[i])
+        if angle == 0:
+            listed.append({"to": to, **demand})
+        elif angle <= THROUGH:
+            listed.append(
+                {
+                    "via": write(path.segments.at(slice(i, i + 1), path.lengths[i : i + 1] / 2)[0]),
+                    "to": to,
+                    **demand,
+                }
+            )
+        else:
+            listed.append({**_around(path, i, angle, write), **demand})
+    return {"start": ends[0], "segments": listed}
+
+
+def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
+    """The keys of an arc around its centre."""
+    tangent, normal = path.tangents[i], path.normals[i]
+    center = write(path.starts[i] + normal / path.curvatures[i])
+    if path.dimension == 3:
+        axis = np.cross(tangent, normal) + 0.0
+        return {"center": center, "angle": write_like(angle, None, ANGLE), "normal": axis.tolist()}
+    turn = math.copysign(angle, tangent[0] * normal[1] - tangent[1] * normal[0])
+    return {"center": center, "angle": write_like(turn, None, ANGLE)}
+
+
+def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
+    """The ends of segments; those of a closed path are the same."""
+    first, last = path.vertices[0], path.vertices[-1]
+    closed = np.linalg.norm(last - first) <= SAME
+    return [*points[:-1], points[0]] if closed else points
+
+
+def _coordinates(point: FloatArray, like: Any) -> list[Any]:
+    """The coordinates of a point, in the form of another length."""
+    return [write_like(float(x), like, LENGTH, within=NOISE) for x in point]
+
+
+def _demand(path: Path, i: int) -> dict[str, Any]:
+    """Speed and tolerance of a segment, if it has some."""
+    found = {}
+    if not math.isnan(path.speeds[i]):
+        found["speed"] = write_like(float(path.speeds[i]), None, SPEED)
+    if not math.isnan(path.tolerances[i]):
+        found["tolerance"] = write_like(float(path.tolerances[i]), None, LENGTH)
+    return found
+
+
+def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
+    """Refuse waypoints that are another path, such as those of a file with tool orientations.
+
+    Raises:
+        InvalidInput: They are.
+    """
+    model = read_keys(Keys(PathModel), written, "the waypoints")
+    again = path_of(model, FilePath(), handles.job.arm.dimension)
+    assert isinstance(again, Path)
+    alike = len(again) == len(path) and abs(again.vertices - path.vertices).max() <= SAME
+    if not alike:
+        raise InvalidInput(
+            f"The contour of {handles.file} has segments that are too short to be written as "
+            "waypoints of the job."
+        )
+    ours, theirs = again.orientation, path.orientation
+    if ours is None and theirs is None:
+        return
+    s = np.linspace(0, 1, 9)
+    if (
+        ours is None
+        or theirs is None
+        or abs(ours(s * again.length) - theirs(s * path.length)).max() > SAME
+    ):
+        raise InvalidInput(
+            f"{handles.file} gives the orientation of the tool, which would be lost: write it as "
+            "path.orientation first."
+        )

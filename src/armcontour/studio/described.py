@@ -1,0 +1,136 @@
+"""The document in words and numbers, for pages: file, runs, waypoints, sliders, obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from armcontour.io.job_model import CompensationModel, TimingModel
+from armcontour.studio.handles import Handles, obstacles_of
+from armcontour.studio.sliders import sliders_of
+from armcontour.studio.variants import Variants
+from armcontour.studio.wire import Frame
+
+if TYPE_CHECKING:
+    from armcontour.studio.document import Document
+    from armcontour.studio.session import Seen
+
+# What an edit is called in the list of what can be undone.
+LABELS = {
+    "move_waypoint": "move waypoint {number}",
+    "set_waypoint": "set waypoint {number}",
+    "insert_waypoint": "insert waypoint {number}",
+    "remove_waypoint": "remove waypoint {number}",
+    "corner_tolerance": "tolerance of corner {number}",
+    "place": "place the part",
+    "to_waypoints": "make waypoints of the drawing",
+    "obstacle": "{action} an obstacle",
+    "text": "edit the text",
+    "set": "set {key}",
+    "unset": "leave {key} out",
+}
+
+
+def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
+    """What edits are called, in a few words.
+
+    Args:
+        edits: Edits of a page, which have been made.
+    """
+    first = edits[0]
+    index = first.get("index")
+    words = LABELS[str(first["do"])].format(
+        number=index + 1 if isinstance(index, int) else "",
+        action=first.get("action", "change"),
+        key=str(first.get("key", "")).rpartition(".")[2].replace("_", " "),
+    )
+    return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
+
+
+def describe(document: Document, seen: Seen, run: str, variants: Variants, *, draft: bool) -> Frame:
+    """The frame that says what the document is.
+
+    Args:
+        document: The document.
+        seen: What is seen of it.
+        run: Name of the run that is shown.
+        variants: Pins, and what it is compared with.
+        draft: Whether there is a draft of an earlier session.
+    """
+    data, handles = seen.data, seen.handles
+    header: dict[str, Any] = {
+        "name": data.get("name"),
+        "title": data.get("title") or data.get("name"),
+        "file": None if document.file is None else str(document.file),
+        "folder": str(document.folder),
+        "dirty": document.dirty,
+        "on_disk": document.on_disk(),
+        "can_undo": document.can_undo,
+        "can_redo": document.can_redo,
+        "undo_label": document.undo_label,
+        "redo_label": document.redo_label,
+        "runs": runs_of(data),
+        "run": run,
+        **variants.header,
+        "path": _path(data, handles, seen),
+        "waypoints": [] if handles is None else _waypoints(handles),
+        "sliders": [] if seen.job is None else sliders_of(data, seen.job, run),
+        "obstacles": [] if seen.job is None else obstacles_of(data),
+        "text": document.text,
+        "draft": draft,
+        "sentence": None if seen.error is None else str(seen.error),
+    }
+    return Frame("document", header)
+
+
+def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The runs of a job, and how each is made.
+
+    Args:
+        data: The job as parsed.
+    """
+    runs = data.get("runs")
+    found = []
+    for name, run in runs.items() if isinstance(runs, Mapping) else ():
+        given = run if isinstance(run, Mapping) else {}
+        corners = given.get("corners", data.get("corners", "sharp"))
+        found.append(
+            {
+                "name": name,
+                "timing": _method(given.get("timing"), TimingModel().method),
+                "compensation": _method(given.get("compensation"), CompensationModel().method),
+                "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
+            }
+        )
+    return found
+
+
+def _method(given: Any, otherwise: str) -> str:
+    """Name of a method as given, or of the usual one."""
+    return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
+
+
+def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen) -> dict[str, Any]:
+    """Where the path comes from, and whether its points can be moved."""
+    if handles is None:
+        why = "" if seen.error is None else str(seen.error)
+        return {"kind": None, "file": None, "editable": False, "why_not": why, "notes": []}
+    notes = [] if seen.job is None else list(seen.job.program.notes)
+    return {
+        "kind": handles.kind,
+        "file": handles.file,
+        "editable": handles.editable,
+        "why_not": handles.why_not,
+        "notes": notes,
+    }
+
+
+def _waypoints(handles: Handles) -> list[dict[str, Any]]:
+    """The points that can be grabbed."""
+    return [
+        {
+            **{"index": x.index, "uv": x.uv, "written": x.written},
+            **{"role": x.role, "why_not": x.why_not},
+        }
+        for x in handles.waypoints
+    ]

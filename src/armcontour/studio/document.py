@@ -1,0 +1,406 @@
+"""`Document`: the text of a job file, with undo and redo, its file and its draft."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from armcontour._files import read_bytes
+from armcontour._staging import put_in_place
+from armcontour._yaml import load
+from armcontour.errors import InvalidInput
+from armcontour.io.cell import drawing_text
+from armcontour.io.job_edits import Change, change_data, change_text, file_names
+
+# Folder beside a job file that holds its draft.
+DRAFTS = ".armcontour"
+BOM = "\ufeff"
+SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
+
+
+class Step(NamedTuple):
+    """A text that can be had back, with its data, and the label of the change between."""
+
+    label: str
+    text: str
+    data: dict[str, Any]
+
+
+class Document:
+    """The text of a job file that is being changed.
+
+    The text is all there is: undo and redo are lists of texts, so that undoing every change gives
+    the same bytes again. Every change writes a draft beside the file, until it is saved.
+
+    Args:
+        text: The text.
+        source: Name of the job file in messages.
+        file: The job file; None for a job without one.
+        folder: Folder of relative file names; None for a job that may name no files.
+        saved: The bytes of the file when it was read; None if there was no file.
+
+    Raises:
+        InvalidInput: The text is not a YAML mapping, or names files without a folder.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        *,
+        source: str,
+        file: FilePath | None = None,
+        folder: FilePath | None = None,
+        saved: bytes | None = None,
+    ) -> None:
+        self.source, self.file, self.folder = source, file, folder
+        self._marked = text.startswith(BOM)
+        self._saved = saved
+        self.text = text.removeprefix(BOM)
+        self.saved_text = self.text if saved is not None or file is None else ""
+        self._data = self._checked(self.text)
+        self._past: list[Step] = []
+        self._future: list[Step] = []
+
+    @classmethod
+    def open(cls, file: str | FilePath) -> Document:
+        """Open a job file.
+
+        Args:
+            file: The job file; changes are saved there.
+
+        Raises:
+            InvalidInput: No such file, or its text is not a YAML mapping.
+        """
+        place = FilePath(file).absolute()
+        content = read_bytes(place, "job file")
+        text = _decoded(content, place)
+        return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
+
+    @classmethod
+    def of_text(cls, text: str, folder: FilePath | None, name: str) -> Document:
+        """A job without a file, such as an upload or the job of the paper.
+
+        Args:
+            text: The text.
+            folder: Folder of relative file names; None refuses files.
+            name: Name of the job file in messages.
+
+        Raises:
+            InvalidInput: The text is not a YAML mapping, or names files that nobody can find.
+        """
+        return cls(text, source=name, folder=folder)
+
+    @classmethod
+    def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
+        """The job of a drawing in a cell, which can be saved beside the drawing.
+
+        Args:
+            file: The drawing.
+            cell: Name of a built-in cell, or a job file.
+
+        Raises:
+            InvalidInput: No such cell or drawing.
+        """
+        drawing = FilePath(file).absolute()
+        if not drawing.is_file():
+            raise InvalidInput(f"There is no drawing {drawing}.")
+        place = drawing.with_suffix(".yaml")
+        text = drawing_text(cell, drawing, place.parent)
+        return cls(text, source=place.name, file=place, folder=place.parent)
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """The data of the text, as written."""
+        return self._data
+
+    @property
+    def dirty(self) -> bool:
+        """Whether the text differs from what was read or saved."""
+        return self.text != self.saved_text
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a change to undo."""
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is an undone change."""
+        return bool(self._future)
+
+    @property
+    def undo_label(self) -> str | None:
+        """What undoing takes back; None if there is nothing."""
+        return self._past[-1].label if self._past else None
+
+    @property
+    def redo_label(self) -> str | None:
+        """What redoing does again; None if there is nothing."""
+        return self._future[-1].label if self._future else None
+
+    def preview(self, changes: Sequence[Change]) -> Mapping[str, Any]:
+        """The data with some changes; the document stays as it is.
+
+        Args:
+            changes: The changes.
+
+        Raises:
+            InvalidInput: A position that its list does not have.
+        """
+        found: Mapping[str, Any] = change_data(self._data, changes)
+        return found
+
+    def apply(self, changes: Sequence[Change], label: str) -> None:
+        """Change the text, as one step of undo; nothing happens without a difference.
+
+        Args:
+            changes: The changes.
+            label: What they do, for undo.
+
+        Raises:
+            InvalidInput: A change that cannot be made; the document stays as it is.
+        """
+        text = change_text(self.text, changes, self.source)
+        self._put(text, change_data(self._data, changes), label)
+
+    def replace(self, text: str, label: str) -> None:
+        """Take another text, as one step of undo.
+
+        Args:
+            text: The text; with the line breaks of this one if it has none but line feeds.
+            label: What it is, for undo.
+
+        Raises:
+            InvalidInput: The text is not a YAML mapping; the document stays as it is.
+        """
+        text = text.removeprefix(BOM)
+        # Browsers turn all line breaks into line feeds.
+        if "\r\n" in self.text and "\r" not in text:
+            text = text.replace("\n", "\r\n")
+        self._put(text, self._checked(text), label)
+
+    def undo(self) -> None:
+        """Take the last change back.
+
+        Raises:
+            InvalidInput: There is none.
+        """
+        self._step(self._past, self._future, "undo")
+
+    def redo(self) -> None:
+        """Do the change again that was undone last.
+
+        Raises:
+            InvalidInput: There is none.
+        """
+        self._step(self._future, self._past, "redo")
+
+    def on_disk(self) -> str:
+        """How the file differs from what was read or saved: same, changed, missing or none."""
+        if self.file is None:
+            return NONE
+        if not self.file.exists():
+            return MISSING
+        return SAME if self._read() == self._saved else CHANGED
+
+    def changed_on_disk(self) -> bool:
+        """Whether somebody else has changed the file, or made it, since it was read or saved."""
+        return self.on_disk() == CHANGED
+
+    def save(self, *, force: bool = False) -> None:
+        """Write the file, completely or not at all, and remove the draft.
+
+        Args:
+            force: Whether to write over changes of somebody else.
+
+        Raises:
+            InvalidInput: There is no file, it was changed by somebody else, or it cannot be
+                written.
+        """
+        if self.file is None:
+            raise InvalidInput(f"{self.source} has no file to save to: download it instead.")
+        if not force and self.changed_on_disk():
+            raise InvalidInput(
+                f"{self.file} was changed by another program since it was read: reload it, or "
+                "overwrite it."
+            )
+        content = ((BOM if self._marked else "") + self.text).encode()
+        _write(self.file, content)
+        self._saved, self.saved_text = content, self.text
+        self._drop_draft()
+
+    def diff(self) -> str:
+        """The changes since the file was read or saved, as a unified diff."""
+        return _diff(self.saved_text, self.text, self.source, "saved", "now")
+
+    def conflict(self) -> str:
+        """What saving would change in the file as it is on disk now, as a unified diff.
+
+        Raises:
+            InvalidInput: The file cannot be read.
+        """
+        there = _decoded(self._read(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        return _diff(there.removeprefix(BOM), self.text, self.source, "on disk", "now")
+
+    def reload(self) -> None:
+        """Take the text of the file as it is on disk now, as one step of undo.
+
+        Raises:
+            InvalidInput: There is no file, or its text is not a YAML mapping.
+        """
+        if self.file is None:
+            raise InvalidInput(f"{self.source} has no file to read again.")
+        content = self._read()
+        text = _decoded(content, self.file)
+        own = text.removeprefix(BOM)
+        data = self._checked(own)
+        self._saved, self.saved_text, self._marked = content, own, text.startswith(BOM)
+        self._put(own, data, "reload")
+
+    def write_draft(self) -> bool:
+        """Write the text beside the job file, to be found after a crash; without changes remove it.
+
+        Returns:
+            Whether there is a draft now: a folder that cannot be written to has none.
+        """
+        if self.file is None:
+            return False
+        if not self.dirty:
+            self._drop_draft()
+            return False
+        draft = _draft_file(self.file)
+        try:
+            draft.parent.mkdir(exist_ok=True)
+            _write(draft, self.text.encode())
+        except (InvalidInput, OSError):
+            return False
+        return True
+
+    @staticmethod
+    def draft_of(file: str | FilePath) -> str | None:
+        """The draft of a job file that was never saved; None if there is none.
+
+        Args:
+            file: The job file, which may not exist yet.
+        """
+        place = FilePath(file).absolute()
+        draft = _draft_file(place)
+        try:
+            newer = not place.exists() or draft.stat().st_mtime_ns >= place.stat().st_mtime_ns
+            text = _decoded(read_bytes(draft, "draft"), draft)
+            saved = _decoded(read_bytes(place, "job file"), place) if place.exists() else None
+        except (InvalidInput, OSError):
+            return None
+        return text if newer and text != (saved or "").removeprefix(BOM) else None
+
+    def _checked(self, text: str) -> dict[str, Any]:
+        """The data of a text.
+
+        Raises:
+            InvalidInput: It is not a YAML mapping, or names files without a folder.
+        """
+        data = load(text, self.source)
+        if not isinstance(data, dict):
+            raise InvalidInput(
+                f"{self.source} must hold a mapping of keys such as name, arm, path and runs."
+            )
+        self._refuse_files(text)
+        return data
+
+    def _refuse_files(self, text: str) -> None:
+        """Refuse names of files in a job that has no folder.
+
+        Raises:
+            InvalidInput: There is one.
+        """
+        for name in file_names(text, self.source) if self.folder is None else ():
+            raise InvalidInput(
+                f"{self.source} names the file {name}, which is not here, because only the job was "
+                "opened: start armcontour studio with the job file in its folder."
+            )
+
+    def _put(self, text: str, data: dict[str, Any], label: str) -> None:
+        """Take another text as one step of undo."""
+        if text == self.text:
+            return
+        self._refuse_files(text)
+        self._past.append(Step(label, self.text, self._data))
+        self._future.clear()
+        self.text, self._data = text, data
+        self.write_draft()
+
+    def _step(self, taken: list[Step], given: list[Step], what: str) -> None:
+        """Take the last text of one list, and put the present one on the other.
+
+        Raises:
+            InvalidInput: The list is empty.
+        """
+        if not taken:
+            raise InvalidInput(f"There is nothing to {what}.")
+        label, text, data = taken.pop()
+        given.append(Step(label, self.text, self._data))
+        self.text, self._data = text, data
+        self.write_draft()
+
+    def _read(self) -> bytes:
+        """The content of the file."""
+        assert self.file is not None
+        return read_bytes(self.file, "job file")
+
+    def _drop_draft(self) -> None:
+        """Remove the draft, and its folder if that is empty."""
+        if self.file is not None:
+            draft = _draft_file(self.file)
+            with suppress(OSError):
+                draft.unlink()
+            with suppress(OSError):
+                draft.parent.rmdir()
+
+
+def _draft_file(file: FilePath) -> FilePath:
+    """The file of a job file's draft."""
+    return file.parent / DRAFTS / f"{file.stem}.draft{file.suffix}"
+
+
+def _decoded(content: bytes, file: FilePath | None) -> str:
+    """The text of a file, with all its line breaks.
+
+    Raises:
+        InvalidInput: It is not UTF-8.
+    """
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
+
+
+def _write(file: FilePath, content: bytes) -> None:
+    """Write a file, completely or not at all; a link stays one.
+
+    Raises:
+        InvalidInput: It cannot be written.
+    """
+    place = FilePath(os.path.realpath(file))
+
+    def write(fresh: FilePath) -> None:
+        fresh.write_bytes(content)
+        if place.exists():
+            shutil.copymode(place, fresh)
+
+    try:
+        put_in_place(place, write)
+    except OSError as error:
+        raise InvalidInput(f"{file} cannot be written: {error.strerror}.") from None
+
+
+def _diff(old: str, new: str, name: str, before: str, after: str) -> str:
+    """The lines that differ between two texts, as a unified diff."""
+    lines = difflib.unified_diff(
+        old.splitlines(), new.splitlines(), f"{name} ({before})", f"{name} ({after})", lineterm=""
+    )
+    return "\n".join(lines)

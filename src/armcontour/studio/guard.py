@@ -1,0 +1,247 @@
+"""Who may talk to the Studio: only its own page, opened by the person who started it.
+
+Every page of the web that a browser has open can send requests to this machine. So a request has to
+name this server in its header `Host` and, unless it only reads, in `Origin`, exactly: that both are
+equal says nothing, as they are for a name that a stranger points here. All that is not the page
+itself asks for a token, which is made at the start and is only in the address that is printed. It
+stands behind the `#` there, which browsers do not send.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from armcontour._files import MEGABYTE
+
+Scope: TypeAlias = MutableMapping[str, Any]
+Message: TypeAlias = MutableMapping[str, Any]
+Receive: TypeAlias = Callable[[], Awaitable[Message]]
+Send: TypeAlias = Callable[[Message], Awaitable[None]]
+App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+ADDRESS = "127.0.0.1"
+# 128 bits cannot be guessed.
+TOKEN_BYTES = 16
+# Largest file that is opened through the page, and largest message of the page [bytes].
+LARGEST_UPLOAD = 64 * MEGABYTE
+LARGEST_MESSAGE = 16 * MEGABYTE
+# Messages of one page per second, and at once: a page sends one per frame of the screen.
+RATE, BURST = 500.0, 1000.0
+# A header that no page of another server can send without being asked for leave first.
+OWN_HEADER = b"x-armcontour"
+
+
+def make_token() -> str:
+    """A new token, of hexadecimal digits."""
+    return secrets.token_hex(TOKEN_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """The address of a server, and the token that opens it.
+
+    Args:
+        port: Port on this machine.
+        token: The token.
+    """
+
+    port: int
+    token: str = field(default_factory=make_token, repr=False)
+
+    @property
+    def hosts(self) -> frozenset[bytes]:
+        """What the header Host may be."""
+        return frozenset(f"{x}:{self.port}".encode() for x in (ADDRESS, "localhost"))
+
+    @property
+    def origins(self) -> frozenset[bytes]:
+        """What the header Origin may be."""
+        return frozenset(b"http://" + x for x in self.hosts)
+
+    @property
+    def page(self) -> str:
+        """Address of the page with the token."""
+        return f"http://{ADDRESS}:{self.port}/#{self.token}"
+
+    def opens(self, token: object) -> bool:
+        """Whether a token is the right one, in the same time for all wrong ones."""
+        given = token if isinstance(token, str) else ""
+        return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
+
+    @property
+    def headers(self) -> list[tuple[bytes, bytes]]:
+        """Headers of every answer, which tell the browser what the page may do: little."""
+        sockets = " ".join(f"ws://{x.decode()}" for x in sorted(self.hosts))
+        policy = (
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+            f"connect-src 'self' {sockets}; frame-ancestors 'none'; base-uri 'none'; "
+            "form-action 'none'"
+        )
+        return [
+            (b"content-security-policy", policy.encode()),
+            (b"x-content-type-options", b"nosniff"),
+            (b"x-frame-options", b"DENY"),
+            (b"referrer-policy", b"no-referrer"),
+            (b"cross-origin-opener-policy", b"same-origin"),
+            (b"cross-origin-resource-policy", b"same-origin"),
+            (b"cache-control", b"no-store"),
+        ]
+
+
+class Refused(Exception):
+    """A request that is not answered.
+
+    Args:
+        status: Status of HTTP.
+        sentence: Why.
+    """
+
+    def __init__(self, status: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class Guard:
+    """Lets requests of the own page through to an app, and refuses all others.
+
+    Args:
+        app: The app behind it.
+        door: Address and token.
+    """
+
+    def __init__(self, app: App, door: Door) -> None:
+        self.app, self.door = app, door
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, as ASGI has it."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = [(name, x) for name, x in message.get("headers", [])]
+                message = {**message, "headers": [*own, *self.door.headers]}
+            await send(message)
+
+        try:
+            self._check(scope)
+            await self.app(scope, _bounded(receive), answer)
+        except Refused as refusal:
+            if scope["type"] == "websocket":
+                # Before it is accepted: the answer is 403.
+                await send({"type": "websocket.close"})
+            else:
+                await respond(answer, refusal.status, f"{refusal}\n".encode(), "text/plain")
+
+    def _check(self, scope: Scope) -> None:
+        """Refuse what the own page does not send."""
+        headers = scope["headers"]
+        if not _is_one_of(_all(headers, b"host"), self.door.hosts):
+            raise Refused(400, "This is the Studio of armcontour: open the address it printed.")
+        origins = _all(headers, b"origin")
+        method = scope.get("method", "GET")
+        reads = scope["type"] == "http" and method in ("GET", "HEAD")
+        if not (reads and not origins) and not _is_one_of(origins, self.door.origins):
+            raise Refused(403, "Only the Studio's own page may ask for this.")
+        if method not in ("GET", "HEAD", "POST"):
+            raise Refused(405, f"The Studio does not know the method {method}.")
+        if scope["type"] == "websocket" or is_public(scope["path"]):
+            # A websocket gives the token in its first message: it cannot have headers.
+            return
+        if method == "POST" and _all(headers, OWN_HEADER) != [b"1"]:
+            raise Refused(403, "A request that changes something needs the header X-Armcontour.")
+        kind, _, token = b"".join(_all(headers, b"authorization")).partition(b" ")
+        if kind.lower() != b"bearer" or not self.door.opens(token.decode("latin-1")):
+            raise Refused(401, "The token is missing or wrong: open the address it printed.")
+        length = b"".join(_all(headers, b"content-length"))
+        if length.isdigit() and int(length) > LARGEST_UPLOAD:
+            raise _too_large()
+
+
+def is_public(path: str) -> bool:
+    """Whether a path is a part of the page, which holds nothing of the person who opens it."""
+    return path == "/" or path.startswith("/static/")
+
+
+class Allowance:
+    """How many messages may come: a rate, and some at once.
+
+    Args:
+        clock: Gives the current time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._left, self._last = clock, BURST, clock()
+
+    def take(self) -> bool:
+        """Take one; False if there is none left."""
+        now = self._clock()
+        self._left = min(BURST, self._left + RATE * (now - self._last))
+        self._last = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+async def respond(
+    send: Send,
+    status: int,
+    body: bytes,
+    kind: str,
+    headers: Iterable[tuple[bytes, bytes]] = (),
+) -> None:
+    """Send a whole answer.
+
+    Args:
+        send: As of ASGI.
+        status: Status of HTTP.
+        body: The content.
+        kind: Its type.
+        headers: Further headers.
+    """
+    if kind.startswith("text/") or kind == "application/json":
+        kind += "; charset=utf-8"
+    own = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": [*own, *headers]})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _bounded(receive: Receive) -> Receive:
+    """The same messages, as long as the bodies of requests do not become too large."""
+    size = 0
+
+    async def bounded() -> Message:
+        nonlocal size
+        message = await receive()
+        if message["type"] == "http.request":
+            size += len(message.get("body", b""))
+            if size > LARGEST_UPLOAD:
+                raise _too_large()
+        return message
+
+    return bounded
+
+
+def _too_large() -> Refused:
+    """The refusal of a file that is too large."""
+    return Refused(
+        413,
+        f"A file opened in the Studio may have {LARGEST_UPLOAD // MEGABYTE} MB: name a larger one "
+        "in the job file.",
+    )
+
+
+def _all(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:
+    """All values of a header."""
+    return [x for key, x in headers if key.lower() == name]
+
+
+def _is_one_of(values: list[bytes], allowed: frozenset[bytes]) -> bool:
+    """Whether there is one value, and it is allowed."""
+    return len(values) == 1 and values[0] in allowed

@@ -1,0 +1,306 @@
+"""What can be grabbed in the picture: the plane of the picture, waypoints, obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray, lock_floats
+from armcontour._quantities import Quantity
+from armcontour.frames import Frame
+from armcontour.io.job_arm import frame_of
+from armcontour.io.job_edits import Keys
+from armcontour.io.job_model import FrameModel, PathModel
+from armcontour.io.scene_model import BodiesModel, SceneModel
+from armcontour.io.si_data import in_si
+from armcontour.io.units import write_like
+from armcontour.jobs import Job
+
+# A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
+# computed, and as it is written.
+Given: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
+LENGTH = Quantity("m", "1 mm")
+# Points whose distances from a plane or from a line are below this lie in it [m].
+FLAT = 1e-9
+# Cosine of the angle within which a plane's normal points along an axis.
+STEEP = 0.9
+AXES = lock_floats(np.eye(3))
+# Keys of lists of obstacles.
+BODIES = tuple(x.name for x in fields(BodiesModel))
+# Coordinates are written with the fewest digits that are this exact [m].
+EXACT = 1e-13
+POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
+POINT, VIA, CENTER, END = "point", "via", "center", "end"
+FROM_FILE = (
+    "The contours come from {file}, so that their points stay as drawn: make them waypoints of the "
+    "job to move them."
+)
+COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane:
+    """The plane of the picture, in the frame of the job's path.
+
+    Args:
+        origin: The point with the coordinates 0, 0 [m], (3,).
+        x, y: Unit vectors of both axes, (3,).
+        flat: Whether the points of the job lie in the plane.
+    """
+
+    origin: FloatArray
+    x: FloatArray
+    y: FloatArray
+    flat: bool = True
+
+    @property
+    def normal(self) -> FloatArray:
+        """The direction out of the picture, (3,)."""
+        return np.asarray(np.cross(self.x, self.y))
+
+    def uv(self, points: npt.ArrayLike) -> FloatArray:
+        """Coordinates in the picture [m], (..., 2).
+
+        Args:
+            points: Points [m], (..., 2) for an arm in the plane, or (..., 3).
+        """
+        given = np.asarray(points, dtype=np.float64)
+        off = given - self.origin[: given.shape[-1]]
+        axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
+        return np.asarray(off @ axes)
+
+    def lift(self, uv: npt.ArrayLike) -> FloatArray:
+        """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
+        u = np.asarray(uv, dtype=np.float64)
+        return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Waypoint:
+    """A point of a job file.
+
+    Args:
+        index: Its number, from 0: ends of segments in order, then their other points.
+        keys: The keys that lead to it in the file; none if it is computed.
+        point: Its place in the frame of the job's path [m], (3,).
+        uv: The same in the picture [m], (2,).
+        written: Its coordinates as they are written.
+        role: "point", "via" and "center" of an arc, or the "end" of an arc around a centre.
+    """
+
+    index: int
+    keys: Keys
+    point: FloatArray
+    uv: FloatArray
+    written: tuple[Any, ...]
+    role: str = POINT
+
+    @property
+    def why_not(self) -> str | None:
+        """Why it cannot be moved; None if it can."""
+        return None if self.keys else COMPUTED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Handles:
+    """What can be grabbed of a job.
+
+    Args:
+        job: The job.
+        kind: What the job file gives: "points", "segments", "spline" or "file".
+        file: The name of the drawing, if it is a file.
+        frame: The frame of the path.
+        plane: The plane of the picture.
+        centre: The middle of the path in the picture [m], (2,).
+        waypoints: The points; first those at the ends of segments, in order.
+        why_not: Why the points cannot be moved; None if they can.
+    """
+
+    job: Job
+    kind: str
+    file: str | None
+    frame: Frame
+    plane: Plane
+    centre: FloatArray
+    waypoints: tuple[Waypoint, ...]
+    why_not: str | None
+
+    @property
+    def editable(self) -> bool:
+        """Whether points can be moved, added and removed."""
+        return self.why_not is None
+
+    @property
+    def ends(self) -> tuple[Waypoint, ...]:
+        """The waypoints through which the path goes, in order."""
+        return tuple(x for x in self.waypoints if x.role in (POINT, END))
+
+    def to_file(
+        self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT
+    ) -> tuple[Any, ...]:
+        """Coordinates of the file for a place in the picture, in the form of a point there.
+
+        The distance of the point from the plane stays.
+
+        Args:
+            uv: The place [m], (2,).
+            like: The point that is moved, or one beside a new one.
+            within: How far the place may be off [m]: coordinates have the fewest digits.
+        """
+        moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
+        back = self.frame.inverse
+        given = (back.position + back.rotation @ moved)[: len(like.written)]
+        old = (back.position + back.rotation @ like.point)[: len(like.written)]
+        return tuple(
+            text if abs(new - was) <= EXACT else write_like(float(new), text, LENGTH, within=within)
+            for new, was, text in zip(given, old, like.written, strict=True)
+        )
+
+
+def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
+    """What can be grabbed of a job.
+
+    Args:
+        job: The job.
+        data: The data of its file, as written.
+    """
+    path = data.get("path") or {}
+    si = in_si(path, PathModel)
+    frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
+    kind = next((x for x in (POINTS, SEGMENTS, SPLINE) if path.get(x) is not None), FILE)
+    given = [] if kind == FILE else list(_given(kind, path, si))
+    ends = _ends(job, given)
+    places = [
+        ends[k] if point is None else frame.position + frame.rotation @ _in_space(point)
+        for k, (_, _, point, _) in enumerate(given)
+    ]
+    in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in given)
+    plane = _plane_of(job, frame if in_plane else None, places)
+    file = path.get("file")
+    return Handles(
+        job=job,
+        kind=kind,
+        file=file,
+        frame=frame,
+        plane=plane,
+        centre=_centre(job, plane),
+        waypoints=tuple(
+            Waypoint(index=k, keys=x[1], point=at, uv=plane.uv(at), written=tuple(x[3]), role=x[0])
+            for k, (x, at) in enumerate(zip(given, places, strict=True))
+        ),
+        why_not=FROM_FILE.format(file=file) if kind == FILE else None,
+    )
+
+
+def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The obstacles that a job file gives itself, without those of other files.
+
+    Args:
+        data: The data of the file, as written.
+
+    Returns:
+        Per obstacle its `kind`, which is the key of its list, its `index` in the list, its keys in
+        SI units, and its keys as `written`.
+    """
+    scene = data.get("scene") or {}
+    si = in_si(scene, SceneModel)
+    return [
+        {**x, "kind": kind, "index": k, "written": scene[kind][k]}
+        for kind in BODIES
+        for k, x in enumerate(si.get(kind) or [])
+    ]
+
+
+def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:
+    """The points of a job file without a drawing; those at ends of segments come first."""
+    if kind != SEGMENTS:
+        inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
+        points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
+        places = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
+        for k, (written, at) in enumerate(zip(points, places, strict=True)):
+            yield POINT, ("path", *inner, k), np.array(at), written
+        return
+    yield POINT, ("path", "start"), np.array(si["start"]), path["start"]
+    both = list(zip(path[SEGMENTS], si[SEGMENTS], strict=True))
+    for k, (written, at) in enumerate(both):
+        if written.get("to") is None:
+            yield END, (), None, [0.0] * len(si["start"])
+        else:
+            yield POINT, ("path", SEGMENTS, k, "to"), np.array(at["to"]), written["to"]
+    for k, (written, at) in enumerate(both):
+        for role in (VIA, CENTER):
+            if written.get(role) is not None:
+                yield role, ("path", SEGMENTS, k, role), np.array(at[role]), written[role]
+
+
+def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
+    """Ends of segments, of which the file does not give some, (n + 1, 3) [m]."""
+    if all(x[2] is not None for x in given):
+        return np.empty((0, 3))
+    return np.array([_in_space(x) for x in job.program.contours[0].path.vertices])
+
+
+def _in_space(point: FloatArray) -> FloatArray:
+    """A point with three coordinates [m], (3,)."""
+    return np.append(point, 0.0) if len(point) == 2 else point
+
+
+def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Plane:
+    """The plane of the picture.
+
+    Args:
+        job: The job.
+        frame: The frame whose x-y plane it is; None takes the plane of the points.
+        places: The points [m], (3,) each.
+    """
+    if job.arm.dimension == 2:
+        return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
+    if frame is not None:
+        off = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
+        flat = bool(np.abs(off).max() <= FLAT)
+        return _plane_across(frame.rotation[:, 2], frame.position, flat=flat)
+    middle = np.mean(places, axis=0)
+    off = np.array(places) - middle
+    along = np.linalg.svd(off)[2]
+    flat = bool(np.abs(off @ along[2]).max() <= FLAT)
+    normal = along[2]
+    if np.abs(off @ along[1]).max() <= FLAT:
+        # Of all planes through a line, the one nearest to the horizontal, or upright for a
+        # line that goes up.
+        up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
+        normal = up - (up @ along[0]) * along[0]
+    elif not flat:
+        # A plane that turned while a point is dragged would be of no use.
+        normal = AXES[int(np.argmax(np.abs(normal)))]
+    normal = normal / np.linalg.norm(normal)
+    found = _plane_across(normal, middle, flat=flat)
+    upwards = normal[2] if abs(normal[2]) > 0.5 else found.y[2]
+    return found if upwards > 0 else _plane_across(-normal, middle, flat=flat)
+
+
+def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
+    """The plane through a point across a direction; its x axis is near that of the frame."""
+    nearest = int(np.argmax(np.abs(normal)))
+    if abs(normal[nearest]) >= 1 - FLAT**2:
+        normal = AXES[nearest] * np.sign(normal[nearest])
+    # The arm's y axis, where its x axis points out of the plane.
+    along = AXES[0] if nearest != 0 or abs(normal[0]) < STEEP else AXES[1]
+    x = along - (along @ normal) * normal
+    x = x / np.linalg.norm(x)
+    origin = (normal @ point) * normal
+    return Plane(origin=origin + 0.0, x=x + 0.0, y=np.cross(normal, x) + 0.0, flat=flat)
+
+
+def _vertices(job: Job) -> FloatArray:
+    """Ends of all segments of a job's path [m], (n, dimension)."""
+    return np.concatenate([x.path.vertices for x in job.program.contours])
+
+
+def _centre(job: Job, plane: Plane) -> FloatArray:
+    """The middle of a job's path in the picture [m], (2,)."""
+    uv = plane.uv(_vertices(job))
+    return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)

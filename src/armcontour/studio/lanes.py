@@ -1,0 +1,199 @@
+"""Where work is done: previews in one thread, of which the latest wins; all else in a process."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from threading import Condition, Thread
+from typing import Any, TypeAlias
+
+from armcontour._processes import ProcessEnded, Worker, can_start
+from armcontour.errors import ArmContourError
+from armcontour.studio import tasks
+from armcontour.studio.tasks import WARM, Given
+from armcontour.studio.wire import Frame
+
+Stale: TypeAlias = Callable[[], bool]
+Work: TypeAlias = Callable[[Stale], Iterator[Frame]]
+
+
+class FastLane:
+    """One thread for previews: of works that wait, only the latest is done.
+
+    Frames are delivered in the order of the works, so that an older answer never comes after a
+    newer one.
+
+    Args:
+        deliver: Called in the thread with every frame.
+    """
+
+    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+        self._deliver = deliver
+        self._news = Condition()
+        self._waiting: Work | None = None
+        self._newest, self._open = 0, True
+        self._thread = Thread(target=self._run, name="studio previews", daemon=True)
+        self._thread.start()
+
+    def submit(self, work: Work) -> None:
+        """Do some work next, in place of what waits.
+
+        Args:
+            work: Yields frames; it is told whether newer work waits.
+        """
+        with self._news:
+            self._waiting, self._newest = work, self._newest + 1
+            self._news.notify()
+
+    def close(self) -> None:
+        """End after the present step; what waits is not done."""
+        with self._news:
+            self._waiting, self._open = None, False
+            self._newest += 1
+            self._news.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._waiting is not None or not self._open)
+                work, number = self._waiting, self._newest
+                self._waiting = None
+            if work is None:
+                return
+            try:
+                for frame in work(lambda number=number: self._newest > number):  # type: ignore[misc]
+                    self._deliver(frame)
+            except ArmContourError as error:
+                self._deliver(Frame("notice", {"sentence": str(error)}))
+            except Exception as error:
+                # The lane goes on: the next edit may do without what failed here.
+                told = f"The preview failed: {type(error).__name__}: {error}"
+                self._deliver(Frame("notice", {"sentence": told}))
+
+
+class SlowLane:
+    """One other process for what takes longer; it does one task after the other.
+
+    Its process is started at once, and another one whenever a task is cancelled or a process dies.
+    It ends when this process ends.
+
+    Args:
+        deliver: Called with every frame, in a thread or by `cancel`: progress of a task, and what
+            ends it, a result, "failed" or "cancelled".
+    """
+
+    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+        self._deliver = deliver
+        self._news = Condition()
+        self._waiting: deque[Given] = deque()
+        self._running: Given | None = None
+        self._worker: Worker[Given, bytes] | None = None
+        self._open = True
+        # Frames on their way, in order; who delivers them holds no lock.
+        self._said: deque[Frame] = deque()
+        self._saying = False
+        self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
+        self._thread.start()
+
+    def submit(self, id: str, task: str, request: Mapping[str, Any]) -> None:
+        """Do a task after those that wait.
+
+        Args:
+            id: Its name, by which it can be cancelled.
+            task: What is done, of `tasks.TASKS`.
+            request: What it is done with, as `tasks.do` takes it.
+        """
+        with self._news:
+            self._waiting.append(Given(id, task, request))
+            self._news.notify()
+
+    def cancel(self, id: str) -> None:
+        """Give a task up, running or waiting; nothing happens if it is over."""
+        with self._news:
+            waiting = [x for x in self._waiting if x.id == id]
+            running = self._running is not None and self._running.id == id
+            if not waiting and not running:
+                return
+            self._waiting = deque(x for x in self._waiting if x.id != id)
+            if running:
+                self._running = None
+                if self._worker is not None:
+                    self._worker.end()
+            self._said.append(Frame("cancelled", {"id": id}))
+        self._deliver_all()
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        with self._news:
+            self._waiting.clear()
+            self._running, self._open = None, False
+            if self._worker is not None:
+                self._worker.end()
+            self._news.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        """Start a process and give it one task after the other, until it ends; then the next."""
+        while self._open:
+            worker = Worker(tasks.work) if can_start() else None
+            with self._news:
+                self._worker = worker
+                if not self._open and worker is not None:
+                    worker.end()
+            try:
+                self._do(WARM)
+                while (given := self._next()) is not None:
+                    self._do(given)
+            except ProcessEnded as error:
+                self._end(Frame("failed", {"sentence": str(error)}))
+            finally:
+                if worker is not None:
+                    worker.close()
+
+    def _next(self) -> Given | None:
+        """The next task, after a while; None at the end."""
+        with self._news:
+            self._news.wait_for(lambda: self._waiting or not self._open)
+            if not self._open:
+                return None
+            self._running = self._waiting.popleft()
+            return self._running
+
+    def _do(self, given: Given) -> None:
+        """Have the process do a task, and deliver what it says."""
+        worker = self._worker
+        if worker is None:
+            found = tasks.work(given, self._hear)
+        else:
+            found = worker.do(given, self._hear)
+        if given != WARM:
+            self._end(Frame.unpack(found))
+
+    def _hear(self, data: bytes) -> None:
+        """Deliver progress, unless the task was cancelled."""
+        with self._news:
+            if self._running is not None:
+                self._said.append(Frame.unpack(data))
+        self._deliver_all()
+
+    def _end(self, frame: Frame) -> None:
+        """Deliver what ends the running task, unless it was cancelled."""
+        with self._news:
+            given, self._running = self._running, None
+            if given is not None:
+                header = {**frame.header, "id": given.id}
+                self._said.append(Frame(frame.kind, header, frame.arrays))
+        self._deliver_all()
+
+    def _deliver_all(self) -> None:
+        """Deliver what is said, one thread at a time."""
+        while True:
+            with self._news:
+                if self._saying or not self._said:
+                    return
+                self._saying, frame = True, self._said.popleft()
+            try:
+                self._deliver(frame)
+            finally:
+                with self._news:
+                    self._saying = False

@@ -1,0 +1,100 @@
+"""The Studio's start: the document, everything that computes, and the first plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from armcontour._files import hear_reading
+from armcontour._progress import Step
+from armcontour.studio.wire import Frame
+
+if TYPE_CHECKING:
+    from armcontour.studio.document import Document
+    from armcontour.studio.exact import MakeLane
+    from armcontour.studio.session import Session
+
+# The task that a page sees while the Studio starts.
+START = "start"
+
+
+class Starting:
+    """Tells the pages how far the start is.
+
+    Args:
+        say: Sends a message to all pages.
+    """
+
+    def __init__(self, say: Callable[[bytes], None]) -> None:
+        self._say = say
+
+    def __call__(self, step: Step) -> None:
+        """Tell a step."""
+        header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
+        self._say(Frame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
+
+
+def open_session(
+    file: FilePath | None,
+    *,
+    cell: str | None = None,
+    trust_xacro: bool = False,
+    say: Callable[[bytes], None] = lambda data: None,
+    slow: MakeLane | None = None,
+) -> Session:
+    """Open a document; `Session.begin` shows it.
+
+    Args:
+        file: A job file or a drawing; None opens the paper's job.
+        cell: Cell of a drawing.
+        trust_xacro: Whether an arm from a .xacro file that the job names may be loaded.
+        say: Sends a message to all pages.
+        slow: As of `Session`; by default another process.
+
+    Raises:
+        ArmContourError: The document cannot be opened.
+    """
+    tell = Starting(say)
+    tell(Step(("loading armcontour",)))
+    from armcontour.studio.lanes import SlowLane
+    from armcontour.studio.preview import Previewer
+    from armcontour.studio.session import Session
+
+    document = _document(file, cell)
+    folder = document.folder or FilePath.cwd()
+    previewer = Previewer(folder, trust_xacro=trust_xacro)
+    tell(Step(("reading the job",)))
+    named: list[FilePath] = []
+    with hear_reading(lambda place, content: named.append(place)):
+        session = Session(
+            document,
+            previewer,
+            trusted=_xacro_of(document.data, folder) if trust_xacro else (),
+            told=tell,
+            slow=slow or SlowLane,
+        )
+    session.confine(named)
+    return session
+
+
+def _document(file: FilePath | None, cell: str | None) -> Document:
+    """The document of a file.
+
+    Raises:
+        InvalidInput: It cannot be opened.
+    """
+    from armcontour.studio.document import Document
+
+    if file is None:
+        paper = resources.files("armcontour.jobs") / "library" / "paper.yaml"
+        return Document.of_text(paper.read_text(encoding="utf-8"), FilePath.cwd(), "paper.yaml")
+    return Document.open(file) if cell is None else Document.of_drawing(file, cell)
+
+
+def _xacro_of(data: Mapping[str, Any], folder: FilePath) -> list[FilePath]:
+    """The file of xacro that a job names, if there is one."""
+    arm = data.get("arm")
+    file = arm.get("file") if isinstance(arm, Mapping) else arm
+    return [folder / file] if isinstance(file, str) and file.lower().endswith(".xacro") else []

@@ -1,0 +1,414 @@
+"""Results as frames for the screen: paths with what limits them, demand and errors over time.
+
+Errors are magnified on the screen, so that they are computed here, in 64 bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray, IntArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.errors import ArmContourError
+from armcontour.geometry import RoundedPath
+from armcontour.jobs import Rounding
+from armcontour.motion import Trajectory
+from armcontour.program import Program
+from armcontour.studio.line import NOTHING, Line, places_of
+from armcontour.studio.preview import Executed, Planned
+from armcontour.studio.thinning import bends, thin
+from armcontour.studio.view import View, in_space, short
+from armcontour.studio.wire import Frame
+from armcontour.timing import Explanation
+
+# About the largest number of points of a path, and of times of a chart or an execution.
+MOST_POINTS, MOST_TIMES, MOST_SAMPLES = 20_000, 2_000, 4_000
+# Charts have at least so many times.
+FEWEST_TIMES = 200
+# Points of a drawn rapid.
+OF_RAPID = 16
+# Longest lists in headers: corners have handles, and sentences are read.
+MOST_CORNERS, MOST_SHORTFALLS = 400, 100
+# Kinds of limits by their names in explanations; others belong to the kind "other".
+KINDS = {
+    "assigned velocity": "speed",
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "torque": "torque",
+    "jerk": "jerk",
+    "tool jerk": "jerk",
+    "path jerk": "jerk",
+    "tool acceleration": "tool",
+    "angular speed": "tool",
+    "angular acceleration": "tool",
+    "centripetal acceleration": "corner",
+}
+
+
+def picture_frame(
+    planned: Planned, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
+) -> Frame:
+    """The picture of a plan.
+
+    Args:
+        planned: The plan.
+        view: How points get on the screen.
+        seq: Number of the message that is answered.
+        rev: Revision of the document.
+        of: "live", or "compare" for a plan to compare with.
+    """
+    line = Line.of(planned)
+    limits = _limits(planned.explanation)
+    binding = line.binding(planned.explanation, limits)
+    kept = line.thinned(binding, MOST_POINTS)
+    points, s = line.points[kept], line.s[kept]
+    header = {
+        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
+        "duration": planned.trajectory.duration,
+        **view.header,
+        "contours": _contours(planned.path, line.ends, kept),
+        "limits": limits,
+        "shares": _shares(planned.explanation),
+        "shortfalls": _shortfalls(planned, view),
+        "corners": _corners(planned, view),
+        "warnings": planned.warnings,
+        "notes": _notes(planned),
+        "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
+        "planned": True,
+    }
+    header["plane"]["flat"] = view.is_flat(line.points)
+    return Frame(
+        "picture",
+        header,
+        {
+            **_objective(planned.objective, view),
+            "path": view.drawn(points),
+            "path_s": short(s),
+            "path_t": short(line.t[kept]),
+            "speed": short(line.speed[kept]),
+            "assigned": short(line.assigned[kept]),
+            "binding": binding[kept],
+            "xyz": short(in_space(points)),
+            **_rapids(planned, view),
+            **_demand(planned.trajectory, planned.job.arm, planned.run.limits),
+        },
+    )
+
+
+def drawing_frame(
+    program: Program, view: View, *, seq: int | None = None, rev: int = 0, run: str = ""
+) -> Frame:
+    """The picture of a program that is not planned yet; without speeds and times.
+
+    Args:
+        program: The program.
+        view: How points get on the screen.
+        seq: Number of the message that is answered.
+        rev: Revision of the document.
+        run: Name of the run that is shown.
+    """
+    points, first = _outline(program)
+    arrays = _thinned_outline(points, first, view)
+    header = {
+        **{"seq": seq, "rev": rev, "run": run, "of": "live", "duration": None},
+        **view.header,
+        "contours": [],
+        "limits": [],
+        "shares": [],
+        "shortfalls": [],
+        "corners": [],
+        "warnings": [],
+        "notes": [*program.notes, "the program is long, and is planned when it is at rest."],
+        "ms": {},
+        "planned": False,
+    }
+    header["plane"]["flat"] = view.is_flat(points)
+    return Frame("picture", header, arrays)
+
+
+def executed_frame(
+    executed: Executed, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
+) -> Frame:
+    """The picture of an execution: how far the tool is from the path, and what the joints need.
+
+    Args:
+        executed: The execution.
+        view: As in `picture_frame`.
+        seq: As in `picture_frame`.
+        rev: As in `picture_frame`.
+        of: As in `picture_frame`.
+    """
+    planned, execution, errors = executed.planned, executed.execution, executed.errors
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
+    base = np.concatenate([x.path(x.found.s) for x in executed.pieces])
+    tool = np.concatenate([x.tool for x in executed.pieces])
+    distance = np.concatenate([x.found.distance for x in executed.pieces])
+    demand = _demand_shares(execution.demand[which], planned.run.limits)
+    offset = view.offsets(tool - base)
+    kept = thin(
+        _peaks(distance),
+        [*offset.T.astype(np.float64), distance, *demand.T],
+        MOST_SAMPLES,
+    )
+    joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
+    at = which[kept]
+    worst = int(np.argmax(distance))
+    header = {
+        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
+        "rms": errors.rms,
+        "max": errors.max,
+        "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
+        "period": executed.taught.period,
+        "settled": executed.settled,
+        "saturated": [
+            {"joint": name, "time": time}
+            for name, time in zip(joints, execution.saturated_time.tolist(), strict=True)
+            if time > 0
+        ],
+        "demand": _largest_demand(execution.demand_range, planned.run.limits),
+        "preview_period": executed.taught.period,
+        "centre": view.centre,
+        "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
+    }
+    return Frame(
+        "executed",
+        header,
+        {
+            "base": view.drawn(base[kept]),
+            "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
+            "t": short(execution.t[at]),
+            "error": short(distance[kept]),
+            "q": np.ascontiguousarray(execution.q[at]),
+            "xyz": short(in_space(tool[kept])),
+            "demand": short(demand[kept]),
+        },
+    )
+
+
+def refusal_header(
+    error: ArmContourError,
+    view: View,
+    *,
+    tier: int,
+    run: str = "",
+    planned: Planned | None = None,
+    waypoints: FloatArray | None = None,
+) -> dict[str, Any]:
+    """What was refused, and where.
+
+    Args:
+        error: The error.
+        view: As in `picture_frame`.
+        tier: What could not be had: 1 the plan, 2 its execution, 3 the full run.
+        run: Name of the run.
+        planned: The plan, if there is one: it has the place of a time.
+        waypoints: Waypoints in the plane [m], (n, 2), of which one may be at the place.
+    """
+    point = None if error.point is None else np.array(error.point)
+    if point is None and error.t is not None and planned is not None:
+        t = np.clip(error.t, 0.0, planned.trajectory.duration)
+        point = planned.job.arm.forward(planned.trajectory(t))
+    at: dict[str, Any] = {"s": error.s, "t": error.t, "joint": error.joint, "index": error.index}
+    if point is not None and point.shape in {(2,), (3,)}:
+        at |= {"xyz": in_space(point), "uv": view.uv(point)}
+        if waypoints is not None and len(waypoints):
+            away = np.linalg.norm(waypoints - at["uv"], axis=1)
+            at["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
+    return {
+        **{"tier": tier, "run": run, "sentence": str(error)},
+        **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
+        **{"needed": error.needed, "allowed": error.allowed},
+        "at": {name: x for name, x in at.items() if x is not None},
+    }
+
+
+def _outline(program: Program) -> tuple[FloatArray, IntArray]:
+    """Points of all contours [m], and the index of the first point of each, and their number."""
+    parts = [x.path(places_of(x.path)) for x in program.contours]
+    return np.concatenate(parts), np.cumsum([0, *(len(x) for x in parts)])
+
+
+def _objective(objective: Program, view: View) -> dict[str, Any]:
+    return _thinned_outline(*_outline(objective), view)
+
+
+def _thinned_outline(points: FloatArray, ends: IntArray, view: View) -> dict[str, Any]:
+    """Arrays of the path before corners are rounded."""
+    weight = bends(points)
+    weight[ends[:-1]] = weight[ends[1:] - 1] = np.inf
+    kept = thin(weight, list(points.T), MOST_POINTS)
+    return {
+        "objective": view.drawn(points[kept]),
+        "objective_breaks": np.searchsorted(kept, ends).astype(np.uint32),
+    }
+
+
+def _contours(program: Program, ends: IntArray, kept: IntArray) -> list[dict[str, Any]]:
+    """First point of each contour, the one after its last, its name and its layer."""
+    first = np.searchsorted(kept, ends).tolist()
+    return [
+        {"from": begin, "to": end, "name": x.name, "tag": x.layer or x.path.tags[0]}
+        for x, begin, end in zip(program.contours, first[:-1], first[1:], strict=True)
+    ]
+
+
+def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
+    """The limits that bind somewhere, in the order of the motion."""
+    if explanation is None:
+        return []
+    found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
+    return [
+        {"name": name, "kind": KINDS.get(limit, "other"), "label": name}
+        for name, limit in list(found.items())[:NOTHING]
+    ]
+
+
+def _shares(explanation: Explanation | None) -> list[dict[str, Any]]:
+    """Time for which each limit binds [s], the longest first."""
+    times: dict[str, float] = {}
+    for x in () if explanation is None else explanation.bindings:
+        times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
+    return [{"name": name, "time": times[name]} for name in sorted(times, key=lambda x: -times[x])]
+
+
+def _shortfalls(planned: Planned, view: View) -> list[dict[str, Any]]:
+    """Where the tool is slower than assigned, and why; the worst ones if there are many."""
+    found = () if planned.explanation is None else planned.explanation.shortfalls
+    worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MOST_SHORTFALLS]
+    if not worst:
+        return []
+    chosen = sorted(worst, key=lambda x: x.s)
+    s = np.array([x.s for x in chosen])
+    times = planned.trajectory.time_at(s).tolist()
+    places = view.uv(_points_at(planned.path, s)).tolist()
+    return [
+        {"s": x.s, "t": t, "uv": uv, "sentence": x.sentence, "kind": x.kind}
+        for x, t, uv in zip(chosen, times, places, strict=True)
+    ]
+
+
+def _points_at(program: Program, s: FloatArray) -> FloatArray:
+    """Points at arc lengths that are counted over all contours [m], (n, dimension)."""
+    breaks = program.breaks
+    which = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
+    found = np.empty((len(s), program.dimension))
+    for k in np.unique(which).tolist():
+        path, of = program.contours[k].path, which == k
+        found[of] = path(np.clip(s[of] - breaks[k], 0.0, path.length))
+    return found
+
+
+def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
+    """The rounded corners of all contours; none if they are too many to grab."""
+    found: list[dict[str, Any]] = []
+    rounding = planned.run.rounding
+    for number, contour in enumerate(planned.path.contours):
+        path = contour.path
+        if not isinstance(path, RoundedPath):
+            continue
+        c = path.corners
+        if len(found) + len(c) > MOST_CORNERS:
+            return []
+        apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
+        own = path.objective.tolerances
+        beside = np.fmin(own[c.vertex - 1], own[np.minimum(c.vertex, len(own) - 1)])
+        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, c.vertex))
+        for k in range(len(c)):
+            found.append(
+                {
+                    **{"index": len(found), "contour": number, "vertex": c.vertex[k]},
+                    **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
+                    **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},
+                }
+            )
+    return found
+
+
+def _caps(rounding: Rounding, vertices: IntArray) -> FloatArray:
+    """The largest errors that a job gives corners [m]; NaN without one."""
+    usual = np.nan if rounding.tolerance is None else rounding.tolerance
+    single = rounding.at or {}
+    # They are given by the numbers of waypoints, from 1.
+    return np.array([single.get(k + 1, usual) for k in vertices.tolist()], dtype=np.float64)
+
+
+def _notes(planned: Planned) -> list[str]:
+    """What a reader of the picture should know."""
+    found = [*planned.differs]
+    found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
+    if planned.explanation is None:
+        found.append(
+            f"plans of the method {planned.trajectory.method} have no explanation: which limit "
+            "binds is known for the method optimal, without smoothing."
+        )
+    return found
+
+
+def _rapids(planned: Planned, view: View) -> dict[str, Any]:
+    """Arrays of the ways of the tool between contours."""
+    spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
+    spans = spans[: MOST_POINTS // OF_RAPID]
+    if not spans:
+        return {}
+    begin, end = np.array(spans).T
+    t = np.linspace(begin, end, OF_RAPID, axis=1).ravel()
+    duration = planned.trajectory.duration
+    points = planned.job.arm.forward(planned.trajectory(np.minimum(t, duration)))
+    return {
+        "rapid": view.drawn(points),
+        "rapid_xyz": short(in_space(points)),
+        "rapid_t": short(t),
+        "rapid_breaks": np.arange(0, len(points) + 1, OF_RAPID, dtype=np.uint32),
+    }
+
+
+def _demand(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
+    """Arrays of joint positions over time, and of the shares of limits that joints use."""
+    breaks = trajectory.breaks
+    if len(breaks) > MOST_TIMES:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
+    elif len(breaks) < FEWEST_TIMES:
+        breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
+    # Accelerations jump: both sides of every break, the first one after it, the last one before it.
+    after, before = trajectory.motion(breaks[:-1]), trajectory.motion(breaks[1:], side="left")
+    t = np.stack([breaks[:-1], breaks[1:]], axis=1).ravel()
+    q, dq, ddq = (
+        np.stack([x, y], axis=1).reshape(len(t), -1) for x, y in zip(after, before, strict=True)
+    )
+    shares = {
+        "usage_v": dq / or_unlimited(limits.joint_velocity, arm.dof),
+        "usage_a": _demand_shares(ddq, limits),
+    }
+    if limits.joint_torque is not None and arm.has_bodies:
+        shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
+    rows = [x for share in shares.values() for x in share.T]
+    kept = thin(np.zeros(len(t)), rows, MOST_TIMES)
+    return {
+        "t": short(t[kept]),
+        "q": np.ascontiguousarray(q[kept]),
+        **{name: short(x[kept]) for name, x in shares.items()},
+    }
+
+
+def _demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
+    """Shares of the acceleration limits with the signs of the accelerations, (n, dof)."""
+    low, high = limits.acceleration_bounds(ddq.shape[1])
+    return np.asarray(np.where(ddq > 0, ddq / high, ddq / -low))
+
+
+def _largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
+    """Largest share of its acceleration limit that each joint would have needed."""
+    found: list[float] = np.abs(_demand_shares(demand_range, limits)).max(axis=0).tolist()
+    return found
+
+
+def _peaks(distance: FloatArray) -> FloatArray:
+    """Infinite at the largest distance, else zero."""
+    found = np.zeros(len(distance))
+    found[int(np.argmax(distance))] = np.inf
+    return found

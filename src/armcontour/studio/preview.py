@@ -1,0 +1,452 @@
+"""Plans and executions while a person edits: those steps of `run` that are not done yet.
+
+A preview differs from a run where waiting for it would take too long, and its notes say so:
+set-points are not closer than `PERIOD`, an arm in space keeps the configuration of the last plan,
+and corners of the shape free have arcs. Nothing is checked for collisions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress
+from armcontour.arms import Arm, SerialArm
+from armcontour.errors import InvalidInput, Unreachable, locate_errors
+from armcontour.evaluation import ErrorProfile
+from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
+from armcontour.geometry import Path
+from armcontour.io.job_arm import arm_of
+from armcontour.io.job_file import job_on
+from armcontour.io.job_model import JobModel, RunModel
+from armcontour.io.job_path import part_of, placed_path, unplaced_path
+from armcontour.io.keys import Keys, read_keys
+from armcontour.io.scene import scene_of
+from armcontour.jobs import Job, Run
+from armcontour.jobs.programs import (
+    execute_run,
+    explain_run,
+    programs_of,
+    teach_run,
+    time_run,
+    trace_run,
+)
+from armcontour.jobs.study import TimedRun
+from armcontour.jobs.weak_points import INVERSE_DYNAMICS
+from armcontour.motion import Execution, TaughtData
+from armcontour.program import Program
+from armcontour.scene import Scene
+from armcontour.timing import Explanation
+from armcontour.timing.program_tracing import ends_of
+
+T = TypeVar("T")
+# Smallest command interval of a preview [s].
+PERIOD = 4e-3
+# Results that are kept of every step: those of a few runs and pins that are looked at by turns.
+KEPT = 4
+# A program of more segments is drawn without a plan first.
+LONG = 5_000
+ARCS = (
+    "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
+    "at rest."
+)
+CONFIGURATION = "the arm keeps the configuration in which it was planned before."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Planned(TimedRun):
+    """The plan of a run, and why it is not faster.
+
+    Args:
+        job: The job, with this run only.
+        explanation: Which limit binds where; None for methods that have no such limits.
+        start: Joint positions at the start of the motion [rad], (dof,).
+        seconds: Time that each step took [s], without steps whose results were kept.
+        differs: Sentences on what a full run may do in another way.
+    """
+
+    job: Job
+    explanation: Explanation | None
+    start: FloatArray
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    differs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Executed:
+    """The simulated execution of a plan.
+
+    Args:
+        planned: The plan.
+        taught: The set-points.
+        execution: The executed motion.
+        pieces: The execution along each contour.
+        errors: The contour error.
+        settled: Time after which the tool is at rest [s].
+        seconds: Time that each step took [s], without steps whose results were kept.
+    """
+
+    planned: Planned
+    taught: TaughtData
+    execution: Execution
+    pieces: tuple[Piece, ...]
+    errors: ErrorProfile
+    settled: float
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+class Kept:
+    """Results of steps with what they were made of: the same again is not done again."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, list[tuple[Any, Any]]] = {}
+        self.seconds: dict[str, float] = {}
+
+    def get(self, step: str, made_of: Any, make: Callable[[], T]) -> T:
+        """The result of a step, kept or made.
+
+        Args:
+            step: Name of the step.
+            made_of: Everything that the result depends on; it can be compared.
+            make: Does the step.
+        """
+        known = self._known.setdefault(step, [])
+        for k, (before, value) in enumerate(known):
+            if before == made_of:
+                known.insert(0, known.pop(k))
+                found: T = value
+                return found
+        begin = time.perf_counter()
+        value = make()
+        self.seconds[step] = time.perf_counter() - begin
+        known.insert(0, (made_of, value))
+        del known[KEPT:]
+        return value
+
+    @contextmanager
+    def timed(self) -> Iterator[dict[str, float]]:
+        """Collect the times of the steps that are done meanwhile [s]."""
+        self.seconds = {}
+        yield self.seconds
+
+
+class Previewer:
+    """Plans and executes runs of a document that changes; one per document, used by one thread.
+
+    The data that it gets must not be changed afterwards: it knows by them what is done already.
+
+    Args:
+        folder: Folder of relative file names.
+        trust_xacro: Whether the arm may be a .xacro file.
+    """
+
+    def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
+        self.folder = folder or FilePath()
+        self.trust_xacro = trust_xacro
+        self._kept = Kept()
+        # The configuration of the last plan, and the arm it is of.
+        self._arm: Arm | None = None
+        self._start: FloatArray | None = None
+
+    def forget(self) -> None:
+        """Forget all results, as files of the job may have changed."""
+        self._kept = Kept()
+        self._arm = self._start = None
+
+    def keep_start(self, job: Job, start: FloatArray) -> None:
+        """Stay in a configuration from now on.
+
+        Args:
+            job: A job of this document.
+            start: Joint positions at the start of its motion [rad], (dof,).
+        """
+        self._arm, self._start = job.arm, start
+
+    def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
+        """The job with one of its runs only, and without experiments.
+
+        Args:
+            data: The job file as parsed.
+            run: Name of the run; by default the first one.
+
+        Raises:
+            InvalidInput: Values that do not make a job.
+        """
+        return self._job_and_path(data, run)[0]
+
+    def drawn(self, data: Mapping[str, Any]) -> Program:
+        """The path of a job as a program, before it is prepared; without the other keys' values.
+
+        Raises:
+            InvalidInput: Values that do not make an arm and a path.
+        """
+        _, path = self._arm_and_path(self._model(data), data)
+        return self._kept.get("program", path, lambda: Program.of(path))
+
+    def is_long(self, data: Mapping[str, Any]) -> bool:
+        """Whether the program is too long to be planned at every move."""
+        program = self.drawn(data)
+        count = self._kept.get(
+            "segments", program, lambda: sum(len(x.path) for x in program.contours)
+        )
+        return count > LONG
+
+    def plan(
+        self,
+        data: Mapping[str, Any],
+        run: str | None = None,
+        *,
+        period: float | None = None,
+        exact: bool = False,
+        progress: Progress | None = None,
+    ) -> Planned:
+        """Plan a run.
+
+        Args:
+            data: The job file as parsed.
+            run: Name of the run; by default the first one.
+            period: Command interval [s]; by default that of a preview.
+            exact: Whether to plan as `run` does, in whatever time that takes.
+            progress: As of `run`.
+
+        Raises:
+            ArmContourError: As `run`.
+        """
+        with self._kept.timed() as seconds:
+            job, path = self._job_and_path(data, run)
+            (own,) = job.runs
+            with locate_errors(f"Run {own.name}"):
+                this, differs = (own, ()) if exact else _coarser(job, own, period)
+                found = self._plan(job, path, this, exact, progress)
+        return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
+
+    def execute(self, planned: Planned) -> Executed:
+        """Compensate and execute a plan, and find its contour errors.
+
+        Raises:
+            ArmContourError: As `run`.
+        """
+        job, this, get = planned.job, planned.run, self._kept.get
+        servos = [_key(x) for x in (job.servo, job.plant_servo)]
+        with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
+            how = this.compensation, this.compensation_options, this.period, servos[0]
+            taught = get(
+                "compensation",
+                (planned.trajectory, *how),
+                lambda: teach_run(job, this, planned.trajectory),
+            )
+            execution = get(
+                "execution",
+                (taught, servos[1], _key(this.limits)),
+                lambda: execute_run(job, this, taught),
+            )
+            pieces, errors, settled = get(
+                "evaluation",
+                (execution, planned.path, this.until),
+                lambda: _contour_errors(execution, planned.path, this.until),
+            )
+        return Executed(
+            planned=planned,
+            taught=taught,
+            execution=execution,
+            pieces=pieces,
+            errors=errors,
+            settled=settled,
+            seconds=seconds,
+        )
+
+    def _job_and_path(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
+        """The job with one run, and its path as it was before the process was added."""
+        return self._kept.get("job", (data, run), lambda: self._make_job(data, run))
+
+    def _make_job(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
+        model = _with_run(self._model(data), run)
+        arm, path = self._arm_and_path(model, data)
+        part = part_of(model.path)
+        scene: Scene | None = None
+        if model.scene is not None:
+            given = model.scene
+            made_of = data["scene"], _part(data)
+            scene = self._kept.get("scene", made_of, lambda: scene_of(given, self.folder, part))
+        return job_on(model, arm, path, scene), path
+
+    def _model(self, data: Mapping[str, Any]) -> JobModel:
+        return self._kept.get("keys", data, lambda: _model_of(data))
+
+    def _arm_and_path(self, model: JobModel, data: Mapping[str, Any]) -> tuple[Arm, Path | Program]:
+        arm = self._kept.get(
+            "arm",
+            data["arm"],
+            lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
+        )
+        # A drawing is not read again where its frame moves.
+        here = {key: x for key, x in data["path"].items() if key != "frame"}
+        drawn = self._kept.get(
+            "drawing",
+            (here, arm.dimension),
+            lambda: unplaced_path(model.path, self.folder, arm.dimension),
+        )
+        path = self._kept.get(
+            "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
+        )
+        return arm, path
+
+    def _plan(
+        self, job: Job, drawn: Path | Program, this: Run, exact: bool, progress: Progress | None
+    ) -> Planned:
+        """Plan in the configuration of the last plan if there is one, else in the fastest."""
+        kept = None
+        if not exact and job.start is None and isinstance(job.arm, SerialArm):
+            kept = self._start if self._arm is job.arm else None
+        if kept is not None:
+            here = self._kept.get(
+                "configuration",
+                (job, kept.tobytes()),
+                lambda: dataclasses.replace(job, start=kept),
+            )
+            try:
+                found = self._plan_in(here, drawn, this, progress)
+                return dataclasses.replace(found, differs=(CONFIGURATION,))
+            except Unreachable:
+                # Another configuration may reach it; else its error is the one to tell.
+                pass
+        found = self._plan_in(job, drawn, this, progress)
+        if not exact and job.start is None:
+            self.keep_start(job, found.start)
+        return found
+
+    def _plan_in(
+        self, job: Job, drawn: Path | Program, this: Run, progress: Progress | None
+    ) -> Planned:
+        """Do the steps from the objective path to the explanation."""
+        get, limits = self._kept.get, _key(this.limits)
+        start = None if job.start is None else job.start.tobytes()
+        rounding = this.rounding
+        by_limits = job.objective is None or (rounding is not None and rounding.free)
+        of_path = (
+            *(drawn, _key(job.process), rounding),
+            *(this.continuity, this.transition_tolerance, this.limits.centripetal_acceleration),
+            (job.arm, start, limits, this.plan_options) if by_limits else None,
+        )
+        objective, path = get("rounding", of_path, lambda: programs_of(job, this, progress))
+        ranges = [x.tobytes() for x in this.limits.joint_range(job.arm.dof)]
+        traced = get(
+            "tracing",
+            (path, job.arm, job.branch, start, ranges),
+            lambda: trace_run(job, this, path, progress),
+        )
+        trajectory = get(
+            "timing",
+            (traced, limits, this.duration, this.plan_options),
+            lambda: time_run(job, this, traced, progress, duration=this.duration),
+        )
+        explanation = get(
+            "explanation",
+            (trajectory, limits, this.reserve),
+            lambda: explain_run(job, this, trajectory),
+        )
+        return Planned(
+            run=this,
+            objective=objective,
+            path=path,
+            trajectory=trajectory,
+            traced=traced,
+            job=job,
+            explanation=explanation,
+            start=ends_of(traced.joint_paths[0])[0],
+        )
+
+
+def _model_of(data: Mapping[str, Any]) -> JobModel:
+    """The keys of a job."""
+    if not isinstance(data, Mapping):
+        raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
+    model: JobModel = read_keys(Keys(JobModel), dict(data), "job")
+    return model
+
+
+def _with_run(model: JobModel, run: str | None) -> JobModel:
+    """The keys with one run only, and without what may name others.
+
+    Raises:
+        InvalidInput: The job has no such run.
+    """
+    name = next(iter(model.runs)) if run is None else run
+    if name not in model.runs:
+        raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
+    return dataclasses.replace(
+        model,
+        runs={name: _without_experiment(model, name)},
+        published=None,
+        certificate=None,
+        experiment=None,
+    )
+
+
+def _without_experiment(model: JobModel, run: str) -> RunModel:
+    """The keys of a run, with what an experiment decides of its set-points."""
+    found, experiment = model.runs[run], model.experiment
+    how = found.compensation
+    if how.method != INVERSE_DYNAMICS or how.gravity_feedforward is not None:
+        return found
+    if experiment is None or run not in (experiment.runs or [run]):
+        return found
+    fed = dataclasses.replace(how, gravity_feedforward=experiment.gravity_feedforward)
+    return dataclasses.replace(found, compensation=fed)
+
+
+def _coarser(job: Job, own: Run, period: float | None) -> tuple[Run, tuple[str, ...]]:
+    """The run of a preview, and sentences on what is different in it."""
+    this, differs = own, []
+    if period is None:
+        period = max(own.period, PERIOD)
+        try:
+            for x in (job.servo, job.plant_servo):
+                x.refuse_too_fast(period)
+        except InvalidInput:
+            # Gains as large as these need short intervals.
+            period = own.period
+    if period != own.period:
+        this = dataclasses.replace(this, period=period)
+        differs.append(
+            f"set-points come every {period * 1e3:g} ms, and in a run every "
+            f"{own.period * 1e3:g} ms."
+        )
+    if this.rounding is not None and this.rounding.free:
+        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+        differs.append(ARCS)
+    return this, tuple(differs)
+
+
+def _contour_errors(
+    execution: Execution, path: Program, until: float | None
+) -> tuple[tuple[Piece, ...], ErrorProfile, float]:
+    """The execution along each contour, the contour error, and when the tool is at rest [s]."""
+    settled = settling_time(execution, execution.tool_speed)
+    end = max(execution.taught.trajectory.duration, settled) if until is None else until
+    pieces = tuple(pieces_of(execution, path, None, end))
+    return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
+
+
+def _part(data: Mapping[str, Any]) -> Any:
+    """Where the part is, as written; scenes may be placed with it."""
+    return data["path"].get("frame")
+
+
+def _key(value: Any) -> Any:
+    """A value whose fields are numbers and arrays, as something that can be compared."""
+    if isinstance(value, np.ndarray):
+        return value.shape, value.tobytes()
+    if dataclasses.is_dataclass(value):
+        return [_key(getattr(value, x.name)) for x in dataclasses.fields(value)]
+    if isinstance(value, Mapping):
+        return {name: _key(x) for name, x in value.items()}
+    return value

@@ -1,0 +1,172 @@
+"""The arm and its cell in space: what the page needs to draw them at any joint positions.
+
+The page moves the links itself: the frame of link i in that of link i - 1 is the joint's `origin`
+followed by a turn by q[i] about its `axis`; link 0 is the base, and the tool is in the last link.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Chain, PlanarTwoLink
+from armcontour.frames import Frame
+from armcontour.jobs import Job
+from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
+from armcontour.scene.scene import BASE, PART
+from armcontour.studio.wire import Frame as Message
+
+# Round bodies have so many sides.
+SIDES = 24
+# Bodies of more triangles are drawn by their convex hulls.
+MOST_TRIANGLES = 4_000
+# A table reaches so much farther than the arm, and is so thick [m].
+ROOM, THICK = 1.1, 0.02
+
+
+def arm_frame(job: Job, *, seq: int | None = None, rev: int = 0) -> Message:
+    """The arm of a job and what stands in its cell.
+
+    Args:
+        job: The job.
+        seq: Number of the message that is answered.
+        rev: Revision of the document.
+    """
+    arm, chain = job.arm, _chain_of(job.arm)
+    base = chain.base
+    bodies, arrays = _bodies(arm, chain, job.scene or Scene())
+    lower, upper = arm.limits.joint_range(arm.dof)
+    header = {
+        **{"seq": seq, "rev": rev, "name": arm.name, "planar": isinstance(arm, PlanarTwoLink)},
+        "joints": [
+            {
+                "name": name,
+                "type": "revolute",
+                "parent": k,
+                "axis": chain.axes[k],
+                "origin": matrix(Frame(position=chain.positions[k], rotation=chain.rotations[k])),
+                "limits": [lower[k], upper[k]],
+            }
+            for k, name in enumerate(arm.joint_names)
+        ],
+        "tool": matrix(chain.tip @ chain.tool),
+        "tip": matrix(chain.tip),
+        "base": matrix(base),
+        "work": matrix(base.inverse),
+        "reach": _reach(chain),
+        "bodies": bodies,
+        "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are not known."],
+    }
+    return Message("arm", header, arrays)
+
+
+def matrix(frame: Frame) -> FloatArray:
+    """A frame as a matrix of homogeneous coordinates, (4, 4)."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = frame.rotation, frame.position
+    return found
+
+
+def _chain_of(arm: Arm) -> Chain:
+    assert arm.chain is not None, "every arm of a job has a chain"
+    return arm.chain
+
+
+def _reach(chain: Chain) -> float:
+    """About the longest distance of the tool from the base [m]."""
+    ends = [*chain.positions, (chain.tip @ chain.tool).position]
+    return float(sum(np.linalg.norm(x) for x in ends))
+
+
+def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The bodies of links, tool and obstacles, and their triangles as corners, (n, 3, 3)."""
+    found: list[dict[str, Any]] = []
+    arrays: dict[str, npt.NDArray[Any]] = {}
+
+    def add(name: str, link: int, colour: str, place: Frame, corners: FloatArray) -> None:
+        array = f"body{len(found)}"
+        arrays[array] = np.asarray(corners, dtype=np.float32)
+        look = {"name": name, "link": link, "colour": colour}
+        found.append({**look, "triangles": array, "at": matrix(place)})
+
+    shapes = arm.shapes.shapes if arm.knows_shapes and arm.shapes is not None else ()
+    for x in shapes:
+        add(x.name, x.link, "tool" if x.tool else "link", x.place, triangles_of(x.exact or x.shape))
+    for obstacle in scene.obstacles:
+        # Link 0 is the base, whose frame in the work frame is the chain's base.
+        place = obstacle.place
+        if obstacle.fixed_to != BASE:
+            place = chain.base.inverse @ place
+        if isinstance(obstacle.shape, HalfSpace):
+            # Under the arm, wherever the origin of its plane is.
+            foot = -(place.rotation.T @ place.position) * [1, 1, 0]
+            place = place @ Frame(position=foot + [0, 0, -THICK / 2])
+            side = 2 * ROOM * max(_reach(chain), 0.5)
+            corners = triangles_of(Box(size=np.array([side, side, THICK])))
+            add(obstacle.name, 0, "table", place, corners)
+        else:
+            colour = "part" if obstacle.fixed_to == PART else "obstacle"
+            add(obstacle.name, 0, colour, place, triangles_of(obstacle.shape))
+    return found, arrays
+
+
+@lru_cache(maxsize=64)
+def triangles_of(shape: Shape) -> FloatArray:
+    """Corners of the triangles of a shape [m], (n, 3, 3), counter-clockwise as seen from outside.
+
+    Args:
+        shape: The shape; a mesh of very many triangles is drawn by its hull.
+    """
+    match shape:
+        case Box():
+            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+            return _hull(corners * shape.size / 2)
+        case Sphere():
+            return _hull(_rounded(shape.radius, 0.0))
+        case Capsule():
+            return _hull(_rounded(shape.radius, shape.length))
+        case Cylinder():
+            ring = _ring(shape.radius)
+            ends = [np.column_stack([ring, np.full(SIDES, z)]) for z in (-1.0, 1.0)]
+            return _hull(np.concatenate(ends) * [1, 1, shape.length / 2])
+        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MOST_TRIANGLES:
+            return np.asarray(shape.points[shape.triangles])
+        case Mesh():
+            return _hull(shape.points)
+    raise TypeError(f"A {type(shape).__name__} has no triangles.")
+
+
+def _ring(radius: float) -> FloatArray:
+    """Points of a circle about the origin [m], (SIDES, 2)."""
+    angles = np.arange(SIDES) * 2 * np.pi / SIDES
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _rounded(radius: float, length: float) -> FloatArray:
+    """Points of a capsule along z [m], (n, 3); of a ball if it has no length."""
+    heights = np.sin(np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1))
+    rows = [
+        np.column_stack(
+            [_ring(radius * np.sqrt(max(1 - h * h, 0.0))), np.full(SIDES, radius * h + shift)]
+        )
+        for h in heights.tolist()
+        for shift in {-length / 2 if h <= 0 else length / 2, length / 2 if h >= 0 else -length / 2}
+    ]
+    return np.concatenate(rows)
+
+
+def _hull(points: FloatArray) -> FloatArray:
+    """Triangles of the convex hull of points [m], (n, 3, 3)."""
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points)
+    corners = hull.points[hull.simplices]
+    # Its triangles have normals that point outwards, but corners in any order.
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
+    corners[inside_out] = corners[inside_out][:, ::-1]
+    return np.asarray(corners)

@@ -1,0 +1,228 @@
+"""What the pages show of the newest edit: its plan, its execution, and what it is compared with."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from threading import Event, Lock
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.lanes import FastLane, Stale
+from armcontour.studio.picture import (
+    drawing_frame,
+    executed_frame,
+    picture_frame,
+    refusal_header,
+)
+from armcontour.studio.preview import Executed, Planned, Previewer
+from armcontour.studio.robot import arm_frame
+from armcontour.studio.view import View
+from armcontour.studio.wire import Frame
+
+# A plan that took longer is executed only when nothing changes any more [s].
+QUICK = 0.03
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Shown:
+    """A state of the document that is to be shown.
+
+    Args:
+        data: The job as parsed.
+        run: Name of the run.
+        view: How points get on the screen.
+        rev: Revision of the document.
+        answers: Number of the last message of each tab that is in it, by the tab's number.
+        waypoints: Waypoints in the plane [m], (n, 2).
+        told: A frame that follows, such as a refusal of the edit that led here.
+    """
+
+    data: Mapping[str, Any]
+    run: str
+    view: View
+    rev: int
+    answers: Mapping[int, int]
+    waypoints: FloatArray | None = None
+    told: Frame | None = None
+    # Whether its plan is drawn, nothing changes any more, and the execution waits for that.
+    drawn: bool = field(default=False, init=False)
+    rests: bool = field(default=False, init=False)
+    waits: bool = field(default=False, init=False)
+
+
+class Screen:
+    """Shows one state after the other; older ones that are not shown yet are left out.
+
+    Args:
+        previewer: Plans and executes.
+        deliver: Called with each frame, and the state that it belongs to.
+        lane: Makes the thread that works.
+    """
+
+    def __init__(
+        self,
+        previewer: Previewer,
+        deliver: Callable[[Frame, Shown], None],
+        lane: Callable[[Callable[[Frame], None]], FastLane] = FastLane,
+    ) -> None:
+        self.previewer = previewer
+        self._tell = deliver
+        self._lock = Lock()
+        # The newest plan and execution, for poses.
+        self.planned: Planned | None = None
+        self.executed: Executed | None = None
+        self._compared: tuple[Mapping[str, Any] | None, str] | None = None
+        self._shown: Shown | None = None
+        self._working: Shown | None = None
+        self._parts: tuple[object, object] | None = None
+        self._done = Event()
+        self._lane = lane(self._deliver)
+
+    def wait(self) -> None:
+        """Wait until something has been shown."""
+        self._done.wait()
+
+    def show(self, shown: Shown) -> None:
+        """Show a state, soon."""
+        with self._lock:
+            self._shown = shown
+        self._lane.submit(lambda stale: self._frames(shown, stale))
+
+    def rest(self) -> None:
+        """Nothing changes any more: what takes longer may be shown, too."""
+        with self._lock:
+            shown = self._shown
+            if shown is None or shown.rests:
+                return
+            shown.rests = True
+            waits = shown.waits
+        if waits:
+            self._lane.submit(lambda stale: self._frames(shown, stale))
+
+    def compare(self, data: Mapping[str, Any] | None, run: str | None) -> None:
+        """Show another plan besides, from the next state on.
+
+        Args:
+            data: Its job; None for that of the state.
+            run: Its run; None for no comparison.
+        """
+        self._compared = None if run is None else (data, run)
+
+    def pose(self, t: float, of: str) -> FloatArray:
+        """Joint positions at a time.
+
+        Args:
+            t: The time [s]; before the start and after the end the arm rests.
+            of: "planned" or "executed".
+
+        Raises:
+            InvalidInput: There is no such motion.
+        """
+        planned, executed = self.planned, self.executed
+        if of == "executed" and executed is not None:
+            execution = executed.execution
+            return np.array([np.interp(t, execution.t, q) for q in execution.q.T])
+        if of != "planned" or planned is None:
+            raise InvalidInput(f"There is no motion {of!r} yet.")
+        return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
+
+    def forget(self) -> None:
+        """Forget what is kept, as another document is opened."""
+        self.planned = self.executed = self._parts = self._compared = None
+
+    def close(self) -> None:
+        """Show nothing any more."""
+        self._done.set()
+        self._lane.close()
+
+    def _deliver(self, frame: Frame) -> None:
+        """Pass a frame on with the state that is worked on, in the lane's thread."""
+        assert self._working is not None
+        self._tell(frame, self._working)
+
+    def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
+        """All frames of a state."""
+        self._working = shown
+        yield from self._live(shown, stale)
+        if self._compared is not None and not stale():
+            yield from self._beside(shown, *self._compared)
+        if shown.told is not None:
+            yield shown.told
+        self._done.set()
+
+    def _live(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
+        """The plan and its execution, or a refusal."""
+        view, planned = shown.view, None
+        try:
+            if not shown.rests and self.previewer.is_long(shown.data):
+                yield drawing_frame(self.previewer.drawn(shown.data), view, run=shown.run)
+                yield from self._when_at_rest(shown, stale)
+                return
+            begin = time.perf_counter()
+            planned = self.previewer.plan(shown.data, shown.run)
+            took = time.perf_counter() - begin
+            job = planned.job
+            if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
+                self._parts = job.arm, job.scene
+                yield arm_frame(job)
+            self.planned = planned
+            if not shown.drawn:
+                shown.drawn = True
+                yield picture_frame(planned, view)
+            if stale() or (took > QUICK and self._may_wait(shown)):
+                return
+            self.executed = self.previewer.execute(planned)
+            yield executed_frame(self.executed, view)
+        except ArmContourError as error:
+            yield _refusal(error, shown, planned)
+
+    def _when_at_rest(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
+        """All frames if nothing changes any more; else they come then."""
+        if not stale() and not self._may_wait(shown):
+            yield from self._live(shown, stale)
+
+    def _may_wait(self, shown: Shown) -> bool:
+        """Whether the rest of the work can be left until nothing changes any more."""
+        with self._lock:
+            shown.waits = not shown.rests
+            return shown.waits
+
+    def _beside(self, shown: Shown, data: Mapping[str, Any] | None, run: str) -> Iterator[Frame]:
+        """The plan that it is compared with; what is refused there is not drawn."""
+        try:
+            planned = self.previewer.plan(shown.data if data is None else data, run)
+            yield picture_frame(planned, shown.view, of="compare")
+            executed = self.previewer.execute(planned)
+            yield executed_frame(executed, shown.view, of="compare")
+        except ArmContourError as error:
+            yield _refusal(error, shown, None, run=run, of="compare")
+
+
+def _refusal(
+    error: ArmContourError,
+    shown: Shown,
+    planned: Planned | None,
+    *,
+    run: str | None = None,
+    of: str = "live",
+) -> Frame:
+    """What could not be planned or executed, and where."""
+    header = refusal_header(
+        error,
+        shown.view,
+        tier=1 if planned is None else 2,
+        run=run or shown.run,
+        planned=planned,
+        waypoints=shown.waypoints,
+    )
+    return Frame("refusal", {**header, "of": of})
+
+
+def stamped(frame: Frame, **facts: Any) -> Frame:
+    """The same frame with some more facts."""
+    return replace(frame, header={**frame.header, **facts})

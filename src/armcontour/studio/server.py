@@ -1,0 +1,429 @@
+"""The Studio's server: the page, its sockets, files to open and to save, start and end.
+
+It answers as soon as it can, and loads what computes meanwhile: `serve` begins with little.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import socket
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, quote
+
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.guard import (
+    ADDRESS,
+    LARGEST_MESSAGE,
+    Allowance,
+    Door,
+    Guard,
+    Message,
+    Receive,
+    Refused,
+    Scope,
+    Send,
+    respond,
+)
+
+if TYPE_CHECKING:
+    from armcontour.studio.session import Session
+
+STATIC = FilePath(__file__).with_name("static")
+# Kinds of files of the page; others are not given.
+KINDS = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain",
+}
+# Libraries that the server needs besides those of armcontour.
+NEEDED = ("uvicorn", "websockets")
+# How long a page may take to give its token, and how many pages there may be.
+HELLO_WITHIN = 10.0
+MOST_TABS = 16
+# Connections at once; a browser has six for files, and one for each page.
+MOST_CONNECTIONS = 100
+# Messages that may wait for a page that does not read them.
+MOST_WAITING = 1000
+# How long no page may be open before the server ends, if it is to [s].
+CLOSED_FOR = 60.0
+# Period of looks at the job file [s].
+LOOK_EVERY = 2.0
+# How long a thread may keep Python's lock while another waits for it [s].
+SWITCH = 5e-4
+# Why a socket is closed, as websockets number it.
+UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
+
+
+class Tab:
+    """A page that is open; messages to it may be sent from any thread."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._news = asyncio.Event()
+        self._lock = threading.Lock()
+        # In the order in which they are sent.
+        self._waiting: dict[object, bytes] = {}
+        self.is_slow = False
+
+    def send(self, data: bytes, replaces: str | None = None) -> None:
+        """Send a message, soon.
+
+        Args:
+            data: The message.
+            replaces: What it is: an older one of the same that still waits is not sent.
+        """
+        with self._lock:
+            key = object() if replaces is None else replaces
+            self._waiting.pop(key, None)
+            self._waiting[key] = data
+            self.is_slow = len(self._waiting) > MOST_WAITING
+        # The loop is closed when the server ends.
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._news.set)
+
+    async def write(self, send: Send) -> None:
+        """Send what waits, until cancelled or the page does not read."""
+        while not self.is_slow:
+            await self._news.wait()
+            self._news.clear()
+            while (data := self._next()) is not None:
+                await send({"type": "websocket.send", "bytes": data})
+
+    def _next(self) -> bytes | None:
+        with self._lock:
+            key = next(iter(self._waiting), None)
+            return None if key is None else self._waiting.pop(key)
+
+
+class Desk:
+    """The session, while it is being made and afterwards, and the pages that wait for it.
+
+    Args:
+        make: Makes the session, given a function that sends a message to all pages.
+    """
+
+    def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._said: bytes | None = None
+        # Ends the server; set when it runs.
+        self.stop: Callable[[], None] = lambda: None
+        self.tabs: list[Tab] = []
+        self.session: Session | None = None
+        self.failure: BaseException | None = None
+
+    def start(self) -> None:
+        """Make the session, in this thread; the server ends if that fails."""
+        try:
+            session = self._make(self._say)
+            with self._lock:
+                self.session = session
+                for tab in self.tabs:
+                    session.join(tab)
+            session.begin()
+        except BaseException as error:
+            self.failure = error
+            self.stop()
+
+    def join(self, tab: Tab) -> None:
+        """A page is open."""
+        with self._lock:
+            self.tabs.append(tab)
+            if self.session is not None:
+                self.session.join(tab)
+            elif self._said is not None:
+                tab.send(self._said)
+
+    def leave(self, tab: Tab) -> None:
+        """A page is closed."""
+        with self._lock:
+            self.tabs.remove(tab)
+            if self.session is not None:
+                self.session.leave(tab)
+
+    def _say(self, data: bytes) -> None:
+        """Tell all pages how far the start is."""
+        with self._lock:
+            self._said = data
+            for tab in self.tabs:
+                tab.send(data, "start")
+
+
+class Server:
+    """Answers requests that the guard lets through.
+
+    Args:
+        door: Address and token.
+        desk: The session.
+    """
+
+    def __init__(self, door: Door, desk: Desk) -> None:
+        self.door, self.desk = door, desk
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, as ASGI has it."""
+        if scope["type"] == "websocket":
+            await self._talk(scope, receive, send)
+            return
+        path, reads = scope["path"], scope["method"] != "POST"
+        if reads and (path == "/" or path.startswith("/static/")):
+            await self._give_page(path, send)
+        elif reads and path.startswith("/files/"):
+            await self._give_file(path.removeprefix("/files/"), send)
+        elif not reads and path == "/open":
+            await self._open(scope, receive, send)
+        else:
+            raise Refused(404, "The Studio has no such page.")
+
+    async def _give_page(self, path: str, send: Send) -> None:
+        """Send a file of the page."""
+        # A name is looked up, never followed.
+        files = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*")}
+        file = files.get(path.removeprefix("/static/") if path != "/" else "index.html")
+        if file is None or file.suffix not in KINDS:
+            raise Refused(404, "The Studio has no such page.")
+        await respond(send, 200, file.read_bytes(), KINDS[file.suffix])
+
+    async def _give_file(self, number: str, send: Send) -> None:
+        """Send what was made for the page to save."""
+        session = self.desk.session
+        file = None if session is None else session.files.get(number)
+        if file is None:
+            raise Refused(404, "This file is not kept any more: make it again.")
+        name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
+        headers = [(b"content-disposition", name.encode())]
+        await respond(send, 200, file.data, file.kind, headers)
+
+    async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Open a file that the page has sent."""
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        name, cell = (query.get(key, [""])[0] for key in ("name", "cell"))
+        body = await _read_body(receive)
+        session = self.desk.session
+        if session is None:
+            raise Refused(503, "The Studio is starting: wait a moment.")
+        status, answer = 200, {}
+        try:
+            await asyncio.to_thread(session.open_upload, name, body, cell or None)
+        except ArmContourError as error:
+            status, answer = 422, {"sentence": str(error), "error": type(error).__name__}
+        await respond(send, status, json.dumps(answer).encode(), "application/json")
+
+    async def _talk(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Talk with a page over its socket, from its token to its end."""
+        if scope["path"] != "/socket":
+            raise Refused(404, "The Studio has no such socket.")
+        await receive()
+        await send({"type": "websocket.accept"})
+        if not await self._is_welcome(receive):
+            await _close(send, UNWANTED, "The token is missing or wrong.")
+            return
+        if len(self.desk.tabs) >= MOST_TABS:
+            await _close(send, TOO_MANY, "Too many pages of this Studio are open: close some.")
+            return
+        tab = Tab()
+        await asyncio.to_thread(self.desk.join, tab)
+        writing = asyncio.create_task(tab.write(send))
+        hearing = asyncio.create_task(self._hear(tab, receive))
+        try:
+            done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
+            reason = hearing.result() if hearing in done else "The page does not read."
+            if reason is not None:
+                await _close(send, UNWANTED, reason)
+        finally:
+            writing.cancel()
+            hearing.cancel()
+            self.desk.leave(tab)
+
+    async def _is_welcome(self, receive: Receive) -> bool:
+        """Whether the first message is a greeting with the right token."""
+        try:
+            message = await asyncio.wait_for(receive(), HELLO_WITHIN)
+        except TimeoutError:
+            return False
+        said = _read_message(message)
+        return said is not None and said.get("op") == "hello" and self.door.opens(said.get("token"))
+
+    async def _hear(self, tab: Tab, receive: Receive) -> str | None:
+        """Pass messages on, one after the other; returns why the page is to go, or None."""
+        allowance = Allowance()
+        while (message := await receive())["type"] == "websocket.receive":
+            if not allowance.take():
+                return "The page sends too many messages."
+            said = _read_message(message)
+            if said is None:
+                return "A message is no JSON object."
+            session = self.desk.session
+            if session is not None:
+                await asyncio.to_thread(session.receive, tab, said)
+        return None
+
+
+def serve(
+    make: Callable[[Callable[[bytes], None]], Session],
+    *,
+    port: int = 0,
+    announce: Callable[[str], None],
+    exit_when_closed: bool = False,
+    opened: Callable[[Desk], None] = lambda desk: None,
+) -> None:
+    """Serve the Studio on this machine, until it is to end.
+
+    Args:
+        make: As of `Desk`.
+        port: Port; 0 for a free one.
+        announce: Called with the address of the page, when it can be opened.
+        exit_when_closed: Whether to end a minute after the last page is closed.
+        opened: Called with the desk before anything is answered.
+
+    Raises:
+        InvalidInput: A library is missing, or the port is taken.
+        ArmContourError: The session cannot be made.
+    """
+    require_server()
+    listening = listen(port)
+    door = Door(listening.getsockname()[1])
+    announce(door.page)
+    desk = Desk(make)
+    opened(desk)
+    try:
+        asyncio.run(_serve(listening, door, desk, exit_when_closed))
+    finally:
+        if desk.session is not None:
+            desk.session.close()
+    if desk.failure is not None:
+        raise desk.failure
+
+
+def require_server() -> None:
+    """Check that there is what the server needs.
+
+    Raises:
+        InvalidInput: A library is missing.
+    """
+    missing = [x for x in NEEDED if find_spec(x) is None]
+    if missing:
+        raise InvalidInput(
+            f"The Studio needs {' and '.join(missing)}: pip install 'armcontour[studio]'."
+        )
+
+
+def listen(port: int) -> socket.socket:
+    """Open a port of this machine for this machine only.
+
+    Args:
+        port: The port; 0 for a free one.
+
+    Raises:
+        InvalidInput: The port is taken, or not allowed.
+    """
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if os.name == "posix":
+        # Connections of a server that has just ended do not keep its port; elsewhere it means more.
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((ADDRESS, port))
+        listening.listen(MOST_CONNECTIONS)
+    except OSError as error:
+        listening.close()
+        raise InvalidInput(
+            f"Port {port} of {ADDRESS} cannot be used: {error.strerror}. Name another one with "
+            "--port, or none."
+        ) from None
+    return listening
+
+
+async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_closed: bool) -> None:
+    """Run the server."""
+    import uvicorn
+
+    # Only what should not happen is logged; no addresses of requests.
+    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
+    logging.getLogger("uvicorn.access").disabled = True
+    server = uvicorn.Server(
+        uvicorn.Config(
+            Guard(Server(door, desk), door),
+            http="h11",
+            loop="asyncio",
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            ws_max_size=LARGEST_MESSAGE,
+            ws_ping_interval=None,
+            ws_per_message_deflate=False,
+            server_header=False,
+            date_header=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=1,
+        )
+    )
+
+    def stop() -> None:
+        server.should_exit = True
+
+    # Python's lock is shared with what loads and computes: it gives way to answers soon.
+    sys.setswitchinterval(SWITCH)
+    desk.stop = stop
+    threading.Thread(target=desk.start, name="starting", daemon=True).start()
+    watching = asyncio.create_task(_watch(desk, exit_when_closed))
+    try:
+        await server.serve(sockets=[listening])
+    finally:
+        watching.cancel()
+
+
+async def _watch(desk: Desk, exit_when_closed: bool) -> None:
+    """Look at the job file now and then, and at whether pages are open."""
+    loop = asyncio.get_running_loop()
+    seen, last = False, loop.time()
+    while True:
+        await asyncio.sleep(min(LOOK_EVERY, CLOSED_FOR / 4))
+        if desk.session is not None:
+            await asyncio.to_thread(desk.session.look)
+        if desk.tabs:
+            seen, last = True, loop.time()
+        elif exit_when_closed and seen and loop.time() - last >= CLOSED_FOR:
+            desk.stop()
+
+
+async def _read_body(receive: Receive) -> bytes:
+    """The body of a request."""
+    parts = []
+    while True:
+        message = await receive()
+        if message["type"] != "http.request":
+            raise Refused(400, "The page went away.")
+        parts.append(message.get("body", b""))
+        if not message.get("more_body"):
+            return b"".join(parts)
+
+
+def _read_message(message: Message) -> Mapping[str, Any] | None:
+    """What a page says; None if that is no JSON object."""
+    text = message.get("text")
+    try:
+        said = json.loads(text, parse_constant=_refuse_constant) if text else None
+    except (ValueError, RecursionError):
+        return None
+    return said if isinstance(said, dict) else None
+
+
+def _refuse_constant(name: str) -> float:
+    """Refuse what JSON does not have, such as NaN."""
+    raise ValueError(f"{name} is no number.")
+
+
+async def _close(send: Send, code: int, reason: str) -> None:
+    """Close a socket."""
+    await send({"type": "websocket.close", "code": code, "reason": reason})

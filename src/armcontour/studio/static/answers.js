@@ -1,0 +1,139 @@
+// What the results of tasks say: sentences, tables and charts, from the headers and arrays of the server.
+
+import { RUN_COLOURS, themed } from "./colours.js";
+import { mm, NONE, percent, seconds, short } from "./format.js";
+
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./chart.js").Axes} Axes */
+/** @typedef {import("./chart.js").Content} Content */
+/** @typedef {{title?: string, columns: string[], rows: string[][]}} Table */
+/** @typedef {{name: string, axes: Axes, content: Content, time: boolean}} Graph `time`: whether its x is time */
+/** @typedef {{sentences: string[], tables?: Table[], graphs?: Graph[]}} Answer */
+
+const KINDS = /** @type {Record<string, string>} */ ({
+  environment: "links to obstacles", own: "links to each other", tool: "tool to anything",
+});
+
+/**
+ * What a result says.
+ * @param {string} task
+ * @param {Frame} frame
+ * @param {import("./state.js").Store} store
+ * @returns {Answer}
+ */
+export function answerOf(task, frame, store) {
+  const found = ANSWERS[task]?.(frame, store) ?? { sentences: [] };
+  const notes = [...(frame.head.notes ?? []), ...(frame.head.warnings ?? [])];
+  return { ...found, sentences: [...found.sentences, ...notes] };
+}
+
+/** @type {Record<string, (frame: Frame, store: import("./state.js").Store) => Answer>} */
+const ANSWERS = {
+  check: ({ head }) => ({
+    sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${words(x)}.`)],
+    tables: [{
+      title: "Limits of the plan",
+      columns: ["Limit", "Used", "Value", "Allowed", "At", "Verdict"],
+      rows: head.rows.map((/** @type {any} */ x) => [
+        x.joint === null || x.joint === undefined ? words(x.limit) : `${words(x.limit)}, joint ${x.joint}`, `${percent(x.ratio)} %`,
+        withUnit(x.value, x.unit), withUnit(x.allowed, x.unit), x.t === null ? NONE : `${seconds(x.t)} s`, x.verdict,
+      ]),
+    }],
+  }),
+  certify: ({ head }) => ({ sentences: [head.sentence] }),
+  learn: ({ head }) => ({
+    sentences: [head.sentence],
+    tables: [{
+      title: "Contour error, run by run",
+      columns: ["Run", "RMS [mm]", "Largest [mm]"],
+      rows: head.rms.map((/** @type {number} */ x, /** @type {number} */ k) => [String(k + 1), mm(x, 4), mm(head.max[k], 4)]),
+    }],
+  }),
+  place: ({ head }) => ({ sentences: [head.sentence] }),
+  export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
+  report: () => ({ sentences: ["The report is ready."] }),
+  clearance: clearanceAnswer,
+  sweep: sweepAnswer,
+};
+
+/**
+ * @param {Frame} frame
+ * @returns {Answer}
+ */
+function clearanceAnswer({ head, arrays }) {
+  const nearest = head.nearest ?? [];
+  const curves = head.kinds.map((/** @type {string} */ kind, /** @type {number} */ k) => ({
+    label: KINDS[kind] ?? kind, colour: RUN_COLOURS[k % RUN_COLOURS.length], dash: [[], [9, 3], [3, 3]][k % 3],
+    y: inUnit(arrays[kind], 1000),
+  }));
+  const least = nearest[0];
+  const summary = least ? `Least: ${mm(least.least, 1)} mm at ${seconds(least.t)} s, ${least.pair.join(" and ")}.` : "";
+  return {
+    sentences: [head.sentence],
+    graphs: [{
+      name: "clearance", time: true,
+      axes: { title: "Distance over time", x: "Time [s]", xUnit: "s", y: "Distance", unit: "mm" },
+      content: { x: arrays.t, curves, range: [0, 0], summary },
+    }],
+    tables: [{
+      title: "The nearest pairs",
+      columns: ["Pair", "Least distance [mm]", "Margin [mm]", "At [s]"],
+      rows: nearest.map((/** @type {any} */ x) => [x.pair.join(" and "), mm(x.least, 1), mm(x.margin, 1), seconds(x.t)]),
+    }],
+  };
+}
+
+/**
+ * @param {Frame} frame
+ * @param {import("./state.js").Store} store
+ * @returns {Answer}
+ */
+function sweepAnswer({ head, arrays }, store) {
+  const slider = store.document?.sliders.find((/** @type {any} */ x) => x.key === head.key);
+  const { label = head.key, unit = "", factor = 1 } = slider ?? {};
+  const x = Float64Array.from(arrays.values, (value) => value / factor);
+  const axes = { log: slider?.log, x: unit ? `${label} [${unit}]` : label, xUnit: unit };
+  const refused = (head.refusals ?? []).filter(Boolean);
+  const colour = RUN_COLOURS[1];
+  return {
+    sentences: refused.length ? [`${refused.length} of ${x.length} values are refused, such as: ${refused[0]}`] : [],
+    graphs: [
+      {
+        name: "sweep-duration", time: false, axes: { ...axes, title: "Cycle time", y: "Cycle time", unit: "s" },
+        content: { x, curves: [{ label: "cycle time", colour, y: inUnit(arrays.duration, 1) }], summary: `over ${label}` },
+      },
+      {
+        name: "sweep-error", time: false, axes: { ...axes, title: "Contour error", y: "Error", unit: "mm" },
+        content: {
+          x, range: [0, 0], summary: `over ${label}`,
+          curves: [
+            { label: "RMS", colour, y: inUnit(arrays.rms, 1000) },
+            { label: "largest", colour: themed("--ink"), dash: [4, 3], y: inUnit(arrays.max, 1000) },
+          ],
+        },
+      },
+    ],
+  };
+}
+
+/**
+ * @param {ArrayLike<number>} values
+ * @param {number} factor
+ * @returns {(number | null)[]}
+ */
+function inUnit(values, factor) {
+  return Array.from(values, (x) => (Number.isFinite(x) ? factor * x : null));
+}
+
+/** @param {number | null} x SI @param {string} unit @returns {string} */
+function withUnit(x, unit) {
+  if (x === null) return NONE;
+  if (unit.startsWith("rad")) return `${short((x * 180) / Math.PI)} ${unit.replace("rad", "deg")}`;
+  if (unit === "m" || unit.startsWith("m/")) return `${short(1000 * x)} m${unit}`;
+  return `${short(x)} ${unit}`;
+}
+
+/** @param {string} name such as "joint_torque" @returns {string} */
+function words(name) {
+  return name.replaceAll("_", " ");
+}

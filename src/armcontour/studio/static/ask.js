@@ -1,0 +1,49 @@
+// The dialog of questions: a name, a choice, a text to look at.
+
+import { find, make } from "./dom.js";
+
+/**
+ * Show a dialog until one of its buttons is pressed.
+ * @param {string} title @param {Node[]} content @param {{value: string, text: string}[]} buttons the first is the usual one
+ * @returns {Promise<string>} value of the button; "" when it was closed
+ */
+export function show(title, content, buttons) {
+  const dialog = /** @type {HTMLDialogElement} */ (find("#question"));
+  if (dialog.open) dialog.close("");
+  const actions = buttons.map(({ value, text }, k) => make("button", { value, text, class: k === 0 ? "usual" : "" }));
+  const form = make("form", { method: "dialog" }, [
+    make("h2", { id: "question-title", text: title }),
+    ...content,
+    make("div", { class: "acts" }, actions),
+  ]);
+  dialog.replaceChildren(form);
+  dialog.returnValue = "";
+  dialog.showModal();
+  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
+}
+
+/**
+ * Ask for a text.
+ * @param {string} title @param {string} label @param {string} value what is offered
+ * @returns {Promise<string | null>} null when it was closed
+ */
+export async function ask(title, label, value) {
+  const field = make("input", { type: "text", value, "aria-label": label });
+  const answer = show(
+    title,
+    [make("label", { class: "field", text: label }, [field])],
+    [
+      { value: "yes", text: "OK" },
+      { value: "", text: "Cancel" },
+    ],
+  );
+  field.select();
+  return (await answer) === "yes" ? field.value.trim() : null;
+}
+
+/** A difference of texts, its lines coloured by their first sign. @param {string} text @returns {HTMLElement} */
+export function difference(text) {
+  const kinds = /** @type {Record<string, string>} */ ({ "+": "added", "-": "removed", "@": "place" });
+  const lines = text.split("\n").map((line) => make("span", { class: /^(\+\+\+|---) /.test(line) ? "" : kinds[line[0]] ?? "", text: `${line}\n` }));
+  return make("pre", { class: "diff", tabindex: 0, "aria-label": "Changes" }, lines);
+}

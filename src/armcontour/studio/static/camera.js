@@ -1,0 +1,207 @@
+// The camera of the 3D view: an orbit around a point, without perspective, so that lengths compare.
+
+/** @typedef {"oblique"|"top"|"front"|"side"} View */
+
+/** Directions from which the views look: azimuth and elevation [rad]. */
+const VIEWS = {
+  oblique: [-0.9, 0.55],
+  top: [-Math.PI / 2, Math.PI / 2],
+  front: [-Math.PI / 2, 0],
+  side: [0, 0],
+};
+
+/** Names of the views, in the order of their buttons. */
+export const VIEW_NAMES = /** @type {View[]} */ (Object.keys(VIEWS));
+
+/** What is seen when all is to be seen: so much more. */
+const ROOM = 1.12;
+
+/** Where one looks from: z is up. */
+export class Camera {
+  constructor() {
+    /** @type {[number, number, number]} */
+    this.target = [0, 0, 0];
+    this.azimuth = VIEWS.oblique[0];
+    this.elevation = VIEWS.oblique[1];
+    /** Half of the height that is seen [m]. */
+    this.reach = 1;
+    /** @type {View|""} the view that was chosen, "" once it is turned */
+    this.view = "oblique";
+  }
+
+  /**
+   * Look from one of the views.
+   * @param {View} view
+   */
+  look(view) {
+    [this.azimuth, this.elevation] = VIEWS[view];
+    this.view = view;
+  }
+
+  /**
+   * Turn around the target.
+   * @param {number} right [rad]
+   * @param {number} up [rad]
+   */
+  turn(right, up) {
+    this.azimuth -= right;
+    this.elevation = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.elevation + up));
+    this.view = "";
+  }
+
+  /**
+   * Move the target in the picture.
+   * @param {number} right [m]
+   * @param {number} up [m]
+   */
+  shift(right, up) {
+    const { across, over } = this.axes();
+    for (let k = 0; k < 3; k += 1) this.target[k] += right * across[k] + up * over[k];
+  }
+
+  /**
+   * See more or less.
+   * @param {number} factor above 1 to see more
+   */
+  zoom(factor) {
+    this.reach = Math.min(50, Math.max(0.005, this.reach * factor));
+  }
+
+  /**
+   * See all of some points.
+   * @param {ArrayLike<number>[]} points (n, 3)
+   * @param {number} aspect width of the picture by its height
+   */
+  fit(points, aspect) {
+    const { across, over, eye } = this.axes();
+    const [x, y, z] = [across, over, eye].map((axis) => rangeOf(points.map((p) => dot(p, axis))));
+    for (let k = 0; k < 3; k += 1) this.target[k] = x.middle * across[k] + y.middle * over[k] + z.middle * eye[k];
+    this.reach = Math.max(0.005, ROOM * Math.max(y.half, x.half / aspect));
+  }
+
+  /**
+   * Unit vectors to the right and up in the picture, and from the target to the eye.
+   * @returns {{across: number[], over: number[], eye: number[]}}
+   */
+  axes() {
+    const [ca, sa] = [Math.cos(this.azimuth), Math.sin(this.azimuth)];
+    const [ce, se] = [Math.cos(this.elevation), Math.sin(this.elevation)];
+    return { across: [-sa, ca, 0], over: [-se * ca, -se * sa, ce], eye: [ce * ca, ce * sa, se] };
+  }
+
+  /**
+   * Where points are in a picture, for drawing without WebGL.
+   * @param {number} width [px]
+   * @param {number} height [px]
+   * @returns {(p: ArrayLike<number>) => [number, number]} to pixels from the upper left
+   */
+  projection(width, height) {
+    const { across, over } = this.axes();
+    const scale = height / 2 / this.reach;
+    const [ox, oy] = [dot(this.target, across), dot(this.target, over)];
+    return (p) => [
+      width / 2 + scale * (dot(p, across) - ox),
+      height / 2 - scale * (dot(p, over) - oy),
+    ];
+  }
+}
+
+/** @param {number[]} values @returns {{middle: number, half: number}} */
+function rangeOf(values) {
+  const low = values.reduce((a, b) => Math.min(a, b), Infinity);
+  const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+  return { middle: (low + high) / 2, half: (high - low) / 2 };
+}
+
+/**
+ * @param {ArrayLike<number>} a
+ * @param {ArrayLike<number>} b
+ * @returns {number}
+ */
+function dot(a, b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/** How far a key turns [rad]. */
+const KEY_TURN = 0.1;
+
+/**
+ * Turn, move and zoom a camera by pointer, wheel and keys.
+ * @param {HTMLElement} element takes the focus
+ * @param {Camera} camera
+ * @param {() => void} changed
+ */
+export function steer(element, camera, changed) {
+  /** @type {Map<number, {x: number, y: number}>} */
+  const held = new Map();
+  const metres = () => (2 * camera.reach) / Math.max(1, element.clientHeight);
+
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+  });
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    element.addEventListener(end, (event) => {
+      held.delete(/** @type {PointerEvent} */ (event).pointerId);
+    });
+  }
+  element.addEventListener("pointermove", (event) => {
+    const from = held.get(event.pointerId);
+    if (!from) return;
+    const [dx, dy] = [event.clientX - from.x, event.clientY - from.y];
+    const moves = event.shiftKey || event.buttons > 1 || held.size > 1;
+    if (held.size > 1) pinch(held, event, camera);
+    if (moves) camera.shift((-dx * metres()) / held.size, (dy * metres()) / held.size);
+    else camera.turn(dx * 0.008, dy * 0.008);
+    from.x = event.clientX;
+    from.y = event.clientY;
+    changed();
+  });
+  element.addEventListener("contextmenu", (event) => event.preventDefault());
+  element.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      camera.zoom(Math.exp(Math.max(-1, Math.min(1, event.deltaY * 0.0015))));
+      changed();
+    },
+    { passive: false },
+  );
+  element.addEventListener("keydown", (event) => {
+    if (!pressKey(event, camera)) return;
+    event.preventDefault();
+    changed();
+  });
+}
+
+/**
+ * Zoom by two fingers.
+ * @param {Map<number, {x: number, y: number}>} held before this event
+ * @param {PointerEvent} event
+ * @param {Camera} camera
+ */
+function pinch(held, event, camera) {
+  const [a, b] = [...held.values()];
+  const old = Math.hypot(a.x - b.x, a.y - b.y);
+  const other = held.get(event.pointerId) === a ? b : a;
+  const now = Math.hypot(event.clientX - other.x, event.clientY - other.y);
+  if (old > 0 && now > 0) camera.zoom(old / now);
+}
+
+/**
+ * What a key does: arrows turn, with Shift they move; + and - zoom.
+ * @param {KeyboardEvent} event
+ * @param {Camera} camera
+ * @returns {boolean} whether it did something
+ */
+function pressKey(event, camera) {
+  if (event.ctrlKey || event.metaKey || event.altKey) return false;
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  const arrow = arrows[/** @type {keyof typeof arrows} */ (event.key)];
+  if (arrow && event.shiftKey) camera.shift((arrow[0] * camera.reach) / 8, (arrow[1] * camera.reach) / 8);
+  else if (arrow) camera.turn(arrow[0] * KEY_TURN, arrow[1] * KEY_TURN);
+  else if (event.key === "+" || event.key === "=") camera.zoom(0.87);
+  else if (event.key === "-") camera.zoom(1.15);
+  else return false;
+  return true;
+}

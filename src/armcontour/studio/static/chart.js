@@ -1,0 +1,224 @@
+// One chart: a figure with title, curves of uPlot, a legend with values at the cursor, and a sentence.
+
+import uPlot from "./vendor/uplot.js";
+import { themed } from "./colours.js";
+import { make, say } from "./dom.js";
+
+/** @typedef {import("./state.js").Numbers} Numbers */
+/**
+ * @typedef {object} Curve
+ * @property {string} label
+ * @property {string} colour
+ * @property {number[]} [dash]
+ * @property {number} [width] [px]
+ * @property {ArrayLike<number | null>} y in the unit of the axis
+ */
+/**
+ * @typedef {object} Content
+ * @property {ArrayLike<number>} x increasing, in the unit of the axis
+ * @property {Curve[]} curves
+ * @property {number[]} [limits] values at which lines are drawn
+ * @property {[number, number]} [range] that the vertical axis shows at least
+ * @property {string} summary what is to be seen, as a sentence
+ * @property {string} [yUnit] unit of the values, if it changes
+ * @property {(u: uPlot) => void} [over] draws on top
+ */
+/**
+ * @typedef {object} Axes
+ * @property {string} title
+ * @property {string} x label of the horizontal axis, with its unit
+ * @property {string} y label of the vertical axis, without unit
+ * @property {string} unit of the vertical axis
+ * @property {string} xUnit
+ * @property {boolean} [log] whether the horizontal axis is logarithmic
+ */
+
+const HEIGHT = 152; // px
+
+/** A chart; it is drawn only while it is in sight. */
+export class Chart {
+  /**
+   * @param {string} name for `data-chart`
+   * @param {Axes} axes
+   * @param {(x: number | null) => void} hovered with the place under the pointer, or null
+   */
+  constructor(name, axes, hovered) {
+    this.axes = axes;
+    this.hovered = hovered;
+    this.plotBox = make("div", { class: "chart-plot" });
+    this.title = make("h3", { text: axes.title });
+    this.summary = make("p", { class: "chart-summary" });
+    const head = make("figcaption", {}, [this.title, this.summary]);
+    this.element = make("figure", { class: "chart", "data-chart": name, role: "group", "aria-label": axes.title }, [head, this.plotBox]);
+    /** @type {uPlot | null} */
+    this.plot = null;
+    this.signature = "";
+    /** @type {Content | null} */
+    this.content = null;
+    this.fresh = false;
+    this.inSight = false;
+    this.cursor = /** @type {number | null} */ (null);
+    new IntersectionObserver((seen) => this.see(seen.at(-1)?.isIntersecting ?? false)).observe(this.element);
+    new ResizeObserver(() => this.resize()).observe(this.plotBox);
+  }
+
+  /**
+   * Show other content.
+   * @param {Content} content
+   */
+  show(content) {
+    this.content = content;
+    this.fresh = false;
+    if (this.inSight) this.draw();
+  }
+
+  /** Draw again in the colours of the theme. */
+  repaint() {
+    this.signature = "";
+    this.fresh = false;
+    if (this.inSight) this.draw();
+  }
+
+  /**
+   * Put the cursor at a place.
+   * @param {number | null} x in the unit of the axis
+   */
+  point(x) {
+    this.cursor = x;
+    const { plot } = this;
+    if (!plot || !this.inSight) return;
+    const left = x === null ? -10 : plot.valToPos(x, "x");
+    plot.setCursor({ left, top: x === null ? -10 : 0 }, false);
+    this.element.dataset.cursor = x === null ? "" : String(x);
+  }
+
+  /** @param {boolean} inSight */
+  see(inSight) {
+    this.inSight = inSight;
+    if (!inSight) return;
+    if (!this.fresh) this.draw();
+    this.point(this.cursor);
+  }
+
+  draw() {
+    const { content } = this;
+    if (!content) return;
+    const started = performance.now();
+    const width = this.plotBox.clientWidth;
+    if (width < 40) return;
+    const signature = JSON.stringify([content.curves.map((c) => [c.label, c.colour, c.dash, c.width]), content.limits, content.range, content.yUnit]);
+    const data = /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ ([content.x, ...content.curves.map((c) => c.y)]));
+    if (this.plot && signature === this.signature) this.plot.setData(data);
+    else this.rebuild(content, data, width);
+    this.signature = signature;
+    this.fresh = true;
+    say(this.summary, content.summary);
+    this.point(this.cursor);
+    this.element.dataset.points = String(content.x.length);
+    this.element.dataset.ms = (performance.now() - started).toFixed(1);
+  }
+
+  /**
+   * @param {Content} content
+   * @param {uPlot.AlignedData} data
+   * @param {number} width [px]
+   */
+  rebuild(content, data, width) {
+    this.plot?.destroy();
+    this.plot = new uPlot(this.options(content, width), data, this.plotBox);
+    const over = this.plot.over;
+    over.addEventListener("pointermove", (event) => {
+      const left = event.clientX - over.getBoundingClientRect().left;
+      if (this.plot) this.hovered(this.plot.posToVal(left, "x"));
+    });
+    over.addEventListener("pointerleave", () => this.hovered(null));
+  }
+
+  /**
+   * @param {Content} content
+   * @param {number} width [px]
+   * @returns {uPlot.Options}
+   */
+  options(content, width) {
+    const { axes } = this;
+    const unit = content.yUnit ?? axes.unit;
+    const axis = { stroke: themed("--quiet"), grid: { stroke: themed("--line"), width: 1 }, ticks: { stroke: themed("--line"), width: 1, size: 4 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
+    return {
+      width,
+      height: HEIGHT,
+      legend: { live: true },
+      cursor: { points: { size: 7 }, drag: { x: true, y: false }, y: false },
+      scales: { x: { time: false, distr: axes.log ? 3 : 1 }, y: { range: (_u, low, high) => rangeOf(content, low, high) } },
+      axes: [
+        { ...axis, label: axes.x, labelSize: 18, size: 30 },
+        { ...axis, label: unit ? `${axes.y} [${unit}]` : axes.y, labelSize: 18, size: 52 },
+      ],
+      series: [
+        { label: axes.x, value: (_u, x) => (x === null ? "–" : `${number(x)} ${axes.xUnit}`) },
+        ...content.curves.map((c) => ({
+          label: c.label, stroke: c.colour, width: c.width ?? 1.6, dash: c.dash, points: { show: false },
+          value: (/** @type {uPlot} */ _u, /** @type {number | null} */ y) => (y === null || y === undefined ? "–" : `${number(y)} ${unit}`),
+        })),
+      ],
+      hooks: {
+        drawClear: [(u) => drawLimits(u, content.limits ?? [])],
+        draw: [(u) => this.content?.over?.(u)],
+      },
+    };
+  }
+
+  resize() {
+    const width = this.plotBox.clientWidth;
+    if (!this.inSight || width < 40) return;
+    if (!this.plot) this.draw();
+    else if (width !== this.plot.width) this.plot.setSize({ width, height: HEIGHT });
+  }
+}
+
+/**
+ * The vertical range: the data, and at least the wanted one.
+ * @param {Content} content
+ * @param {number | null} low
+ * @param {number | null} high
+ * @returns {[number, number]}
+ */
+function rangeOf({ range, limits }, low, high) {
+  const all = [...(range ?? []), ...(limits ?? [])];
+  const least = Math.min(low ?? Infinity, ...all);
+  const most = Math.max(high ?? -Infinity, ...all);
+  if (!Number.isFinite(least) || !Number.isFinite(most)) return [0, 1];
+  const room = 0.06 * (most - least || Math.abs(most) || 1);
+  return [least === 0 ? 0 : least - room, most + room];
+}
+
+/**
+ * @param {uPlot} u
+ * @param {number[]} limits
+ */
+function drawLimits(u, limits) {
+  if (limits.length === 0) return;
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.strokeStyle = themed("--ink");
+  ctx.lineWidth = uPlot.pxRatio;
+  ctx.setLineDash([6 * uPlot.pxRatio, 4 * uPlot.pxRatio]);
+  ctx.beginPath();
+  for (const x of limits) {
+    const y = Math.round(u.valToPos(x, "y", true)) + 0.5;
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+  }
+  ctx.stroke();
+  ctx.restore();
+}
+
+/**
+ * A number with four digits that matter.
+ * @param {number} x
+ * @returns {string}
+ */
+export function number(x) {
+  if (!Number.isFinite(x)) return "–";
+  const digits = x === 0 ? 0 : Math.max(0, 3 - Math.floor(Math.log10(Math.abs(x))));
+  return x.toFixed(Math.min(6, digits)).replace("-", "−");
+}

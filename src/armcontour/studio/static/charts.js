@@ -1,0 +1,254 @@
+// The charts: tool speed along the path, what the joints do, and the contour error.
+
+import { Chart, number } from "./chart.js";
+import { RUN_COLOURS, styleOf, themed } from "./colours.js";
+import { find } from "./dom.js";
+import { drawStrip, stripOf } from "./strip.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./chart.js").Curve} Curve */
+/** @typedef {import("./chart.js").Content} Content */
+
+const SOURCE = "charts";
+/** While frames come, charts are drawn so often at most [ms]. */
+const PAUSE = 66;
+/** Values at the cursor change so often at most [ms]. */
+const READING = 100;
+/** A chart over arc length has at least so many places. */
+const FEWEST = 600;
+/** Dashes of joints: no two joints with the same colour have the same one. */
+const DASHES = [[], [9, 3], [3, 3], [9, 3, 3, 3], [1, 3], [14, 4]];
+const DEMANDS = /** @type {const} */ ([
+  ["velocity", "usage_v", "Joint velocity", "velocity"],
+  ["acceleration", "usage_a", "Joint acceleration", "acceleration"],
+  ["torque", "usage_torque", "Joint torque", "torque"],
+]);
+
+/**
+ * Fill the region of the charts.
+ * @param {Store} store
+ * @param {Link} _link
+ */
+export function init(store, _link) {
+  const charts = new Charts(find("#charts"), store);
+  for (const event of ["picture", "executed", "compare", "arm"]) store.on(event, () => charts.renew());
+  store.on("cursor", () => charts.pointSoon());
+  store.on("theme", () => charts.repaint());
+  store.on("refusal", () => charts.grey());
+}
+
+class Charts {
+  /**
+   * @param {HTMLElement} region
+   * @param {Store} store
+   */
+  constructor(region, store) {
+    this.region = region;
+    this.store = store;
+    const overTime = { x: "Time [s]", xUnit: "s" };
+    const byTime = (/** @type {number | null} */ t) => t !== null && store.setCursor({ t, source: SOURCE });
+    const byLength = (/** @type {number | null} */ s) => s !== null && store.setCursor({ s: s / 1000, source: SOURCE });
+    this.speed = new Chart("speed", { title: "Tool speed along the path", x: "Arc length [mm]", xUnit: "mm", y: "Speed", unit: "mm/s" }, byLength);
+    this.demands = DEMANDS.map(([name, , title]) => new Chart(name, { ...overTime, title: `${title} as a share of its limit`, y: "Share", unit: "%" }, byTime));
+    this.error = new Chart("error", { ...overTime, title: "Contour error of the executed tool", y: "Error", unit: "µm" }, byTime);
+    this.all = [this.speed, ...this.demands, this.error];
+    region.append(...this.all.map((x) => x.element));
+    this.waits = false;
+    addEventListener("beforeprint", () => this.all.forEach((x) => x.draw()));
+  }
+
+  /** Draw what is new, soon; a chart never delays the drawing above. */
+  renew() {
+    if (this.waits) return;
+    this.waits = true;
+    setTimeout(() => {
+      this.waits = false;
+      this.fill();
+    }, PAUSE);
+  }
+
+  repaint() {
+    this.fill();
+    for (const x of this.all) x.repaint();
+  }
+
+  fill() {
+    const picture = this.store.latest("picture");
+    if (!picture) return;
+    const compared = this.store.latest("picture", "compare");
+    const names = this.store.latest("arm")?.head.joints?.map((/** @type {any} */ x) => x.name) ?? [];
+    this.speed.show(speedContent(picture, compared, this.store.theme));
+    DEMANDS.forEach(([, array, , what], k) => {
+      const usage = picture.arrays[array];
+      // Shares of limits that there are not are zero.
+      const limited = Boolean(usage?.some((x) => x !== 0));
+      this.demands[k].element.hidden = !limited;
+      if (limited) this.demands[k].show(demandContent(picture, usage, names, what));
+    });
+    this.fillError();
+    this.grey();
+    this.point();
+  }
+
+  fillError() {
+    const executed = this.store.latest("executed");
+    this.error.element.hidden = !executed;
+    if (executed) this.error.show(errorContent(executed, this.store.latest("executed", "compare")));
+  }
+
+  /** Values at the cursor are text, which costs more than a line: not in every frame. */
+  pointSoon() {
+    if (this.pointing) return;
+    this.pointing = setTimeout(() => {
+      this.pointing = undefined;
+      this.point();
+    }, READING);
+  }
+
+  point() {
+    const cursor = this.store.cursor;
+    this.speed.point(cursor ? 1000 * cursor.s : null);
+    for (const x of [...this.demands, this.error]) x.point(cursor ? cursor.t : null);
+  }
+
+  /** Under a refusal the last good curves stay, greyed. */
+  grey() {
+    const { store } = this;
+    this.region.classList.toggle("stale", store.refusal !== null);
+    this.error.element.classList.toggle("stale", !store.isCurrent(store.latest("executed")));
+  }
+}
+
+/**
+ * @param {Frame} picture
+ * @param {Frame | null} compared
+ * @param {"light" | "dark"} theme
+ * @returns {Content}
+ */
+function speedContent(picture, compared, theme) {
+  const { path_s: places, binding } = picture.arrays;
+  const s = refined(places);
+  const [speed, assigned] = [picture.arrays.speed, picture.arrays.assigned].map((y) => resampled(places, y, s, 1000));
+  const x = s.map((y) => 1000 * y);
+  const curves = /** @type {Curve[]} */ ([]);
+  if (compared) {
+    const { path_s: otherS, speed: other } = compared.arrays;
+    curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherS, other, s, 1000) });
+  }
+  if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
+  curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
+  // A plan without an explanation has no limits to tell.
+  const strip = picture.head.limits.length ? stripOf(places, binding, picture.head.limits) : [];
+  const kinds = [...new Set(strip.map((part) => part.kind))].map((kind) => styleOf(kind, theme).label);
+  return {
+    x, curves, range: [0, 0],
+    summary: `At most ${number(largestOf(speed))} mm/s.${kinds.length ? ` Strip: ${kinds.join(", ")}.` : ""}`,
+    over: (u) => drawStrip(u, strip, theme),
+  };
+}
+
+/**
+ * @param {Frame} picture
+ * @param {Numbers} usage (m, dof)
+ * @param {string[]} names of the joints
+ * @param {string} what
+ * @returns {Content}
+ */
+function demandContent(picture, usage, names, what) {
+  const { t } = picture.arrays;
+  const dof = usage.length / t.length;
+  const most = { share: 0, joint: 0 };
+  const curves = Array.from({ length: dof }, (_, j) => {
+    const y = new Float64Array(t.length);
+    for (let k = 0; k < t.length; k += 1) y[k] = 100 * usage[k * dof + j];
+    const share = largestOf(y.map(Math.abs));
+    if (share > most.share) Object.assign(most, { share, joint: j });
+    const name = names[j] ?? `joint ${j + 1}`;
+    return { label: name, colour: RUN_COLOURS[j % RUN_COLOURS.length], dash: DASHES[j % DASHES.length], y: [...y].some(Number.isNaN) ? withGaps(y, 1) : y };
+  });
+  const name = curves[most.joint]?.label ?? "";
+  return {
+    x: t, curves, limits: [-100, 100],
+    summary: `At most ${most.share.toFixed(1)} % of the ${what} limit, ${name}.`,
+  };
+}
+
+/**
+ * @param {Frame} executed
+ * @param {Frame | null} compared
+ * @returns {Content}
+ */
+function errorContent(executed, compared) {
+  const { t, error } = executed.arrays;
+  const { max, rms } = executed.head;
+  const [factor, unit] = max >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
+  const curves = /** @type {Curve[]} */ ([]);
+  if (compared) {
+    const { t: otherT, error: other } = compared.arrays;
+    curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherT, other, t, factor) });
+  }
+  curves.push({ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) });
+  return {
+    x: t, curves, range: [0, 0], yUnit: unit,
+    summary: `At most ${number(factor * max)} ${unit}, root mean square ${number(factor * rms)} ${unit}.`,
+  };
+}
+
+/** @param {Frame} frame @returns {string} */
+function comparedName(frame) {
+  return frame.head.name ?? frame.head.run ?? "compared";
+}
+
+/**
+ * Values times a factor; null where there is none, which uPlot leaves out.
+ * @param {Numbers} values
+ * @param {number} factor
+ * @returns {(number | null)[]}
+ */
+function withGaps(values, factor) {
+  return Array.from(values, (x) => (Number.isFinite(x) ? factor * x : null));
+}
+
+/**
+ * Places with others between them, so that the cursor has a value everywhere.
+ * @param {Numbers} places increasing
+ * @returns {Float64Array}
+ */
+function refined(places) {
+  const end = places[places.length - 1];
+  const found = [...places];
+  for (let k = 1; k < FEWEST && places.length < FEWEST; k += 1) found.push((end * k) / FEWEST);
+  return Float64Array.from(found).sort();
+}
+
+/**
+ * Values of a curve at other places; null beyond its ends and where there is none.
+ * @param {Numbers} from increasing
+ * @param {Numbers} values
+ * @param {Numbers} at increasing
+ * @param {number} factor
+ * @returns {(number | null)[]}
+ */
+function resampled(from, values, at, factor) {
+  const found = /** @type {(number | null)[]} */ ([]);
+  let k = 0;
+  for (const x of at) {
+    while (k + 2 < from.length && from[k + 1] <= x) k += 1;
+    const span = from[k + 1] - from[k];
+    const share = span > 0 ? (x - from[k]) / span : 0;
+    const inside = x >= from[0] && x <= from[from.length - 1];
+    const y = values[k] + share * (values[k + 1] - values[k]);
+    found.push(inside && Number.isFinite(y) ? factor * y : null);
+  }
+  return found;
+}
+
+/** @param {Iterable<number | null>} values @returns {number} */
+function largestOf(values) {
+  let most = 0;
+  for (const x of values) if (x !== null && x > most) most = x;
+  return most;
+}

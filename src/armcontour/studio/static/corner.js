@@ -1,0 +1,55 @@
+// The tolerance of a rounded corner as a place: the apex of the rounding, on the corner's bisector.
+
+import { mm } from "./format.js";
+
+/** @typedef {[number, number]} Point */
+/**
+ * A rounded corner, as in pictures; lengths in metres.
+ * @typedef {{index: number, vertex: number, apex: Point, corner: Point, error: number, allowed: number | null,
+ *   radius: number, reason: string}} Corner
+ */
+
+const LEAST_TOLERANCE = 1e-6; // m
+// The handle is beyond the apex by this, so that it does not lie on the waypoint.
+const BEYOND = 20; // px
+
+/** From a corner to its apex. @param {Corner} corner @returns {Point} of length 1 */
+function bisectorOf({ apex, corner }) {
+  const [du, dv] = [apex[0] - corner[0], apex[1] - corner[1]];
+  const length = Math.hypot(du, dv);
+  return length > 0 ? [du / length, dv / length] : [0, 1];
+}
+
+/**
+ * What dragging the apex to a place changes: the tolerance is its distance from the corner.
+ * @param {Corner} corner @param {Point} to m @param {boolean} all whether of all corners
+ * @returns {{edits: object[], shown: Point}}
+ */
+export function toleranceAt(corner, to, all) {
+  const [du, dv] = bisectorOf(corner);
+  const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
+  const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
+  const one = { do: "corner_tolerance", index: corner.vertex, value };
+  const edit = all ? { do: "set", key: "corners.tolerance", value } : one;
+  return { edits: [edit], shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv] };
+}
+
+/**
+ * Where arrow keys move the apex: up and right make the tolerance larger.
+ * @param {Corner} corner @param {Point} start @param {number} du @param {number} dv m @returns {Point}
+ */
+export function nudgedApex(corner, start, du, dv) {
+  const [bu, bv] = bisectorOf(corner);
+  return [start[0] + (du + dv) * bu, start[1] + (du + dv) * bv];
+}
+
+/** Where the handle of an apex is drawn. @param {Corner} corner @param {Point} apex px @returns {Point} px */
+export function beyond(corner, [x, y]) {
+  const [du, dv] = bisectorOf(corner);
+  return [x + BEYOND * du, y - BEYOND * dv];
+}
+
+/** @param {Corner} corner @returns {string} */
+export function wordsOf({ error, allowed, reason }) {
+  return `corner error ${mm(error)} mm of ${mm(allowed)} mm${reason ? `, ${reason}` : ""}`;
+}

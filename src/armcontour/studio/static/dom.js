@@ -1,0 +1,81 @@
+// Small helpers for elements. Text is always set as text: nothing of a file becomes markup.
+
+import { oncePerFrame } from "./state.js";
+
+/**
+ * An element that must be there.
+ * @template {Element} [T=HTMLElement]
+ * @param {string} selector @param {ParentNode} [within] @returns {T}
+ */
+export function find(selector, within = document) {
+  const found = within.querySelector(selector);
+  if (!found) throw new Error(`The page has no ${selector}.`);
+  return /** @type {T} */ (/** @type {unknown} */ (found));
+}
+
+/**
+ * A new element.
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag @param {Record<string, any>} [attributes] "text" is its text, "on..." are listeners, false is left out
+ * @param {(Node | string)[]} [children] @returns {HTMLElementTagNameMap[K]}
+ */
+export function make(tag, attributes = {}, children = []) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) put(element, name, value);
+  element.append(...children);
+  return element;
+}
+
+/**
+ * A new element of a drawing.
+ * @template {keyof SVGElementTagNameMap} K
+ * @param {K} tag @param {Record<string, any>} [attributes] @returns {SVGElementTagNameMap[K]}
+ */
+export function draw(tag, attributes = {}) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) put(element, name, value);
+  return element;
+}
+
+/** @param {Element} element @param {string} name @param {any} value */
+function put(element, name, value) {
+  if (value === false || value === null || value === undefined) return;
+  if (name === "text") element.textContent = String(value);
+  else if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+  else element.setAttribute(name, value === true ? "" : String(value));
+}
+
+/**
+ * Heads of columns; a name in brackets is for screen readers only, as the content tells what it is.
+ * @param {string[]} names @param {(k: number) => string} [classOf]
+ */
+export function headings(names, classOf = () => "") {
+  return names.map((name, k) => {
+    const [text, unseen] = name.startsWith("(") ? ["", name.slice(1, -1)] : [name, ""];
+    return make("th", { scope: "col", class: classOf(k) }, [text, make("span", { class: "unseen", text: unseen })]);
+  });
+}
+
+/** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/**
+ * Run something when it is due, but only while its panel is seen; else when it is seen again.
+ * @param {import("./state.js").Store} store @param {HTMLElement} panel @param {string[]} events @param {() => void} update
+ */
+export function whileSeen(store, panel, events, update) {
+  let due = false;
+  const run = () => {
+    if (panel.hidden || !store.options.dock) {
+      due = true;
+      return;
+    }
+    due = false;
+    update();
+  };
+  const wish = oncePerFrame(run);
+  for (const event of events) store.on(event, wish);
+  store.on("view", () => due && wish());
+}

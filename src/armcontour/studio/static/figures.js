@@ -1,0 +1,151 @@
+// The figures on top: cycle time, errors, saturation, clearance; each with its difference to what is compared.
+
+import { find, make, say } from "./dom.js";
+import { mm, NONE, percent, seconds, signed } from "./format.js";
+import { oncePerFrame } from "./state.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/**
+ * @typedef {{value: number | null, text: string, exact: boolean, other?: number | null, factor?: number, digits?: number,
+ *   alarm?: boolean, title?: string}} Shown
+ */
+
+const SPOKEN_EVERY = 1000; // ms
+/** Figures by name: label, unit, explanation. @type {Record<string, [string, string, string]>} */
+const FIGURES = {
+  duration: ["Cycle time", "s", "Duration of the planned motion"],
+  rms: ["Contour error RMS", "mm", "Of the executed tool from the path, simulated with the servo"],
+  max: ["Largest error", "mm", "Of the executed tool from the path, simulated with the servo"],
+  demand: ["Joint demand", "%", "Largest share of a joint's limit that the executed motion takes"],
+  saturated: ["Saturated", "", "Joints whose drives saturate in the execution"],
+  clearance: ["Clearance", "mm", "Least distance to obstacles and of the arm to itself"],
+  settled: ["Settled", "s", "When the tool stays at its goal"],
+};
+
+class Figures {
+  /** @param {Store} store */
+  constructor(store) {
+    this.store = store;
+    this.region = find("#figures");
+    /** @type {Record<string, {box: HTMLElement, value: HTMLElement, delta: HTMLElement}>} */
+    this.boxes = Object.fromEntries(Object.entries(FIGURES).map(([name, told]) => [name, this.box(name, ...told)]));
+    this.state = make("span", { class: "exactness" });
+    find(".label", this.boxes.duration.box).append(this.state);
+    this.spoken = "";
+    const update = oncePerFrame(() => this.update());
+    for (const event of ["picture", "executed", "figures", "refusal", "compare", "document"]) store.on(event, update);
+    setInterval(() => this.speak(), SPOKEN_EVERY);
+  }
+
+  /** @param {string} name @param {string} label @param {string} unit @param {string} title */
+  box(name, label, unit, title) {
+    const value = make("span", { class: "value", text: NONE });
+    const delta = make("span", { class: "delta", text: "" });
+    const box = make("div", { class: "figure", "data-figure": name, title }, [
+      make("span", { class: "label", text: label }),
+      make("span", { class: "number" }, [value, make("span", { class: "unit", text: unit })]),
+      delta,
+    ]);
+    this.region.append(box);
+    return { box, value, delta };
+  }
+
+  update() {
+    const { store } = this;
+    const tier1 = store.refusal?.head.tier === 1;
+    this.region.classList.toggle("stale", tier1);
+    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
+    const exact = store.isCurrent(store.latest("figures"));
+    const drawn = store.latest("picture")?.head.planned === false;
+    say(this.state, drawn ? "not planned yet" : tier1 ? "refused, the last" : exact ? "exact" : "preview");
+    this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
+    this.region.dataset.exact = String(exact);
+  }
+
+  /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
+  values() {
+    const { store } = this;
+    const figures = store.latest("figures");
+    const exact = store.isCurrent(figures) ? figures?.head : null;
+    const executed = store.refusal ? null : store.latest("executed")?.head;
+    const picture = store.latest("picture")?.head;
+    const other = this.compared();
+    const duration = exact?.duration ?? picture?.duration ?? null;
+    const error = (/** @type {string} */ name) => {
+      const value = exact?.[name] ?? executed?.[name] ?? null;
+      return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
+    };
+    return {
+      duration: { value: duration, text: seconds(duration), exact: Boolean(exact), other: other?.duration, digits: 3 },
+      rms: error("rms"),
+      max: error("max"),
+      ...this.others(exact, executed),
+    };
+  }
+
+  /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
+  others(exact, executed) {
+    const demand = executed?.demand?.length ? Math.max(...executed.demand.map(Number)) : null;
+    const joints = exact?.saturated ?? executed?.saturated ?? null;
+    const least = exact?.clearance?.least ?? null;
+    const settled = exact?.settled ?? executed?.settled ?? null;
+    const known = joints !== null;
+    return {
+      demand: { value: demand, text: percent(demand), exact: false, alarm: demand !== null && demand > 1.0005 },
+      saturated: {
+        value: known ? joints.length : null,
+        text: known ? (joints.length ? countOf(joints) : "none") : NONE,
+        title: known ? joints.map(nameOf).join(", ") : "",
+        exact: Boolean(exact),
+        alarm: known && joints.length > 0,
+      },
+      clearance: { value: least, text: mm(least, 1), exact: Boolean(exact), alarm: least !== null && least <= 0 },
+      settled: { value: settled, text: seconds(settled), exact: Boolean(exact) },
+    };
+  }
+
+  /** Figures of what is compared. @returns {any} */
+  compared() {
+    const { store } = this;
+    const figures = ["picture", "executed", "figures"].map((kind) => store.latest(kind, "compare")?.head ?? {});
+    if (store.document?.compare && store.latest("picture", "compare")) return Object.assign({}, ...figures);
+    const pin = store.document?.pins?.at(-1);
+    return pin ?? null;
+  }
+
+  /** @param {string} name @param {Shown} shown */
+  show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
+    const { box, value: place, delta } = this.boxes[name];
+    box.classList.toggle("alarm", alarm);
+    box.dataset.value = value === null ? "" : String(value);
+    box.dataset.exact = String(exact);
+    say(place, text);
+    if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
+    const known = typeof other === "number" && typeof value === "number";
+    say(delta, known ? signed(factor * (value - other), digits) : "");
+    delta.dataset.better = known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "";
+  }
+
+  /** The cycle time for screen readers, at most once a second, when it rests. */
+  speak() {
+    const { duration, rms } = this.values();
+    const refusal = this.store.refusal?.head.sentence;
+    const sentence =
+      refusal ??
+      (duration.value === null ? "" : `Cycle time ${duration.text} seconds, contour error ${rms.text} millimetres`);
+    if (sentence === this.spoken) return;
+    this.spoken = sentence;
+    say(find("#spoken"), sentence);
+  }
+}
+
+/** @param {any[]} joints */
+const countOf = (joints) => `${joints.length} joint${joints.length > 1 ? "s" : ""}`;
+
+/** A joint that saturates, with the time for which it does. @param {any} joint @returns {string} */
+const nameOf = (joint) => `${joint.joint ?? joint}${joint.time ? ` for ${seconds(joint.time)} s` : ""}`;
+
+/** @param {Store} store */
+export function init(store) {
+  new Figures(store);
+}

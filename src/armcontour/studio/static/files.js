@@ -1,0 +1,163 @@
+// Files: open by picker or drop, save, what saving would change, conflicts with the disk, drafts.
+
+import { difference, show } from "./ask.js";
+import { find, make } from "./dom.js";
+import { notify } from "./messages.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+
+const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
+const DRAWINGS = /\.(dxf|svg|nc|ngc|gcode|tap|cnc|csv|txt)$/i;
+const ACCEPTED = ".yaml,.yml,.dxf,.svg,.nc,.ngc,.gcode,.tap,.cnc,.csv,.txt,.urdf";
+const CELLS = ["", "pmk3s", "ur5e", "ur10e", "panda"];
+
+class Files {
+  /** @param {Store} store @param {Link} link */
+  constructor(store, link) {
+    this.store = store;
+    this.link = link;
+    this.picker = /** @type {HTMLInputElement} */ (find("#picker"));
+    this.picker.accept = ACCEPTED;
+    this.offered = false;
+    find("#open").addEventListener("click", () => this.picker.click());
+    find("#save").addEventListener("click", () => link.send({ op: "save" }));
+    find("#diff").addEventListener("click", () => link.send({ op: "diff" }));
+    this.picker.addEventListener("change", () => {
+      const file = this.picker.files?.[0];
+      this.picker.value = "";
+      if (file) this.open(file);
+    });
+    this.listenToDrops();
+    store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
+    store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
+    store.on("diff", (/** @type {any} */ frame) => this.showDiff(frame.head.text));
+    store.on("conflict", (/** @type {any} */ frame) => this.conflict(frame.head));
+    store.on("document", (/** @type {any} */ frame) => this.offerDraft(frame.head));
+  }
+
+  listenToDrops() {
+    const over = (/** @type {DragEvent} */ event) => {
+      if (!event.dataTransfer?.types.includes("Files")) return;
+      event.preventDefault();
+      document.body.classList.toggle("dropping", event.type === "dragover");
+    };
+    for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"]))
+      window.addEventListener(name, over);
+    window.addEventListener("drop", (event) => {
+      over(event);
+      const file = event.dataTransfer?.files[0];
+      if (file) this.open(file);
+    });
+  }
+
+  /** @param {File} file */
+  async open(file) {
+    if (file.size > LARGEST)
+      return notify(
+        `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
+        "alarm",
+      );
+    const drawing = DRAWINGS.test(file.name);
+    const how = await this.askHow(file.name, drawing);
+    if (how === null) return;
+    const query = new URLSearchParams({ name: file.name, ...(how ? { cell: how } : {}) });
+    document.body.dataset.opening = "true";
+    try {
+      const answer = await this.link.request(`/open?${query}`, { method: "POST", body: file });
+      if (!answer.ok) notify(await sentenceOf(answer), "alarm");
+    } catch {
+      notify("The server does not answer, so the file was not opened.", "alarm");
+    } finally {
+      document.body.dataset.opening = "false";
+    }
+  }
+
+  /**
+   * In which cell a drawing is cut; what happens to unsaved changes.
+   * @param {string} name @param {boolean} drawing @returns {Promise<string | null>}
+   */
+  async askHow(name, drawing) {
+    const dirty = this.store.document?.dirty;
+    if (!drawing && !dirty) return "";
+    const content = [];
+    if (dirty)
+      content.push(make("p", { text: "The open job has unsaved changes; they are lost when another file is opened." }));
+    const cells = make(
+      "select",
+      {},
+      CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
+    );
+    if (drawing) content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
+    const answer = await show(`Open ${name}`, content, [
+      { value: "open", text: "Open" },
+      { value: "", text: "Cancel" },
+    ]);
+    return answer === "open" ? (drawing ? cells.value : "") : null;
+  }
+
+  /** @param {string} text */
+  async showDiff(text) {
+    const content = text ? difference(text) : make("p", { text: "Saving would change nothing." });
+    const answer = await show(
+      "What saving would change",
+      [content],
+      [
+        { value: "", text: "Close" },
+        { value: "save", text: "Save" },
+        { value: "revert", text: "Back to the file" },
+      ],
+    );
+    if (answer) this.link.send({ op: answer });
+  }
+
+  /** A job without a file is saved by the browser. @param {{file: string, name: string}} head */
+  async download({ file, name }) {
+    const answer = await this.link.request(`/files/${encodeURIComponent(file)}`);
+    if (!answer.ok) return notify(await sentenceOf(answer), "alarm");
+    const address = URL.createObjectURL(await answer.blob());
+    make("a", { href: address, download: name }).click();
+    URL.revokeObjectURL(address);
+    notify(`${name} was given to the browser to save.`);
+  }
+
+  /** @param {{sentence: string, diff?: string}} head */
+  async conflict({ sentence, diff }) {
+    const content = [make("p", { text: sentence }), ...(diff ? [difference(diff)] : [])];
+    const answer = await show("The file has changed on disk", content, [
+      { value: "", text: "Keep both for now" },
+      { value: "reload", text: "Take the file's" },
+      { value: "force", text: "Overwrite the file" },
+    ]);
+    if (answer === "reload") this.link.send({ op: "reload" });
+    if (answer === "force") this.link.send({ op: "save", force: true });
+  }
+
+  /** Changes of an earlier session that ended without saving. @param {any} head */
+  async offerDraft(head) {
+    if (!head.draft || this.offered) return;
+    this.offered = true;
+    const content = [make("p", { text: `Changes of ${head.name} from an earlier session were kept, but not saved.` })];
+    const answer = await show("Unsaved changes were found", content, [
+      { value: "restore_draft", text: "Take them up" },
+      { value: "discard_draft", text: "Throw them away" },
+      { value: "", text: "Decide later" },
+    ]);
+    if (answer) this.link.send({ op: answer });
+  }
+}
+
+/** @param {Response} answer @returns {Promise<string>} */
+async function sentenceOf(answer) {
+  const text = await answer.text();
+  try {
+    return JSON.parse(text).sentence ?? text;
+  } catch {
+    return text || `The server refused the file (${answer.status}).`;
+  }
+}
+
+/** @param {Store} store @param {Link} link @returns {Files} */
+export function init(store, link) {
+  return new Files(store, link);
+}

@@ -1,0 +1,31 @@
+// Numbers as text: fixed decimals, so that they do not jump in width while they change.
+
+/** Figure that a missing number is shown as. */
+export const NONE = "–";
+
+/** @param {number | null | undefined} x @param {number} decimals @returns {string} */
+function fixed(x, decimals) {
+  return x === null || x === undefined || !Number.isFinite(x) ? NONE : x.toFixed(decimals).replace("-", "−");
+}
+
+/** Time. @param {number | null | undefined} s @returns {string} */
+export const seconds = (s) => fixed(s, 3);
+
+/** A length. @param {number | null | undefined} m @param {number} [decimals] @returns {string} mm */
+export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
+
+/** A share. @param {number | null | undefined} x @returns {string} percent */
+export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 * x, x < 10 ? 1 : 0));
+
+/** A difference with its sign. @param {number} x @param {number} decimals @returns {string} */
+export const signed = (x, decimals) =>
+  (x > 0 ? "+" : "") + fixed(Math.abs(x) < 0.5 * 10 ** -decimals ? 0 : x, decimals);
+
+/** A number with about four significant digits, without needless zeros. @param {number} x @returns {string} */
+export function short(x) {
+  if (!Number.isFinite(x)) return NONE;
+  return String(Number(x.toPrecision(4)));
+}
+
+/** A quantity of a slider, such as "150 mm/s". @param {number} value SI @param {{unit: string, factor: number}} of @returns {string} */
+export const quantity = (value, { unit, factor }) => `${short(value / factor)}${unit ? ` ${unit}` : ""}`;

@@ -1,0 +1,118 @@
+// What a slider would be worth: cycle time and contour error over its range, from a sweep in the background.
+
+import { draw, find, make } from "./dom.js";
+import { mm, quantity, seconds } from "./format.js";
+import { positionOf, STEPS } from "./scales.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {import("./scales.js").Slider} Slider */
+/** @typedef {{values: Numbers, duration: Numbers, rms: Numbers}} Sweep */
+
+const AFTER = 450; // ms
+const COUNT = 15;
+const [WIDE, HIGH] = [100, 30];
+
+export class Ghost {
+  /** @param {Store} store @param {Link} link */
+  constructor(store, link) {
+    this.store = store;
+    this.link = link;
+    this.timer = 0;
+    this.tasks = 0;
+    /** @type {{slider: Slider, element: HTMLElement, id: string} | null} */
+    this.wished = null;
+    /** Sweeps of this text and run, by key. @type {Map<string, Sweep>} */
+    this.known = new Map();
+    this.text = "";
+    this.box = make("div", { class: "ghost", "aria-hidden": "true" });
+    store.on("document", () => this.forget());
+    store.on("result", (/** @type {import("./state.js").Frame} */ frame) => this.answered(frame));
+  }
+
+  /** Another text or run has other sweeps. */
+  forget() {
+    const { text, run } = this.store.document;
+    if (this.text === run + text) return;
+    this.text = run + text;
+    this.known.clear();
+    this.box.remove();
+  }
+
+  /** The pointer rests on a slider. @param {Slider} slider @param {HTMLElement} element */
+  wish(slider, element) {
+    this.leave();
+    if (slider.choices || !(slider.min < slider.max)) return;
+    const known = this.known.get(slider.key);
+    if (known) return this.show(slider, element, known);
+    this.timer = setTimeout(() => {
+      const id = `ghost-${++this.tasks}`;
+      this.wished = { slider, element, id };
+      const { key, min, max, log } = slider;
+      this.link.send({ op: "task", id, task: "sweep", options: { key, min, max, log, count: COUNT } });
+    }, AFTER);
+  }
+
+  leave() {
+    clearTimeout(this.timer);
+    if (this.wished) this.link.send({ op: "cancel", id: this.wished.id });
+    this.wished = null;
+    this.box.remove();
+  }
+
+  /** @param {import("./state.js").Frame} frame */
+  answered(frame) {
+    if (!this.wished || frame.head.id !== this.wished.id) return;
+    const { slider, element } = this.wished;
+    this.wished = null;
+    const { values, duration, rms } = frame.arrays;
+    this.known.set(slider.key, { values, duration, rms });
+    this.show(slider, element, { values, duration, rms });
+  }
+
+  /** @param {Slider} slider @param {HTMLElement} element @param {Sweep} sweep */
+  show(slider, element, { values, duration, rms }) {
+    const svg = draw("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none" });
+    svg.append(curve(slider, values, duration, "time"), curve(slider, values, rms, "error"));
+    const ends = [values[0], values[values.length - 1]].map((value) => quantity(value, slider));
+    const range = (/** @type {Numbers} */ x, /** @type {(value: number) => string} */ text) => {
+      const known = [...x].filter(Number.isFinite);
+      return known.length ? `${text(Math.min(...known))} … ${text(Math.max(...known))}` : "refused";
+    };
+    this.box.replaceChildren(
+      svg,
+      make(
+        "span",
+        { class: "ends" },
+        ends.map((text) => make("span", { text })),
+      ),
+      make("span", { class: "time", text: `cycle time ${range(duration, seconds)} s` }),
+      make("span", { class: "error", text: `error RMS ${range(rms, (x) => mm(x))} mm` }),
+    );
+    find("main").append(this.box);
+    // Beside its slider: nothing moves under the pointer.
+    const { top, left } = element.getBoundingClientRect();
+    this.box.style.top = `${Math.round(Math.min(top, window.innerHeight - this.box.offsetHeight - 8))}px`;
+    this.box.style.left = `${Math.round(Math.max(8, left - this.box.offsetWidth - 16))}px`;
+  }
+}
+
+/**
+ * A curve over the range of a slider; refused values leave gaps.
+ * @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name
+ */
+function curve(slider, values, y, name) {
+  const known = [...y].filter(Number.isFinite);
+  const [least, most] = [Math.min(...known), Math.max(...known)];
+  let line = "";
+  y.forEach((value, k) => {
+    if (!Number.isFinite(value)) return;
+    const at = [
+      (WIDE * positionOf(slider, values[k])) / STEPS,
+      HIGH - 3 - ((value - least) / (most - least || 1)) * (HIGH - 6),
+    ];
+    line += `${k > 0 && Number.isFinite(y[k - 1]) ? "L" : "M"}${at.map((x) => x.toFixed(1)).join(" ")}`;
+  });
+  return draw("path", { d: line, class: name });
+}

@@ -1,0 +1,312 @@
+// Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
+// inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
+
+import { beyond, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
+import { draw } from "./dom.js";
+import { mm } from "./format.js";
+import { dragged, Gesture, nudged } from "./gesture.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./view2d.js").View2d} View2d */
+/** @typedef {[number, number]} Point */
+/**
+ * Something to grab: `at` says where it is (metres in the plane, null: not there), `move` what its edits are
+ * when it is dragged to a place.
+ * @typedef {Object} Handle
+ * @property {SVGGElement} element
+ * @property {() => Point | null} at
+ * @property {(to: Point, event: MouseEvent | KeyboardEvent) => {edits: object[], shown: Point}} move
+ * @property {() => void} describe   sets what is read aloud
+ * @property {() => any} [corner]    the corner whose apex it is
+ */
+
+// Beyond this number only handles in view are made.
+const MOST_HANDLES = 300;
+
+export class Handles {
+  /** @param {Store} store @param {Link} link @param {View2d} view */
+  constructor(store, link, view) {
+    this.store = store;
+    this.link = link;
+    this.view = view;
+    this.polygon = draw("polyline", { class: "polygon", "aria-hidden": "true" });
+    this.groups = ["middle", "corner", "waypoint"].map((name) => draw("g", { class: name }));
+    view.overlay.append(this.polygon, ...this.groups);
+    /** @type {Map<string, Handle>} */
+    this.handles = new Map();
+    /** Places of handles that were moved and are not yet in the document, by name. @type {Map<string, {at: Point, seq: number}>} */
+    this.held = new Map();
+    store.on("document", (/** @type {any} */ frame) => this.answered(frame));
+    store.on("picture", (/** @type {any} */ frame) => this.answered(frame));
+    store.on("refusal", (/** @type {any} */ frame) => frame && this.answered(frame));
+    view.followers.add(() => this.place());
+  }
+
+  /** The server knows of the change: its places are used again. @param {import("./state.js").Frame} frame */
+  answered(frame) {
+    for (const [name, { seq }] of this.held) {
+      const corner = name.startsWith("corner");
+      if (frame.kind !== "refusal" && (frame.kind === "picture") !== corner) continue;
+      if (frame.seq === null || frame.seq >= seq) this.held.delete(name);
+    }
+    this.build();
+    this.place();
+  }
+
+  /** The handles of the document and the picture: elements stay, so that the focus stays. */
+  build() {
+    const wanted = new Set();
+    for (const { index, role } of this.waypoints()) {
+      wanted.add(this.ensure(`waypoint ${index}`, 2, () => this.waypoint(index)));
+      if (index > 0 && isOnPath(role)) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
+    }
+    for (const corner of this.corners())
+      wanted.add(this.ensure(`corner ${corner.index}`, 1, () => this.corner(corner.index)));
+    for (const [name, handle] of this.handles) {
+      if (wanted.has(name)) continue;
+      handle.element.remove();
+      this.handles.delete(name);
+    }
+    for (const handle of this.handles.values()) handle.describe();
+  }
+
+  /** @param {string} name @param {number} group @param {() => Handle} make @returns {string} */
+  ensure(name, group, make) {
+    if (!this.handles.has(name)) {
+      const handle = make();
+      this.handles.set(name, handle);
+      this.groups[group].append(handle.element);
+    }
+    return name;
+  }
+
+  /** Waypoints that can be moved. @returns {{index: number, uv: Point, written: string[], role?: string, why_not?: string}[]} */
+  waypoints() {
+    const found = this.store.document;
+    if (!found?.path?.editable) return [];
+    const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
+    return movable.length <= MOST_HANDLES
+      ? movable
+      : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
+  }
+
+  /** Rounded corners. @returns {any[]} */
+  corners() {
+    const found = this.store.latest("picture")?.head.corners ?? [];
+    const seen = found.filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
+    return seen.length <= MOST_HANDLES
+      ? seen
+      : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
+  }
+
+  /** @param {Point} uv @returns {boolean} */
+  inView(uv) {
+    const [x, y] = this.screen(uv);
+    return x > 0 && y > 0 && x < this.view.view.width && y < this.view.view.height;
+  }
+
+  get centre() {
+    return this.store.latest("picture")?.head.centre ?? [0, 0];
+  }
+
+  /** @param {Point} uv m in the plane @returns {Point} px */
+  screen(uv) {
+    return this.view.view.toScreen([uv[0] - this.centre[0], uv[1] - this.centre[1]]);
+  }
+
+  /** @param {MouseEvent} event @returns {Point} m in the plane */
+  plane(event) {
+    const [u, v] = this.view.view.toPlane(this.view.within(event));
+    return [u + this.centre[0], v + this.centre[1]];
+  }
+
+  /** Where a waypoint is shown. @param {number} index @returns {Point | null} */
+  waypointAt(index) {
+    const held = this.held.get(`waypoint ${index}`);
+    return held?.at ?? this.store.document?.waypoints[index]?.uv ?? null;
+  }
+
+  /** @param {number} index @returns {Handle} */
+  waypoint(index) {
+    const element = this.shape("waypoint", index, [draw("circle", { r: 6, class: "seen" })]);
+    const handle = {
+      element,
+      at: () => this.waypointAt(index),
+      move: (/** @type {Point} */ to) => ({ edits: [{ do: "move_waypoint", index, to }], shown: to }),
+      describe: () => this.describeWaypoint(element, index),
+    };
+    element.addEventListener("keydown", (event) => this.waypointKey(event, index));
+    return this.movable(`waypoint ${index}`, handle);
+  }
+
+  /** @param {SVGGElement} element @param {number} index */
+  describeWaypoint(element, index) {
+    const at = this.waypointAt(index);
+    if (!at) return;
+    element.setAttribute("aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
+    element.setAttribute("aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
+  }
+
+  /** Insert after, or remove. @param {KeyboardEvent} event @param {number} index */
+  waypointKey(event, index) {
+    const insert = event.key === "Insert" || event.key === "+";
+    if (!insert && event.key !== "Delete" && event.key !== "Backspace") return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (!insert) return this.link.edit([{ do: "remove_waypoint", index }]);
+    const [from, to] = [this.waypointAt(index), this.waypointAt(index + 1) ?? this.waypointAt(index - 1)];
+    const before = this.waypointAt(index + 1) ? index + 1 : index;
+    if (from && to)
+      this.link.edit([{ do: "insert_waypoint", index: before, at: [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2] }]);
+  }
+
+  /** The middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
+  middle(index) {
+    const element = draw("g", {
+      class: "handle middle",
+      "data-index": index,
+      role: "button",
+      tabindex: -1,
+      "aria-label": `Insert a waypoint before waypoint ${index + 1}`,
+    });
+    element.append(draw("circle", { r: 12, class: "target" }), draw("path", { d: "M-4 0H4M0-4V4", class: "seen" }));
+    /** @type {Handle} */
+    const handle = {
+      element,
+      at: () => {
+        const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
+        return a && b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : null;
+      },
+      move: (to) => ({ edits: [{ do: "insert_waypoint", index, at: to }], shown: to }),
+      describe: () => {},
+    };
+    return this.movable(`middle ${index}`, handle);
+  }
+
+  /** The apex of a rounded corner. @param {number} index @returns {Handle} */
+  corner(index) {
+    const element = this.shape("corner", index, [draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
+    const told = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
+    /** @type {Handle} */
+    const handle = {
+      element,
+      at: () => this.held.get(`corner ${index}`)?.at ?? told()?.apex ?? null,
+      move: (to, event) => toleranceAt(told(), to, event instanceof MouseEvent && event.altKey),
+      corner: told,
+      describe: () => {
+        const corner = told();
+        if (!corner) return;
+        element.setAttribute("aria-valuenow", mm(corner.error));
+        element.setAttribute("aria-valuetext", wordsOf(corner));
+      },
+    };
+    return this.movable(`corner ${index}`, handle);
+  }
+
+  /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
+  shape(kind, index, parts) {
+    const name = kind === "waypoint" ? `Waypoint ${index + 1}` : `Tolerance of corner ${index + 1}`;
+    const element = draw("g", {
+      class: `handle ${kind}`,
+      "data-index": index,
+      role: "slider",
+      tabindex: 0,
+      "aria-label": name,
+      "aria-valuenow": 0,
+    });
+    element.append(draw("circle", { r: 12, class: "target" }), ...parts);
+    element.addEventListener("focus", () => this.store.select({ kind, index }));
+    element.addEventListener("blur", () => this.store.select(null));
+    return element;
+  }
+
+  /** By pointer and by arrow keys. @param {string} name @param {Handle} handle @returns {Handle} */
+  movable(name, handle) {
+    /** @type {Gesture | null} */
+    let gesture = null;
+    /** @type {Point} */
+    let start = [0, 0];
+    /** @type {Point} */
+    let grip = [0, 0];
+    const begin = () => {
+      const at = handle.at();
+      if (!at) return false;
+      start = at;
+      gesture = new Gesture(this.link);
+      return true;
+    };
+    const to = (/** @type {Point} */ place, /** @type {any} */ event) => {
+      const { edits, shown } = handle.move(place, event);
+      this.held.set(name, { at: shown, seq: Infinity });
+      gesture?.update(edits, event.timeStamp);
+      this.place();
+      handle.describe();
+    };
+    const end = (cancelled = false) => {
+      if (cancelled) gesture?.cancel();
+      else gesture?.end();
+      if (cancelled || !gesture?.edits.length) this.held.delete(name);
+      else this.held.set(name, { at: this.held.get(name)?.at ?? start, seq: this.link.seq });
+      gesture = null;
+      handle.element.classList.remove("dragging");
+      this.place();
+    };
+    const nudgedTo = (/** @type {number} */ du, /** @type {number} */ dv) => {
+      const corner = handle.corner?.();
+      return corner ? nudgedApex(corner, start, du, dv) : /** @type {Point} */ ([start[0] + du, start[1] + dv]);
+    };
+    dragged(handle.element, {
+      start: (event) => {
+        if (!begin()) return false;
+        const at = this.plane(event);
+        grip = [start[0] - at[0], start[1] - at[1]];
+        handle.element.classList.add("dragging");
+        return true;
+      },
+      move: (event) => {
+        const at = this.plane(event);
+        to([at[0] + grip[0], at[1] + grip[1]], event);
+      },
+      end,
+    });
+    nudged(handle.element, {
+      start: begin,
+      move: (du, dv, event) => to(nudgedTo(du, dv), event),
+      end,
+    });
+    return handle;
+  }
+
+  /** Every handle at its place on the screen. */
+  place() {
+    if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
+    const points = this.waypoints()
+      .filter(({ role }) => isOnPath(role))
+      .map(({ index }) => this.waypointAt(index));
+    const corners = points
+      .filter((p) => p !== null)
+      .map((p) =>
+        this.screen(p)
+          .map((x) => x.toFixed(1))
+          .join(),
+      );
+    this.polygon.setAttribute("points", corners.join(" "));
+    for (const handle of this.handles.values()) {
+      const at = handle.at();
+      handle.element.toggleAttribute("hidden", !at);
+      if (!at) continue;
+      const corner = handle.corner?.();
+      const [x, y] = corner ? beyond(corner, this.screen(at)) : this.screen(at);
+      handle.element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+    }
+  }
+}
+
+/** Whether the path goes through a point; others shape an arc. @param {string | undefined} role */
+const isOnPath = (role) => role === undefined || role === "point" || role === "end";
+
+/** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */
+export function init(store, link, view) {
+  return new Handles(store, link, view);
+}

@@ -1,0 +1,77 @@
+// The bar on top: name and state of the file, undo, the shown run, pins and what is compared.
+
+import { find, make, say } from "./dom.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+
+const ON_DISK = /** @type {Record<string, string>} */ ({
+  changed: "changed on disk",
+  missing: "not on disk",
+  none: "not yet a file",
+});
+
+/**
+ * Set the choices of a list, only where they differ.
+ * @param {HTMLSelectElement} select @param {[string, string][]} choices value and text @param {string} chosen
+ */
+export function choose(select, choices, chosen) {
+  const old = [...select.options].map((o) => [o.value, o.text]);
+  if (JSON.stringify(old) !== JSON.stringify(choices))
+    select.replaceChildren(...choices.map(([value, text]) => make("option", { value, text })));
+  if (select.value !== chosen) select.value = chosen;
+}
+
+/** @param {any} head @returns {string} */
+function stateOf(head) {
+  const states = [head.dirty ? "unsaved changes" : "", ON_DISK[head.on_disk] ?? ""];
+  return states.filter(Boolean).join(", ");
+}
+
+/** What is compared, as a value of the list. @param {any} compare @returns {string} */
+const valueOf = (compare) =>
+  !compare ? "" : compare.pin !== undefined && compare.pin !== null ? `pin ${compare.pin}` : `run ${compare.run}`;
+
+/** @param {string} value @returns {any} */
+function compareOf(value) {
+  if (!value) return null;
+  const name = value.slice(4);
+  return value.startsWith("pin ") ? { pin: Number(name) } : { run: name };
+}
+
+/** @param {Store} store @param {Link} link */
+export function init(store, link) {
+  const run = /** @type {HTMLSelectElement} */ (find("#run"));
+  const compare = /** @type {HTMLSelectElement} */ (find("#compare"));
+  const buttons = Object.fromEntries(
+    ["undo", "redo", "save", "diff", "pin"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]),
+  );
+  run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
+  compare.addEventListener("change", () => link.send({ op: "compare", with: compareOf(compare.value) }));
+  buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
+  buttons.redo.addEventListener("click", () => link.send({ op: "redo" }));
+  buttons.pin.addEventListener("click", () => link.send({ op: "pin" }));
+  store.on("document", (/** @type {any} */ { head }) => {
+    say(find("#name"), head.name || "untitled");
+    find("#name").title = head.file ?? head.title ?? "";
+    say(find("#file-state"), stateOf(head));
+    document.title = `${head.dirty ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
+    document.body.dataset.dirty = String(head.dirty);
+    document.body.dataset.rev = String(head.rev);
+    buttons.undo.disabled = !head.can_undo;
+    buttons.redo.disabled = !head.can_redo;
+    buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
+    buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
+    buttons.diff.disabled = !head.dirty;
+    choose(
+      run,
+      head.runs.map((/** @type {any} */ r) => [r.name, r.name]),
+      head.run,
+    );
+    const pins = head.pins.map((/** @type {any} */ p) => [`pin ${p.pin}`, p.name]);
+    const others = head.runs
+      .filter((/** @type {any} */ r) => r.name !== head.run)
+      .map((/** @type {any} */ r) => [`run ${r.name}`, `run ${r.name}`]);
+    choose(compare, [["", "nothing"], ...pins, ...others], valueOf(head.compare));
+  });
+}

@@ -1,0 +1,164 @@
+// The keyboard: everything that the mouse does. In fields, keys belong to the field.
+
+import { find, make } from "./dom.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./view2d.js").View2d} View2d */
+
+const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"];
+/** What the help says. @type {[string, [string, string][]][]} */
+const HELP = [
+  [
+    "Drawing",
+    [
+      ["drag, arrow keys", "move a waypoint, or a corner's tolerance; 1 mm, with Alt 0.1 mm, with Shift 10 mm"],
+      ["Alt + drag a corner", "the tolerance of all corners"],
+      ["drag a +, or Insert", "insert a waypoint"],
+      ["Delete", "remove the waypoint"],
+      ["Tab, Shift+Tab", "next, last handle"],
+      ["Escape", "undo a drag that is under way"],
+      ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],
+      ["F", "show all"],
+      ["M", "move and turn the part as a whole"],
+      ["E", "show the executed tool"],
+      ["1, 2, 3", "colour by limit, speed, error"],
+      ["V", "2D, both, 3D"],
+    ],
+  ],
+  [
+    "Job",
+    [
+      ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
+      ["Ctrl+S", "save"],
+      ["Ctrl+Shift+D", "what saving would change"],
+      ["Ctrl+O", "open a file; or drop it on the page"],
+      ["P", "pin this variant, to compare with"],
+      ["C", "compare with the last pin, or no longer"],
+      ["[ and ]", "the run before, the next run"],
+      ["Ctrl+Enter", "apply the text of the job file"],
+    ],
+  ],
+  [
+    "Page",
+    [
+      ["Alt+1 … Alt+7", "tabs below the drawing"],
+      ["D", "show or hide the tabs"],
+      ["Space", "play, pause"],
+      ["?", "this help"],
+    ],
+  ],
+];
+
+/** Whether keys belong to the element: text is typed there. @param {EventTarget | null} target */
+function isField(target) {
+  if (!(target instanceof HTMLElement)) return false;
+  return (
+    target instanceof HTMLTextAreaElement ||
+    target instanceof HTMLSelectElement ||
+    (target instanceof HTMLInputElement && !["range", "checkbox", "radio", "button"].includes(target.type))
+  );
+}
+
+/** @param {KeyboardEvent} event @returns {string} such as "ctrl+shift+z" */
+function nameOf({ key, code, ctrlKey, metaKey, altKey, shiftKey }) {
+  const ctrl = ctrlKey || metaKey;
+  // With Alt, keyboards of some systems type other signs; Shift alone is a part of the sign.
+  const sign = altKey && code.startsWith("Digit") ? code.slice(5) : key.toLowerCase();
+  const shift = shiftKey && (ctrl || key.length > 1);
+  return [ctrl && "ctrl", altKey && "alt", shift && "shift", sign].filter(Boolean).join("+");
+}
+
+/** @param {Store} store @param {Link} link @param {View2d} view @returns {Record<string, () => void>} */
+function actions(store, link, view) {
+  const click = (/** @type {string} */ id) => () => find(`#${id}`).click();
+  const pan = (/** @type {number} */ x, /** @type {number} */ y) => () => {
+    view.view.pan(x, y);
+    view.moved();
+  };
+  const run = (/** @type {number} */ step) => () => {
+    const { runs, run: shown } = store.document;
+    const next = runs[runs.findIndex((/** @type {any} */ r) => r.name === shown) + step];
+    if (next) link.send({ op: "select", run: next.name });
+  };
+  const stages = /** @type {const} */ (["2d", "both", "3d"]);
+  return {
+    "ctrl+z": click("undo"),
+    "ctrl+shift+z": click("redo"),
+    "ctrl+y": click("redo"),
+    "ctrl+s": click("save"),
+    "ctrl+o": click("open"),
+    "ctrl+shift+d": click("diff"),
+    f: () => view.fit(),
+    "+": () => view.zoomBy(1.4),
+    "=": () => view.zoomBy(1.4),
+    "-": () => view.zoomBy(1 / 1.4),
+    "shift+arrowleft": pan(60, 0),
+    "shift+arrowright": pan(-60, 0),
+    "shift+arrowup": pan(0, 60),
+    "shift+arrowdown": pan(0, -60),
+    m: () => store.setView({ place: !store.options.place }),
+    e: () => store.setView({ executed: !store.options.executed }),
+    1: () => store.setView({ colour: "limit" }),
+    2: () => store.setView({ colour: "speed" }),
+    3: () => store.setView({ colour: "error" }),
+    v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    d: () => store.setView({ dock: !store.options.dock }),
+    p: click("pin"),
+    c: () => compareLastPin(store, link),
+    "[": run(-1),
+    "]": run(1),
+    "?": click("help-open"),
+    ...Object.fromEntries(
+      TABS.map((tab, k) => [
+        `alt+${k + 1}`,
+        () => {
+          store.setView({ tab, dock: true });
+          find(`#tab-button-${tab}`).focus();
+        },
+      ]),
+    ),
+  };
+}
+
+/** @param {Store} store @param {Link} link */
+function compareLastPin(store, link) {
+  const { compare, pins } = store.document;
+  const last = pins.at(-1);
+  link.send({ op: "compare", with: compare || !last ? null : { pin: last.pin } });
+}
+
+/** @param {Store} store @param {Link} link @param {View2d} view */
+export function init(store, link, view) {
+  const act = actions(store, link, view);
+  buildHelp();
+  window.addEventListener("keydown", (event) => {
+    if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
+    const name = nameOf(event);
+    const everywhere = name === "ctrl+s" || name === "ctrl+o" || name.startsWith("alt+");
+    if (!act[name] || (isField(event.target) && !everywhere)) return;
+    // Letters and signs of sliders and buttons are free, their arrows are not.
+    if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
+    event.preventDefault();
+    if (store.document || name === "?") act[name]();
+  });
+}
+
+function buildHelp() {
+  const dialog = /** @type {HTMLDialogElement} */ (find("#help"));
+  const parts = HELP.flatMap(([title, keys]) => [
+    make("h3", { text: title }),
+    make(
+      "dl",
+      {},
+      keys.map(([key, what]) => make("div", {}, [make("dt", { text: key }), make("dd", { text: what })])),
+    ),
+  ]);
+  const close = make("button", { type: "button", text: "Close", onclick: () => dialog.close() });
+  dialog.append(
+    make("h2", { id: "help-title", text: "Keys and mouse" }),
+    make("div", { class: "keys" }, parts),
+    make("div", { class: "acts" }, [close]),
+  );
+  find("#help-open").addEventListener("click", () => dialog.showModal());
+}

@@ -1,0 +1,130 @@
+// What is drawn of the newest frames, kept until its frame, the theme or the wish changes.
+
+import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, strokesByLimit } from "./strokes.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+
+// Points of each rapid in a picture.
+const OF_RAPID = 16;
+const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+// The magnified error should be about this large on the screen; the factor changes outside of the range.
+const SHORTEST = 0.7; // px
+const WISHED = 34; // px
+const TOO_SMALL = 13;
+const TOO_LARGE = 70;
+
+export class Layers {
+  /** @param {Store} store */
+  constructor(store) {
+    this.store = store;
+    /** @type {Map<string, {keys: any[], value: any}>} */
+    this.kept = new Map();
+    this.factor = 1;
+    /** Shorter pieces of lines are not seen [m]. */
+    this.least = 0;
+  }
+
+  /** The view shows so many px per m; lines are made again where that doubles. @param {number} scale */
+  setScale(scale) {
+    this.least = SHORTEST / 2 ** Math.ceil(Math.log2(scale));
+  }
+
+  /**
+   * A value, made again only where one of the keys is another one.
+   * @template T
+   * @param {string} name @param {any[]} keys @param {() => T} make @returns {T}
+   */
+  keep(name, keys, make) {
+    const found = this.kept.get(name);
+    if (found && found.keys.every((key, i) => key === keys[i])) return found.value;
+    const value = make();
+    this.kept.set(name, { keys, value });
+    return value;
+  }
+
+  /** @param {Frame} picture @returns {Path2D} */
+  objective(picture) {
+    const { objective, objective_breaks: breaks } = picture.arrays;
+    return this.keep(`objective ${picture.head.of}`, [picture, this.least], () =>
+      polyline(objective, breaks, this.least),
+    );
+  }
+
+  /** The path in its colours. @param {Frame} picture @param {Frame | null} executed */
+  strokes(picture, executed) {
+    const { theme, options } = this.store;
+    const errors = options.colour === "error" ? executed : null;
+    return this.keep("strokes", [picture, errors, theme, options.colour, this.least], () => {
+      if (errors)
+        return strokesByHeat(
+          errors.arrays.base,
+          errors.arrays.error,
+          this.mostError(errors),
+          theme,
+          this.least,
+          new Set(errors.arrays.breaks),
+        );
+      if (options.colour === "speed")
+        return strokesByHeat(
+          picture.arrays.path,
+          picture.arrays.speed,
+          this.mostSpeed(picture),
+          theme,
+          this.least,
+          startsOf(picture),
+        );
+      return strokesByLimit(picture, theme, this.least);
+    });
+  }
+
+  /** @param {Frame} picture @returns {Path2D} */
+  plain(picture) {
+    return this.keep(`plain ${picture.head.of}`, [picture, this.least], () =>
+      polyline(picture.arrays.path, startsOf(picture), this.least),
+    );
+  }
+
+  /** Ways between contours. @param {Frame} picture @returns {Path2D} */
+  rapids(picture) {
+    const rapid = picture.arrays.rapid ?? new Float32Array(0);
+    const starts = Array.from({ length: rapid.length / 2 / OF_RAPID }, (_, k) => k * OF_RAPID);
+    return this.keep("rapids", [picture], () => polyline(rapid, starts));
+  }
+
+  /** @param {Frame} picture */
+  labels(picture) {
+    return this.keep("labels", [picture], () => labelsOf(picture));
+  }
+
+  /** @param {Frame} executed @param {number} factor */
+  executed(executed, factor) {
+    return this.keep(`executed ${executed.head.of}`, [executed, factor, this.least], () =>
+      magnified(executed, factor, this.least),
+    );
+  }
+
+  /** @param {Frame} picture @returns {number} m/s */
+  mostSpeed(picture) {
+    return this.keep("most speed", [picture], () => largest(picture.arrays.speed));
+  }
+
+  /** @param {Frame} executed @returns {number} m */
+  mostError(executed) {
+    return this.keep("most error", [executed], () => largest(executed.arrays.error));
+  }
+
+  /**
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
+   * @param {Frame} executed @param {number} scale px per m @returns {number}
+   */
+  magnification(executed, scale) {
+    const wished = this.store.options.magnify;
+    if (wished > 0) return wished;
+    const most = this.mostError(executed) * scale;
+    if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
+      this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
+    }
+    return this.factor;
+  }
+}

@@ -1,0 +1,191 @@
+// The connection to the server: says hello with the token, sends messages, hands frames to the store.
+// Edits are kept to one in flight and one pending, so that no queue grows while a handle is dragged.
+
+import { unpack } from "./wire.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/**
+ * State of the connection, told as the event `link`: "starting", "open", "lost" (it is tried again) or
+ * "refused" (it is not); `sentence` is what a person reads, `busy` whether an edit has no answer yet.
+ * @typedef {{state: "starting" | "open" | "lost" | "refused", sentence: string, busy: boolean}} LinkState
+ */
+/** @typedef {Record<string, any> & {op: string}} Message */
+
+const KEPT_AS = "armcontour-token";
+const FIRST_WAIT = 250; // ms
+const LONGEST_WAIT = 4000;
+// An edit without an answer for this long no longer holds back the next one.
+const ANSWER_WITHIN = 2000;
+// The tool's error comes soon after the path; so long the next edit waits for it.
+const ERROR_WITHIN = 45;
+const REFUSED = "This page has no valid token: open the address that `armcontour studio` has printed.";
+
+/** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
+export function takeToken() {
+  const given = location.hash.slice(1);
+  if (given) {
+    sessionStorage.setItem(KEPT_AS, given);
+    history.replaceState(null, "", location.pathname);
+  }
+  return given || sessionStorage.getItem(KEPT_AS);
+}
+
+export class Link {
+  /** @param {Store} store */
+  constructor(store) {
+    this.store = store;
+    this.token = takeToken();
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    /** @type {LinkState} */
+    this.state = { state: "starting", sentence: "Starting", busy: false };
+    this.seq = 0;
+    this.gestures = 0;
+    this.wait = FIRST_WAIT;
+    /** @type {{seq: number, timer: number} | null} the edit that has no answer yet */
+    this.inFlight = null;
+    /** @type {Message[]} edits that wait; of each gesture only the last */
+    this.pending = [];
+    /** @type {Map<number, number>} when messages were caused, by seq */
+    this.causes = new Map();
+  }
+
+  /** Connect, and connect again whenever the connection is lost. */
+  open() {
+    if (!this.token) return this.tell("refused", REFUSED);
+    const address = `ws://${location.host}/socket`;
+    const socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => socket.send(JSON.stringify({ op: "hello", token: this.token }));
+    socket.onmessage = (event) => this.receive(event.data);
+    socket.onclose = (event) => this.closed(event);
+    this.socket = socket;
+  }
+
+  /** Number of a new gesture: a series of edits that is undone in one step. @returns {number} */
+  newGesture() {
+    return ++this.gestures;
+  }
+
+  /**
+   * Send a message; edits that wait go before it.
+   * @param {Message} message @returns {number} its seq, or -1 without a connection
+   */
+  send(message) {
+    this.flush();
+    return this.post(message);
+  }
+
+  /**
+   * Send an edit as soon as the last one is answered; a later one of the same gesture replaces one that waits.
+   * @param {object[]} edits all changes since the gesture's start
+   * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
+   *   when the person moved (the event's time stamp)
+   */
+  edit(edits, { gesture = this.newGesture(), final = true, at = performance.now() } = {}) {
+    if (this.state.state !== "open") return;
+    const message = { op: "edit", gesture, final, edits, at };
+    const last = this.pending.at(-1);
+    if (last && last.gesture === gesture) this.pending.pop();
+    this.pending.push(message);
+    if (!this.inFlight || final) this.flush();
+  }
+
+  /** Back to what it was before the gesture. */
+  cancelGesture() {
+    this.pending = [];
+    this.post({ op: "cancel_gesture" });
+  }
+
+  /**
+   * A request of the server beside the connection, with the token.
+   * @param {string} path @param {RequestInit} [init] @returns {Promise<Response>}
+   */
+  request(path, init = {}) {
+    const headers = { ...init.headers, Authorization: `Bearer ${this.token}`, "X-Armcontour": "1" };
+    return fetch(path, { ...init, headers });
+  }
+
+  flush() {
+    for (const message of this.pending.splice(0)) {
+      const { at, ...rest } = message;
+      const seq = this.post(/** @type {Message} */ (rest), at);
+      if (seq >= 0) this.fly(seq);
+    }
+  }
+
+  /** @param {Message} message @param {number} [at] when it was caused @returns {number} */
+  post(message, at = performance.now()) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return -1;
+    const seq = ++this.seq;
+    this.causes.set(seq, at);
+    if (this.causes.size > 200) this.causes.delete(/** @type {number} */ (this.causes.keys().next().value));
+    this.socket.send(JSON.stringify({ ...message, seq }));
+    return seq;
+  }
+
+  /** @param {number} seq */
+  fly(seq) {
+    if (this.inFlight) clearTimeout(this.inFlight.timer);
+    this.inFlight = { seq, timer: setTimeout(() => this.land(), ANSWER_WITHIN) };
+    this.setBusy(true);
+  }
+
+  /** The edit in flight is answered: the next one goes. */
+  land() {
+    if (this.inFlight) clearTimeout(this.inFlight.timer);
+    this.inFlight = null;
+    if (this.pending.length) this.flush();
+    else this.setBusy(false);
+  }
+
+  /** @param {ArrayBuffer} bytes */
+  receive(bytes) {
+    const frame = unpack(bytes);
+    frame.asked = frame.seq === null ? 0 : (this.causes.get(frame.seq) ?? 0);
+    if (this.state.state !== "open") {
+      this.wait = FIRST_WAIT;
+      this.store.restart();
+      this.tell("open", "Connected");
+    }
+    this.store.put(frame);
+    this.answered(frame);
+  }
+
+  /** @param {import("./state.js").Frame} frame */
+  answered(frame) {
+    const flight = this.inFlight;
+    if (!flight || frame.seq === null || frame.seq < flight.seq) return;
+    if (["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land();
+    else if (frame.kind === "picture" && frame.head.of !== "compare") {
+      clearTimeout(flight.timer);
+      flight.timer = setTimeout(() => this.land(), ERROR_WITHIN);
+    }
+  }
+
+  /** @param {CloseEvent} event */
+  closed(event) {
+    this.socket = null;
+    const lost = this.pending.length > 0 || this.inFlight !== null;
+    this.pending = [];
+    this.land();
+    if (event.code === 1008 || event.code >= 4000) return this.tell("refused", event.reason || REFUSED);
+    const change = lost ? " The last change may be lost." : "";
+    this.tell("lost", `The server does not answer; the page tries again.${change}`);
+    setTimeout(() => this.open(), this.wait);
+    this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
+  }
+
+  /** @param {boolean} busy */
+  setBusy(busy) {
+    if (busy === this.state.busy) return;
+    this.state = { ...this.state, busy };
+    this.store.tell("link", this.state);
+  }
+
+  /** @param {LinkState["state"]} state @param {string} sentence */
+  tell(state, sentence) {
+    this.state = { state, sentence, busy: false };
+    this.store.tell("link", this.state);
+  }
+}

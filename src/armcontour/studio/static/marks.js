@@ -1,0 +1,195 @@
+// Small marks over the drawing: the cursor on the path, slow places, the place of a refusal, and the
+// sentence under the pointer.
+
+import { draw, make, say } from "./dom.js";
+import { mm, seconds } from "./format.js";
+import { indexAt } from "./state.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {import("./view2d.js").View2d} View2d */
+
+const NEAR = 14; // px
+const MOST_MARKS = 60;
+
+class Marks {
+  /** @param {Store} store @param {View2d} view */
+  constructor(store, view) {
+    this.store = store;
+    this.view = view;
+    this.slow = draw("g", { class: "slow", "aria-hidden": "true" });
+    this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
+    this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
+    this.refused = draw("path", { class: "refused", d: "M-9-9 9 9M-9 9 9-9", hidden: true, "aria-hidden": "true" });
+    view.overlay.prepend(this.slow);
+    view.overlay.append(this.dot, this.tool, this.refused);
+    this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
+    this.sentence = make("div", { class: "tip refusal", hidden: true });
+    view.region.append(this.tip, this.sentence);
+    store.on("picture", () => this.setSlow());
+    store.on("cursor", () => this.place());
+    view.followers.add(() => this.place());
+    view.overlay.addEventListener("pointermove", (event) => this.hover(event));
+    view.overlay.addEventListener("pointerleave", () => this.leave());
+  }
+
+  /** Slow places of the shown run. */
+  setSlow() {
+    const found = (this.store.latest("picture")?.head.shortfalls ?? []).filter(
+      (/** @type {any} */ x) => x.kind !== "fastest" && x.uv,
+    );
+    this.places = found.slice(0, MOST_MARKS);
+    while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
+    while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: "M0-5 5 4H-5Z" }));
+  }
+
+  /** Everything at its place on the screen. */
+  place() {
+    const picture = this.store.latest("picture");
+    if (!picture) return;
+    const centre = picture.head.centre;
+    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) =>
+      move(/** @type {any} */ (this.slow.children[i]), this.screen(x.uv, centre)),
+    );
+    this.placeCursor(picture);
+    this.placeRefusal(centre);
+  }
+
+  /** @param {[number, number]} uv @param {[number, number]} centre @returns {[number, number]} px */
+  screen(uv, centre) {
+    return this.view.view.toScreen([uv[0] - centre[0], uv[1] - centre[1]]);
+  }
+
+  /** @param {Frame} picture */
+  placeCursor(picture) {
+    const { cursor } = this.store;
+    this.dot.toggleAttribute("hidden", !cursor);
+    const executed = this.store.refusal ? null : this.store.latest("executed");
+    const tool =
+      cursor && executed && this.store.options.executed && cursor.source !== "path"
+        ? this.toolAt(executed, cursor.t)
+        : null;
+    this.tool.toggleAttribute("hidden", !tool);
+    if (tool) move(this.tool, this.view.view.toScreen(tool));
+    if (cursor) move(this.dot, this.view.view.toScreen(pointAt(picture, cursor.s)));
+  }
+
+  /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
+  toolAt(executed, t) {
+    const factor = this.view.layers.magnification(executed, this.view.view.scale);
+    const { points } = this.view.layers.executed(executed, factor);
+    return along(executed.arrays.t, points, t);
+  }
+
+  /** @param {[number, number]} centre */
+  placeRefusal(centre) {
+    const refusal = this.store.refusal;
+    const at = refusal?.head.at?.uv;
+    this.refused.toggleAttribute("hidden", !at);
+    const [x, y] = at ? this.screen(at, centre) : [-1, -1];
+    const { width, height } = this.view.view;
+    const seen = x >= 0 && y >= 0 && x <= width && y <= height;
+    this.sentence.hidden = !seen;
+    // The sentence is either at its place or in the messages.
+    document.body.dataset.refusedHere = String(seen);
+    if (!refusal || !at) return;
+    move(this.refused, [x, y]);
+    say(this.sentence, refusal.head.sentence);
+    this.put(this.sentence, x, y);
+  }
+
+  /** @param {PointerEvent} event */
+  hover(event) {
+    const picture = this.store.latest("picture");
+    if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
+    const [x, y] = this.view.within(event);
+    const i = this.nearest(picture, x, y);
+    if (i < 0) return this.leave();
+    this.hovering = true;
+    this.store.setCursor({ s: picture.arrays.path_s[i], source: "path" });
+    say(this.tip, sentenceAt(picture, i));
+    this.tip.hidden = false;
+    this.put(this.tip, x, y);
+  }
+
+  leave() {
+    if (!this.hovering) return;
+    this.hovering = false;
+    this.tip.hidden = true;
+    this.store.setCursor({ source: "path" });
+  }
+
+  /** Index of the nearest point of the path, or -1. @param {Frame} picture @param {number} x @param {number} y px */
+  nearest(picture, x, y) {
+    const { path } = picture.arrays;
+    const { view } = this.view;
+    const [u, v] = view.toPlane([x, y]);
+    let best = -1;
+    let least = (NEAR / view.scale) ** 2;
+    for (let i = 0; 2 * i + 3 < path.length; i++) {
+      const distance = squaredDistance(u, v, path, 2 * i);
+      if (distance < least) [least, best] = [distance, i];
+    }
+    return best;
+  }
+
+  /** A box beside a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
+  put(box, x, y) {
+    const { width, height } = this.view.view;
+    const left = x + 16 + box.offsetWidth > width ? x - 16 - box.offsetWidth : x + 16;
+    const top = Math.min(height - box.offsetHeight - 4, Math.max(4, y + 12));
+    box.style.transform = `translate(${Math.round(Math.max(4, left))}px, ${Math.round(top)}px)`;
+  }
+}
+
+/** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
+function squaredDistance(u, v, points, k) {
+  const [du, dv] = [points[k + 2] - points[k], points[k + 3] - points[k + 1]];
+  const square = du * du + dv * dv;
+  const share = square > 0 ? Math.min(1, Math.max(0, ((u - points[k]) * du + (v - points[k + 1]) * dv) / square)) : 0;
+  return (u - points[k] - share * du) ** 2 + (v - points[k + 1] - share * dv) ** 2;
+}
+
+/** @param {SVGElement} element @param {[number, number]} place px */
+function move(element, [x, y]) {
+  element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+}
+
+/** A place in a table of points. @param {Numbers} xs @param {Numbers} points pairs @param {number} x @returns {[number, number]} */
+function along(xs, points, x) {
+  const i = indexAt(xs, x);
+  const next = Math.min(i + 1, xs.length - 1);
+  const span = xs[next] - xs[i];
+  const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
+  const mix = (/** @type {number} */ k) => points[2 * i + k] + share * (points[2 * next + k] - points[2 * i + k]);
+  return [mix(0), mix(1)];
+}
+
+/** Place on the path [m]. @param {Frame} picture @param {number} s @returns {[number, number]} */
+export function pointAt(picture, s) {
+  return along(picture.arrays.path_s, picture.arrays.path, s);
+}
+
+/**
+ * What happens at a point of the path: where, when, how fast, and why not faster.
+ * @param {Frame} picture @param {number} i @returns {string}
+ */
+export function sentenceAt(picture, i) {
+  const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
+  const near = (picture.head.shortfalls ?? []).find((/** @type {any} */ x) => Math.abs(x.s - s[i]) < 0.002);
+  const limit = picture.head.limits[binding[i]];
+  const wished = assigned ? ` of ${mm(assigned[i], 1)}` : "";
+  const why = limit
+    ? limit.kind === "speed"
+      ? "; the assigned speed is reached"
+      : `; held back by: ${limit.label ?? limit.name}`
+    : "";
+  const where = `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${why}.`;
+  return near ? `${where} ${near.sentence}` : where;
+}
+
+/** @param {Store} store @param {View2d} view */
+export function init(store, view) {
+  new Marks(store, view);
+}

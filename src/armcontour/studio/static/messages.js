@@ -1,0 +1,60 @@
+// Sentences of the server: refusals, notices, what failed; and the state of the connection.
+
+import { find, make, say } from "./dom.js";
+
+/** @typedef {import("./state.js").Store} Store */
+
+const SHOWN_FOR = 9000; // ms
+const MOST = 4;
+
+/**
+ * Show a sentence for a while; it can be closed.
+ * @param {string} sentence @param {"notice" | "alarm"} [tone]
+ */
+export function notify(sentence, tone = "notice") {
+  const region = find("#messages");
+  const old = [...region.querySelectorAll(".message")].filter(
+    (m) => m.firstChild?.textContent === sentence || m.classList.contains("leaving"),
+  );
+  old.forEach((m) => m.remove());
+  const message = make("div", { class: `message ${tone}` }, [make("span", { text: sentence })]);
+  message.append(
+    make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() }),
+  );
+  region.append(message);
+  while (region.querySelectorAll(".message").length > MOST) region.querySelector(".message")?.remove();
+  setTimeout(() => message.remove(), SHOWN_FOR);
+}
+
+/** @param {Store} store */
+export function init(store) {
+  const refused = make("div", { class: "message alarm refusal", hidden: true }, [
+    make("span"),
+    make("span", { class: "quiet" }),
+  ]);
+  find("#messages").append(refused);
+  store.on("refusal", (/** @type {any} */ frame) => {
+    refused.hidden = !frame;
+    document.body.dataset.refused = String(Boolean(frame));
+    if (!frame) return;
+    say(/** @type {Element} */ (refused.firstChild), frame.head.sentence);
+    say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 ? "The last good motion stays, greyed." : "");
+  });
+  const starting = make("div", { class: "message starting", hidden: true });
+  find("#messages").append(starting);
+  store.on("progress", (/** @type {any} */ { head }) => {
+    if (head.task !== "start") return;
+    starting.hidden = false;
+    say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
+  });
+  store.on("picture", () => (starting.hidden = true));
+  store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
+  // What became of a task is said beside its button.
+  store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
+  const place = find("#link-state");
+  store.on("link", (/** @type {any} */ link) => {
+    document.body.dataset.link = link.state;
+    document.body.dataset.busy = String(link.busy);
+    say(place, link.state === "open" ? "" : link.sentence);
+  });
+}

@@ -1,0 +1,51 @@
+// The motion that is played: joint positions and tool points of the shown run, over time.
+
+import { indexAt } from "./state.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {"planned" | "executed"} Which */
+/**
+ * @typedef {object} Motion
+ * @property {Which} of
+ * @property {Numbers} t times [s], (m,)
+ * @property {Numbers} q joint positions [rad], (m, dof)
+ * @property {number} dof
+ * @property {number} duration [s]
+ * @property {Numbers} trail tool points in the work frame [m], (n, 3)
+ * @property {Numbers} trailTimes when the tool is there [s], (n,)
+ */
+
+/**
+ * The planned or the executed motion; null before it is there, or where it is of another plan.
+ * @param {Store} store
+ * @param {Which} of
+ * @returns {Motion | null}
+ */
+export function motionOf(store, of) {
+  const frame = store.latest(of === "planned" ? "picture" : "executed");
+  if (!frame || (of === "executed" && !store.isCurrent(frame))) return null;
+  const { t, q, xyz, path_t: pathTimes } = frame.arrays;
+  if (!t?.length || !q?.length) return null;
+  const dof = q.length / t.length;
+  const trailTimes = of === "planned" ? pathTimes : t;
+  // The last time is in single precision, which may be after the end.
+  const duration = of === "planned" ? frame.head.duration : t[t.length - 1];
+  return { of, t, q, dof, duration, trail: xyz, trailTimes };
+}
+
+/**
+ * Joint positions at a time, on straight lines between the samples of the picture.
+ * @param {Motion} motion
+ * @param {number} at [s]
+ * @returns {number[]}
+ */
+export function jointsAt({ t, q, dof }, at) {
+  const k = indexAt(t, at);
+  const next = Math.min(k + 1, t.length - 1);
+  const span = t[next] - t[k];
+  const share = span > 0 ? Math.min(1, Math.max(0, (at - t[k]) / span)) : 0;
+  const value = (/** @type {number} */ j) =>
+    q[k * dof + j] + share * (q[next * dof + j] - q[k * dof + j]);
+  return Array.from({ length: dof }, (_, j) => value(j));
+}

@@ -1,0 +1,72 @@
+// What the server says beside figures: warnings, notes, slow places, where the time goes.
+
+import { find, headings, make } from "./dom.js";
+import { percent, seconds } from "./format.js";
+import { oncePerFrame } from "./state.js";
+
+/** @typedef {import("./state.js").Store} Store */
+
+/** @param {string} title @param {Node[]} parts @returns {HTMLElement[]} */
+const section = (title, parts) => (parts.length ? [make("section", {}, [make("h2", { text: title }), ...parts])] : []);
+
+/** @param {string[]} sentences */
+const list = (sentences) =>
+  sentences.length
+    ? [
+        make(
+          "ul",
+          {},
+          sentences.map((text) => make("li", { text })),
+        ),
+      ]
+    : [];
+
+/** @param {Store} store */
+export function init(store) {
+  const region = find("#tab-notes");
+  const tab = find("#tab-button-notes");
+  let shown = "";
+  const update = oncePerFrame(() => {
+    const picture = store.latest("picture")?.head;
+    if (!picture) return;
+    const figures = store.isCurrent(store.latest("figures")) ? store.latest("figures")?.head : null;
+    const warnings = [...new Set([...(picture.warnings ?? []), ...(figures?.warnings ?? [])])];
+    const notes = [...new Set([...(picture.notes ?? []), ...(figures?.notes ?? [])])];
+    tab.dataset.count = String(warnings.length || "");
+    tab.textContent = warnings.length ? `Notes (${warnings.length})` : "Notes";
+    if (region.hidden) return;
+    const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [
+      x.name,
+      seconds(x.time),
+      percent(x.time / picture.duration),
+    ]);
+    const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
+    const all = JSON.stringify([warnings, notes, shares, slow]);
+    if (all === shown) return;
+    shown = all;
+    const rows = shares.map((/** @type {string[]} */ cells) =>
+      make(
+        "tr",
+        {},
+        cells.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" })),
+      ),
+    );
+    region.replaceChildren(
+      ...section("Warnings", list(warnings)),
+      ...section(
+        "What bounds the time",
+        rows.length
+          ? [
+              make("table", {}, [
+                make("thead", {}, [make("tr", {}, headings(["limit", "s", "%"]))]),
+                make("tbody", {}, rows),
+              ]),
+            ]
+          : [],
+      ),
+      ...section("Where it is slower than wished", list(slow)),
+      ...section("Notes", list(notes)),
+    );
+  });
+  for (const event of ["picture", "figures", "view"]) store.on(event, update);
+}

@@ -1,0 +1,172 @@
+// Draws the layers on a canvas, in the order in which they lie over each other.
+
+import { themed } from "./colours.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./layers.js").Layers} Layers */
+/** @typedef {import("./viewport.js").Viewport} Viewport */
+/** @typedef {CanvasRenderingContext2D} Context */
+
+const SHORTEST_LABELLED = 46; // px
+// Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
+const LONG = 12_000;
+
+/** Colours of the style sheet that the canvas needs, read once per theme. */
+function inks() {
+  const names = ["ink", "quiet", "faint", "ground", "grid", "band", "executed", "compared", "refusal"];
+  return Object.fromEntries(names.map((name) => [name, themed(`--${name}`)]));
+}
+
+export class Painter {
+  /** @param {Store} store @param {Layers} layers */
+  constructor(store, layers) {
+    this.store = store;
+    this.layers = layers;
+    this.inks = inks();
+    store.on("theme", () => (this.inks = inks()));
+  }
+
+  /** Draw everything. @param {Context} context @param {Viewport} view @param {number} ratio device pixels per px */
+  paint(context, view, ratio) {
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.fillStyle = this.inks.ground;
+    context.fillRect(0, 0, view.width, view.height);
+    const picture = this.store.latest("picture");
+    if (!picture) return;
+    this.grid(context, view);
+    for (const draw of this.store.underlays) {
+      context.save();
+      draw(context, view);
+      context.restore();
+    }
+    context.globalAlpha = this.store.refusal?.head.tier === 1 ? 0.28 : 1;
+    this.inMetres(context, view, ratio, () => this.lines(context, view, picture));
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.names(context, view, picture);
+    context.globalAlpha = 1;
+  }
+
+  /** @param {Context} context @param {Viewport} view @param {number} ratio @param {() => void} draw */
+  inMetres(context, view, ratio, draw) {
+    const scale = view.scale * ratio;
+    const x = (view.width / 2) * ratio - view.u * scale;
+    const y = (view.height / 2) * ratio + view.v * scale;
+    context.save();
+    context.setTransform(scale, 0, 0, -scale, x, y);
+    context.lineJoin = "round";
+    context.lineCap = "butt";
+    draw();
+    context.restore();
+  }
+
+  /** @param {Context} context @param {Viewport} view @param {Frame} picture */
+  lines(context, view, picture) {
+    const { layers, store, inks } = this;
+    const px = 1 / view.scale;
+    layers.setScale(view.scale);
+    const executed = store.refusal ? null : store.latest("executed");
+    const band = Math.max(0, ...picture.head.corners.map((/** @type {any} */ c) => c.allowed ?? 0));
+    const objective = layers.objective(picture);
+    if (band * view.scale > 1) stroke(context, objective, inks.band, 2 * band);
+    const count = picture.arrays.path.length;
+    const dashed = count > 0 && count < LONG;
+    stroke(context, objective, count ? inks.faint : inks.ink, px, dashed ? [5 * px, 4 * px] : []);
+    stroke(context, layers.rapids(picture), inks.faint, 1 * px, [1.5 * px, 4 * px]);
+    this.compared(context, view);
+    for (const { path, colour, dash } of layers.strokes(picture, executed)) {
+      stroke(
+        context,
+        path,
+        colour,
+        3.2 * px,
+        dash.map((d) => d * px),
+      );
+    }
+    if (executed && store.options.executed) this.executed(context, view, executed, inks.executed);
+  }
+
+  /** @param {Context} context @param {Viewport} view */
+  compared(context, view) {
+    const picture = this.store.latest("picture", "compare");
+    if (!picture) return;
+    const px = 1 / view.scale;
+    context.save();
+    this.shift(context, picture);
+    stroke(context, this.layers.plain(picture), this.inks.compared, 1.6 * px, [8 * px, 4 * px]);
+    const executed = this.store.latest("executed", "compare");
+    if (executed && this.store.options.executed) this.executed(context, view, executed, this.inks.compared);
+    context.restore();
+  }
+
+  /** Arrays are relative to their own picture's centre. @param {Context} context @param {Frame} picture */
+  shift(context, picture) {
+    const mine = this.store.latest("picture")?.head.centre ?? [0, 0];
+    context.translate(picture.head.centre[0] - mine[0], picture.head.centre[1] - mine[1]);
+  }
+
+  /** @param {Context} context @param {Viewport} view @param {Frame} executed @param {string} colour */
+  executed(context, view, executed, colour) {
+    const live = this.store.latest("executed") ?? executed;
+    const factor = this.layers.magnification(live, view.scale);
+    const px = 1 / view.scale;
+    const { tool, errors } = this.layers.executed(executed, factor);
+    const alpha = context.globalAlpha;
+    context.globalAlpha = 0.35 * alpha;
+    stroke(context, errors, colour, 0.8 * px);
+    context.globalAlpha = alpha;
+    stroke(context, tool, colour, 1.3 * px);
+  }
+
+  /** @param {Context} context @param {Viewport} view @param {Frame} picture */
+  names(context, view, picture) {
+    if (this.store.options.colour !== "limit") return;
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillStyle = this.inks.ink;
+    for (const { at, normal, text, length } of this.layers.labels(picture)) {
+      if (length * view.scale < SHORTEST_LABELLED) continue;
+      const [x, y] = view.toScreen(at);
+      context.fillText(text, x + 13 * normal[0], y - 13 * normal[1]);
+    }
+  }
+
+  /** Lines at round distances. @param {Context} context @param {Viewport} view */
+  grid(context, view) {
+    const step = gridStep(view.scale);
+    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const [left, top] = view.toPlane([0, 0]);
+    const [right, bottom] = view.toPlane([view.width, view.height]);
+    context.strokeStyle = this.inks.grid;
+    context.lineWidth = 1;
+    context.beginPath();
+    for (let k = Math.ceil((left + centre[0]) / step); k * step <= right + centre[0]; k++) {
+      const x = Math.round(view.toScreen([k * step - centre[0], 0])[0]) + 0.5;
+      context.moveTo(x, 0);
+      context.lineTo(x, view.height);
+    }
+    for (let k = Math.ceil((bottom + centre[1]) / step); k * step <= top + centre[1]; k++) {
+      const y = Math.round(view.toScreen([0, k * step - centre[1]])[1]) + 0.5;
+      context.moveTo(0, y);
+      context.lineTo(view.width, y);
+    }
+    context.stroke();
+  }
+}
+
+/** Distance of grid lines: round, about 60 px or more. @param {number} scale px per m @returns {number} m */
+export function gridStep(scale) {
+  const power = 10 ** Math.floor(Math.log10(60 / scale));
+  return power * ([1, 2, 5, 10].find((f) => f * power * scale >= 60) ?? 10);
+}
+
+/**
+ * @param {Context} context @param {Path2D} path @param {string} colour @param {number} width @param {number[]} [dash]
+ */
+function stroke(context, path, colour, width, dash = []) {
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.setLineDash(dash);
+  context.stroke(path);
+}

@@ -1,0 +1,191 @@
+// The sliders: one row per quantity that the server lists, in groups. Text is sent as it is written; the
+// server reads units and refuses what makes no sense.
+
+import { find, make, say } from "./dom.js";
+import { quantity } from "./format.js";
+import { Ghost } from "./ghost.js";
+import { Gesture } from "./gesture.js";
+import { positionOf, STEPS, valueAt } from "./scales.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./scales.js").Slider} Slider */
+
+/** Groups of the server in this order, with their titles. @type {Record<string, string>} */
+const GROUPS = {
+  path: "Speed and corners",
+  joints: "Joint limits",
+  servo: "Servo and set-points",
+  run: "Run",
+  part: "Part",
+};
+/** Where a value is written: a mark beside it, and a sentence. @type {Record<string, [string, string]>} */
+const FROM = {
+  job: ["", "Written for all runs of the job"],
+  run: ["run", "Written for this run alone"],
+  arm: ["arm", "Of the arm; not written in the job"],
+  default: ["", "The default; not written in the job"],
+};
+
+/** One row: name, text, slider. */
+class Row {
+  /** @param {Slider} slider @param {Link} link @param {Ghost} ghost */
+  constructor(slider, link, ghost) {
+    this.slider = slider;
+    this.link = link;
+    /** @type {Gesture | null} */
+    this.gesture = null;
+    const id = `slider-${slider.key.replace(/[^\w]/g, "-")}`;
+    this.text = make("input", { id, type: "text", autocomplete: "off", spellcheck: "false" });
+    this.range = make("input", { type: "range", min: 0, max: STEPS, "aria-label": `${slider.label}, slider` });
+    this.select = make("select", { id, "aria-label": slider.label, hidden: true });
+    this.from = make("span", { class: "from" });
+    this.unset = make("button", {
+      type: "button",
+      class: "unset",
+      text: "↺",
+      title: "Leave it out of the file again",
+      "aria-label": `Leave ${slider.label} out of the file again`,
+      onclick: () => link.edit([{ do: "unset", key: this.slider.key }]),
+    });
+    this.element = make("div", { class: "slider", "data-key": slider.key }, [
+      make("label", { for: id, text: sentenceCase(slider.label) }),
+      this.from,
+      this.unset,
+      this.text,
+      this.select,
+      this.range,
+    ]);
+    this.listen(ghost);
+    this.show(slider);
+  }
+
+  /** @param {Ghost} ghost */
+  listen(ghost) {
+    this.range.addEventListener("input", (event) => this.slide(event));
+    this.range.addEventListener("change", () => this.endGesture());
+    this.text.addEventListener("change", () => this.set(this.text.value.trim()));
+    this.text.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape") return;
+      this.text.value = this.written;
+      this.text.select();
+    });
+    this.select.addEventListener("change", () => this.set(this.select.value));
+    this.element.addEventListener("pointerenter", () => ghost.wish(this.slider, this.element));
+    this.element.addEventListener("pointerleave", () => ghost.leave());
+  }
+
+  /** @param {Event} event */
+  slide(event) {
+    this.gesture ??= new Gesture(this.link);
+    const value = valueAt(this.slider, Number(this.range.value));
+    const text = quantity(value, this.slider);
+    this.text.value = text;
+    this.range.setAttribute("aria-valuetext", text);
+    this.gesture.update([{ do: "set", key: this.slider.key, value }], event.timeStamp);
+  }
+
+  endGesture() {
+    this.gesture?.end();
+    this.gesture = null;
+  }
+
+  /** As typed; nothing, or "none", lifts a quantity. @param {string} text */
+  set(text) {
+    if (text === this.written) return;
+    const value = !this.slider.choices && (text === "" || text === "none") ? null : text;
+    this.link.edit([{ do: "set", key: this.slider.key, value }]);
+  }
+
+  get written() {
+    const { written, value, from } = this.slider;
+    // What nobody wrote has as many digits as a computer gives.
+    if (typeof value === "number" && (from === "arm" || from === "default")) return quantity(value, this.slider);
+    if (written !== null && written !== undefined && written !== "") return String(written);
+    return typeof value === "number" ? quantity(value, this.slider) : String(value ?? "none");
+  }
+
+  /** The document's value, unless it is being changed. @param {Slider} slider */
+  show(slider) {
+    this.slider = slider;
+    const { value, choices, from, min, max } = slider;
+    const numeric = typeof min === "number" && typeof max === "number" && min < max;
+    this.text.hidden = Boolean(choices);
+    this.select.hidden = !choices;
+    this.range.hidden = Boolean(choices) || !numeric;
+    this.unset.hidden = Boolean(choices) || (from !== "job" && from !== "run");
+    const [mark, title] = FROM[from] ?? [from ?? "", ""];
+    say(this.from, mark);
+    this.element.dataset.from = from;
+    this.text.title = this.select.title = title;
+    if (choices) this.showChoices(choices, value);
+    if (this.gesture) return;
+    if (document.activeElement !== this.text) this.text.value = this.written;
+    this.range.value = String(typeof value === "number" && numeric ? positionOf(slider, value) : STEPS);
+    this.range.setAttribute("aria-valuetext", this.written);
+  }
+
+  /** @param {(string | number)[]} choices @param {any} value */
+  showChoices(choices, value) {
+    const wanted = choices.map(String);
+    if (wanted.join() !== [...this.select.options].map((o) => o.value).join())
+      this.select.replaceChildren(...wanted.map((x) => make("option", { value: x, text: x.replaceAll("_", " ") })));
+    this.select.value = String(value);
+  }
+}
+
+/** @param {string} text */
+const sentenceCase = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+class Panel {
+  /** @param {Store} store @param {Link} link */
+  constructor(store, link) {
+    this.store = store;
+    this.link = link;
+    this.ghost = new Ghost(store, link);
+    this.region = find("#panel");
+    /** @type {Map<string, Row>} */
+    this.rows = new Map();
+    /** @type {Map<string, HTMLElement>} */
+    this.groups = new Map();
+    store.on("document", (/** @type {any} */ frame) => this.show(frame.head.sliders ?? []));
+  }
+
+  /** @param {Slider[]} sliders */
+  show(sliders) {
+    const keys = new Set(sliders.map((s) => s.key));
+    for (const [key, row] of this.rows) {
+      if (keys.has(key)) continue;
+      row.element.remove();
+      this.rows.delete(key);
+    }
+    const order = new Set([...Object.keys(GROUPS), ...sliders.map((s) => s.group)]);
+    for (const name of order) if (sliders.some((s) => s.group === name)) this.region.append(this.group(name));
+    for (const slider of sliders) this.showOne(slider);
+    for (const [name, group] of this.groups) group.hidden = !sliders.some((s) => s.group === name);
+  }
+
+  /** @param {Slider} slider */
+  showOne(slider) {
+    const row = this.rows.get(slider.key);
+    if (row) return row.show(slider);
+    const fresh = new Row(slider, this.link, this.ghost);
+    this.rows.set(slider.key, fresh);
+    this.group(slider.group).append(fresh.element);
+  }
+
+  /** @param {string} name @returns {HTMLElement} */
+  group(name) {
+    let found = this.groups.get(name);
+    if (!found) {
+      found = make("details", { class: "group", open: true }, [make("summary", { text: GROUPS[name] ?? name })]);
+      this.groups.set(name, found);
+    }
+    return found;
+  }
+}
+
+/** @param {Store} store @param {Link} link */
+export function init(store, link) {
+  new Panel(store, link);
+}

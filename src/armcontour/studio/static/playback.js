@@ -1,0 +1,216 @@
+// Playback: moves the cursor in time, at a chosen rate, and asks for the exact posture where it rests.
+
+import { find, make, say } from "./dom.js";
+import { seconds } from "./format.js";
+import { motionOf } from "./motion.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./motion.js").Which} Which */
+
+const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
+const SOURCE = "playback";
+/** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
+const STEP = 0.005;
+/** The exact posture is asked for when nothing has changed for so long [ms]. */
+const REST = 120;
+/** While it plays, numbers change so often at most [ms]. */
+const READING = 60;
+
+/**
+ * Fill the bar of the playback.
+ * @param {Store} store
+ * @param {Link} link
+ */
+export function init(store, link) {
+  const playback = new Playback(find("#playback"), store, link);
+  for (const event of ["picture", "executed"]) store.on(event, () => playback.renew());
+  store.on("cursor", () => playback.follow());
+  store.on("pose", () => playback.answered());
+  store.on("view", () => playback.renew());
+}
+
+class Playback {
+  /**
+   * @param {HTMLElement} region
+   * @param {Store} store
+   * @param {Link} link
+   */
+  constructor(region, store, link) {
+    this.region = region;
+    this.store = store;
+    this.link = link;
+    this.time = 0;
+    this.rate = 1;
+    this.loops = false;
+    this.playing = false;
+    this.last = 0;
+    this.told = 0;
+    /** Whether an answer is awaited, and whether it is out of date. */
+    this.asked = { waits: false, again: false };
+    this.button = make("button", { type: "button", class: "play", onclick: () => this.toggle(), title: "Play or pause (Space)" });
+    this.slider = make("input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": "Time", class: "scrub" });
+    this.slider.addEventListener("input", () => this.scrub(Number(this.slider.value)));
+    this.clock = make("output", { class: "clock" });
+    this.of = select("Motion", [["planned", "planned"], ["executed", "executed"]], "planned", (x) =>
+      store.setView({ time: /** @type {Which} */ (x) }),
+    );
+    this.speed = select("Rate", RATES.map((x) => [String(x), `${x}×`]), "1", (x) => (this.rate = Number(x)));
+    this.loop = make("button", { type: "button", text: "loop", "aria-pressed": "false", onclick: () => this.toggleLoop() });
+    region.append(this.button, this.slider, this.clock, this.of.label, this.speed.label, this.loop);
+    region.addEventListener("keydown", (event) => this.press(event));
+    document.addEventListener("visibilitychange", () => document.hidden && this.pause());
+    this.renew();
+  }
+
+  /** The shown motion; where the executed one is not there, the planned one. */
+  get motion() {
+    const which = this.store.options.time ?? "planned";
+    return motionOf(this.store, which) ?? motionOf(this.store, "planned");
+  }
+
+  /** There is another motion, or another choice. */
+  renew() {
+    const motion = this.motion;
+    for (const x of [this.button, this.slider, this.loop]) x.disabled = !motion;
+    if (!motion) this.pause();
+    this.of.input.value = this.store.options.time ?? "planned";
+    const executed = /** @type {HTMLOptionElement} */ (this.of.input.options[1]);
+    executed.disabled = !motionOf(this.store, "executed");
+    this.slider.max = String(motion?.duration ?? 1);
+    if (motion && this.time > motion.duration) this.time = motion.duration;
+    this.tell();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => !this.playing && this.ask(), REST);
+  }
+
+  /** Somebody moved the cursor. */
+  follow() {
+    const cursor = this.store.cursor;
+    if (!cursor) return;
+    if (cursor.source !== SOURCE) {
+      this.pause();
+      this.time = cursor.t;
+    }
+    if (this.playing) return;
+    this.tell();
+    this.ask();
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  play() {
+    const motion = this.motion;
+    if (!motion || this.playing) return;
+    if (this.time >= motion.duration) this.time = 0;
+    this.playing = true;
+    this.last = performance.now();
+    this.tell();
+    requestAnimationFrame((now) => this.advance(now));
+  }
+
+  pause() {
+    if (!this.playing) return;
+    this.playing = false;
+    this.tell();
+    this.ask();
+  }
+
+  toggleLoop() {
+    this.loops = !this.loops;
+    this.loop.setAttribute("aria-pressed", String(this.loops));
+  }
+
+  /**
+   * One frame of the animation.
+   * @param {number} now [ms]
+   */
+  advance(now) {
+    const motion = this.motion;
+    if (!this.playing || !motion) return;
+    const passed = Math.max(0, (now - this.last) / 1000);
+    this.last = now;
+    this.time += passed * this.rate;
+    const ends = this.time >= motion.duration;
+    if (ends) this.time = this.loops ? this.time % motion.duration : motion.duration;
+    this.store.setCursor({ t: this.time, source: SOURCE });
+    if (now - this.told > READING) this.tell();
+    if (ends && !this.loops) this.pause();
+    else requestAnimationFrame((next) => this.advance(next));
+  }
+
+  /**
+   * Go to a time.
+   * @param {number} t [s]
+   */
+  scrub(t) {
+    this.pause();
+    this.time = Math.min(Math.max(0, t), this.motion?.duration ?? 0);
+    this.store.setCursor({ t: this.time, source: SOURCE });
+  }
+
+  /** @param {KeyboardEvent} event */
+  press(event) {
+    const duration = this.motion?.duration;
+    if (!duration || event.ctrlKey || event.metaKey || event.altKey) return;
+    const onSlider = event.target === this.slider;
+    const far = STEP * duration * (event.shiftKey ? 10 : 1);
+    if (event.key === " " && onSlider) this.toggle();
+    else if (onSlider && (event.key === "ArrowRight" || event.key === "ArrowUp")) this.scrub(this.time + far);
+    else if (onSlider && (event.key === "ArrowLeft" || event.key === "ArrowDown")) this.scrub(this.time - far);
+    else return;
+    event.preventDefault();
+  }
+
+  /** Ask for the exact posture; only one question at a time, and the last one is always answered. */
+  ask() {
+    if (this.asked.waits) {
+      this.asked.again = true;
+      return;
+    }
+    const motion = this.motion;
+    if (!motion || !this.store.cursor) return;
+    const seq = this.link.send({ op: "pose", t: Math.min(this.store.cursor.t, motion.duration), of: motion.of });
+    this.asked = { waits: seq >= 0, again: false };
+    if (seq >= 0) this.timer = setTimeout(() => this.answered(), 1000);
+  }
+
+  /** An answer came, or did not come in time. */
+  answered() {
+    clearTimeout(this.timer);
+    const again = this.asked.again;
+    this.asked = { waits: false, again: false };
+    if (again && !this.playing) this.ask();
+  }
+
+  /** Show the state. */
+  tell() {
+    this.told = performance.now();
+    const motion = this.motion;
+    const duration = motion?.duration ?? 0;
+    this.slider.value = String(this.time);
+    this.slider.setAttribute("aria-valuetext", `${seconds(this.time)} s of ${seconds(duration)} s`);
+    say(this.clock, `${seconds(this.time)} / ${seconds(duration)} s`);
+    say(this.button, this.playing ? "Pause" : "Play");
+    this.region.dataset.state = this.playing ? "playing" : "paused";
+    this.region.dataset.time = String(this.time);
+    this.region.dataset.of = motion?.of ?? "none";
+  }
+}
+
+/**
+ * A choice with its label.
+ * @param {string} name
+ * @param {[string, string][]} options values and texts
+ * @param {string} chosen
+ * @param {(value: string) => void} choose
+ */
+function select(name, options, chosen, choose) {
+  const input = make("select", {}, options.map(([value, text]) => make("option", { value, text })));
+  input.value = chosen;
+  input.addEventListener("change", () => choose(input.value));
+  return { input, label: make("label", { class: "field" }, [`${name} `, input]) };
+}

@@ -1,0 +1,263 @@
+// The store: the newest frames of the server, the cursor, and what the person looks at.
+// Modules read it, listen to it, and never talk to each other in another way.
+//
+// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
+//
+// Events (`store.on(event, listener)` returns a function that ends the listening):
+//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
+//   compare                 a frame of the compared variant came or went: listener(frame | null)
+//   refusal                 the newest edit is refused, or no longer: listener(frame | null)
+//   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
+//   cursor                  listener(cursor)          see `setCursor`
+//   view                    listener(options)         an option changed, see `ViewOptions`
+//   theme                   listener("light" | "dark")
+//   selection               listener(selection)       the handle with the focus, or null
+//   link                    listener(link state)      see link.js
+//   underlay                what is drawn under the path changed: listener()
+//   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
+//   layout                  listener()                a region may have another size
+
+/** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
+/**
+ * One frame of the server. `head` is its JSON header; `arrays` are views into the frame, row by row.
+ * @typedef {{kind: string, seq: number | null, rev: number, head: any, arrays: Record<string, Numbers>,
+ *   shapes: Record<string, number[]>, asked: number}} Frame
+ */
+/**
+ * A place on the motion: time [s] and arc length [m] of the shown run; `source` is who set it
+ * ("path", "charts", "playback", "view3d"), so that a module need not answer itself.
+ * @typedef {{t: number, s: number, source: string} | null} Cursor
+ */
+/**
+ * @typedef {Object} ViewOptions
+ * @property {"limit" | "speed" | "error"} colour   what colours the path
+ * @property {boolean} executed     whether the executed tool is drawn
+ * @property {number} magnify       factor of its error; 0 = automatic
+ * @property {boolean} place        whether the part is moved as a whole
+ * @property {"planned" | "executed"} time   which motion is played
+ * @property {"2d" | "both" | "3d"} stage
+ * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
+ * @property {boolean} dock         whether the dock is open
+ */
+/** @typedef {{kind: string, index: number} | null} Selection */
+
+const OF_A_RUN = new Set(["picture", "executed", "figures"]);
+/** Arrays that a picture of a drawing without a plan lacks. */
+const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
+const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
+  colour: "limit",
+  executed: true,
+  magnify: 0,
+  place: false,
+  time: "planned",
+  stage: "2d",
+  tab: "charts",
+  dock: true,
+});
+
+export class Store {
+  constructor() {
+    /** @type {Map<string, Set<Function>>} */
+    this.listeners = new Map();
+    /** @type {Map<string, Frame>} newest frame by kind, or by "kind/compare" */
+    this.frames = new Map();
+    /** @type {Frame | null} refusal of the newest edit */
+    this.refusal = null;
+    /** @type {Cursor} */
+    this.cursor = null;
+    /** @type {Selection} */
+    this.selection = null;
+    /** @type {ViewOptions} */
+    this.options = { ...STARTING_OPTIONS };
+    /** @type {"light" | "dark"} */
+    this.theme = "light";
+    /**
+     * What is drawn under the path, in px of the drawing.
+     * @type {Set<(context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport) => void>}
+     */
+    this.underlays = new Set();
+    /** Order of the newest frame with a result, as (revision, seq). */
+    this.newest = { rev: -1, seq: -1 };
+  }
+
+  /**
+   * Listen to an event.
+   * @param {string} event @param {Function} listener
+   * @returns {() => void} ends it
+   */
+  on(event, listener) {
+    const all = this.listeners.get(event) ?? new Set();
+    this.listeners.set(event, all.add(listener));
+    return () => all.delete(listener);
+  }
+
+  /** Tell an event. @param {string} event @param {any} [detail] */
+  tell(event, detail) {
+    for (const listener of this.listeners.get(event) ?? []) listener(detail);
+  }
+
+  /**
+   * The newest frame of a kind, or null.
+   * @param {string} kind @param {"live" | "compare"} [of]
+   * @returns {Frame | null}
+   */
+  latest(kind, of = "live") {
+    return this.frames.get(of === "compare" ? `${kind}/compare` : kind) ?? null;
+  }
+
+  /** Header of the document, or null before the first. @returns {any} */
+  get document() {
+    return this.latest("document")?.head ?? null;
+  }
+
+  /** Take a frame of the server; one that is older than what is shown is dropped. @param {Frame} frame */
+  put(frame) {
+    if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
+    if (frame.head.of === "compare") {
+      this.frames.set(`${frame.kind}/compare`, frame);
+      this.tell("compare", frame);
+      return;
+    }
+    if (OF_A_RUN.has(frame.kind) || frame.kind === "refusal" || frame.kind === "document") {
+      if (this.isOld(frame)) return;
+      this.advance(frame);
+    }
+    if (frame.kind === "refusal") {
+      // What cannot be planned stays so, whatever exact figures say of it.
+      if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
+      return this.setRefusal(frame);
+    }
+    if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
+    if (frame.kind === "document") this.forgetCompared(frame);
+    this.frames.set(frame.kind, frame);
+    this.tell(frame.kind, frame);
+  }
+
+  /** Whether a newer frame is already shown. @param {Frame} frame @returns {boolean} */
+  isOld(frame) {
+    if (frame.rev !== this.newest.rev) return frame.rev < this.newest.rev;
+    return frame.seq !== null && frame.seq < this.newest.seq;
+  }
+
+  /** @param {Frame} frame */
+  advance(frame) {
+    const same = frame.rev === this.newest.rev;
+    this.newest = { rev: frame.rev, seq: frame.seq ?? (same ? this.newest.seq : -1) };
+  }
+
+  /** The connection is new: frames may count from the start again. */
+  restart() {
+    this.newest = { rev: -1, seq: -1 };
+  }
+
+  /** @param {Frame | null} refusal */
+  setRefusal(refusal) {
+    if (refusal === null && this.refusal === null) return;
+    this.refusal = refusal;
+    this.tell("refusal", refusal);
+  }
+
+  /** Without a compared variant its frames go. @param {Frame} frame the new document */
+  forgetCompared(frame) {
+    if (frame.head.compare) return;
+    const had = this.frames.has("picture/compare");
+    for (const kind of [...OF_A_RUN, "refusal"]) this.frames.delete(`${kind}/compare`);
+    if (had) this.tell("compare", null);
+  }
+
+  /**
+   * Whether a frame answers the same edit as the shown path (a refused edit has no path of its own).
+   * @param {Frame | null} frame @returns {boolean}
+   */
+  isCurrent(frame) {
+    const picture = this.latest("picture");
+    if (!frame || !picture || this.refusal?.head.tier === 1) return false;
+    return frame.rev === picture.rev && (frame.seq ?? -1) >= (picture.seq ?? -1);
+  }
+
+  /**
+   * Move the cursor, by time or by arc length of the shown run; without both it goes away.
+   * @param {{t?: number, s?: number, source: string}} at
+   */
+  setCursor(at) {
+    const { t, s } = at;
+    if (t === undefined && s === undefined) this.cursor = null;
+    else if (t === undefined)
+      this.cursor = { t: this.timeAt(/** @type {number} */ (s)), s: /** @type {number} */ (s), source: at.source };
+    else this.cursor = { t, s: s ?? this.arcLengthAt(t), source: at.source };
+    this.tell("cursor", this.cursor);
+  }
+
+  /** Planned time at an arc length [m]. @param {number} s @returns {number} s */
+  timeAt(s) {
+    const arrays = this.latest("picture")?.arrays;
+    return arrays?.path_s.length ? interpolate(arrays.path_s, arrays.path_t, s) : 0;
+  }
+
+  /** Arc length of the path at a planned time [s]. @param {number} t @returns {number} m */
+  arcLengthAt(t) {
+    const arrays = this.latest("picture")?.arrays;
+    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, t) : 0;
+  }
+
+  /** Change what is looked at. @param {Partial<ViewOptions>} changes */
+  setView(changes) {
+    this.options = { ...this.options, ...changes };
+    this.tell("view", this.options);
+    if (changes.stage || changes.tab || changes.dock !== undefined) this.tell("layout");
+  }
+
+  /** @param {Selection} selection */
+  select(selection) {
+    this.selection = selection;
+    this.tell("selection", selection);
+  }
+
+  /** @param {"light" | "dark"} theme */
+  setTheme(theme) {
+    this.theme = theme;
+    this.tell("theme", theme);
+  }
+}
+
+/**
+ * Index of the last of increasing numbers that is not above a value; 0 below all of them.
+ * @param {Numbers} increasing @param {number} value @returns {number}
+ */
+export function indexAt(increasing, value) {
+  let low = 0;
+  let high = increasing.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (increasing[middle] <= value) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+/**
+ * Linear interpolation in a table.
+ * @param {Numbers} xs increasing @param {Numbers} ys @param {number} x @returns {number}
+ */
+export function interpolate(xs, ys, x) {
+  const i = indexAt(xs, x);
+  if (i + 1 >= xs.length || x <= xs[0]) return ys[i];
+  const span = xs[i + 1] - xs[i];
+  return span > 0 ? ys[i] + ((x - xs[i]) / span) * (ys[i + 1] - ys[i]) : ys[i];
+}
+
+/**
+ * A function that runs another one once in the next animation frame, however often it is called.
+ * @param {() => void} draw @returns {() => void}
+ */
+export function oncePerFrame(draw) {
+  let waits = false;
+  return () => {
+    if (waits) return;
+    waits = true;
+    requestAnimationFrame(() => {
+      waits = false;
+      draw();
+    });
+  };
+}

@@ -1,0 +1,166 @@
+// The long lines of a picture as Path2D in metres, one per colour: made once per picture, drawn many times.
+
+import { heat, styleOf } from "./colours.js";
+
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {"light" | "dark"} Theme */
+/** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
+/** @typedef {{at: [number, number], normal: [number, number], text: string, length: number}} Label */
+
+const SHADES = 16;
+// Dashes cost more than the line itself: long paths are drawn without.
+const MOST_DASHED = 6000;
+const SIGNS = /** @type {Record<string, string>} */ ({
+  velocity: "v",
+  acceleration: "a",
+  torque: "τ",
+  jerk: "j",
+});
+
+/**
+ * Lines through points; a new one starts at every break. Points nearer than `least` to the last one are left out.
+ * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {number} [least] m
+ * @returns {Path2D}
+ */
+export function polyline(points, breaks = [], least = 0) {
+  const starts = new Set([0, ...breaks]);
+  return buckets(points, () => 0, starts, least).get(0) ?? new Path2D();
+}
+
+/**
+ * One Path2D per bucket of the pieces between successive points.
+ * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
+ * @param {Set<number>} starts first points of lines @param {number} least m
+ * @returns {Map<number, Path2D>}
+ */
+function buckets(points, bucketOf, starts, least) {
+  /** @type {Map<number, Path2D>} */
+  const all = new Map();
+  const count = points.length / 2;
+  let last = -1;
+  let [u, v] = [0, 0];
+  for (let i = 0; i + 1 < count; i++) {
+    const bucket = starts.has(i + 1) ? -1 : bucketOf(i);
+    if (bucket >= 0) {
+      let path = all.get(bucket);
+      if (!path) all.set(bucket, (path = new Path2D()));
+      if (bucket !== last) path.moveTo((u = points[2 * i]), (v = points[2 * i + 1]));
+      const [x, y] = [points[2 * i + 2], points[2 * i + 3]];
+      const ends = i + 2 >= count || starts.has(i + 2) || bucketOf(i + 1) !== bucket;
+      if (ends || Math.abs(x - u) + Math.abs(y - v) >= least) path.lineTo((u = x), (v = y));
+    }
+    last = bucket;
+  }
+  return all;
+}
+
+/** First points of the contours on the path. @param {Frame} picture @returns {Set<number>} */
+export function startsOf(picture) {
+  return new Set(picture.head.contours.map((/** @type {any} */ contour) => contour.from));
+}
+
+/**
+ * Kind of the limit that binds from a point on; "none" where nothing is known of limits.
+ * @param {Frame} picture @param {number} i @returns {string}
+ */
+export function kindAt(picture, i) {
+  if (!picture.head.limits.length) return "none";
+  return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
+}
+
+/** @param {Frame} picture @param {Theme} theme @param {number} least m @returns {Stroke[]} */
+export function strokesByLimit(picture, theme, least) {
+  const { path } = picture.arrays;
+  const kinds = /** @type {string[]} */ ([]);
+  const found = buckets(
+    path,
+    (i) => {
+      const kind = kindAt(picture, i);
+      if (!kinds.includes(kind)) kinds.push(kind);
+      return kinds.indexOf(kind);
+    },
+    startsOf(picture),
+    least,
+  );
+  return [...found].map(([k, way]) => {
+    const { colour, dash } = styleOf(kinds[k], theme);
+    return { path: way, colour, dash: path.length > 2 * MOST_DASHED ? [] : dash };
+  });
+}
+
+/**
+ * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
+ * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines
+ * @returns {Stroke[]}
+ */
+export function strokesByHeat(points, values, most, theme, least, starts = new Set()) {
+  const found = buckets(
+    points,
+    (i) => {
+      const share = Math.min(1, Math.max(0, values[i] / (most || 1)));
+      return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
+    },
+    starts,
+    least,
+  );
+  return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
+}
+
+/**
+ * Short names of limits beside the parts on which they bind, such as a2 for the acceleration of joint 2.
+ * @param {Frame} picture @returns {Label[]}
+ */
+export function labelsOf(picture) {
+  const { path, path_s: s, binding } = picture.arrays;
+  /** @type {Label[]} */
+  const labels = [];
+  for (let from = 0; from < binding.length;) {
+    let to = from;
+    while (to + 1 < binding.length && binding[to + 1] === binding[from]) to++;
+    const text = shortName(picture.head.limits[binding[from]]);
+    const middle = (from + to) >> 1;
+    if (text && to > from) labels.push({ ...besides(path, middle), text, length: s[to] - s[from] });
+    from = to + 1;
+  }
+  return labels.sort((a, b) => b.length - a.length).slice(0, 60);
+}
+
+/** @param {{name: string, kind: string} | undefined} limit @returns {string} */
+function shortName(limit) {
+  const joint = limit?.name.match(/joint (\d+)/)?.[1];
+  return limit && joint && SIGNS[limit.kind] ? SIGNS[limit.kind] + joint : "";
+}
+
+/** @param {Numbers} points @param {number} i @returns {{at: [number, number], normal: [number, number]}} */
+function besides(points, i) {
+  const a = 2 * Math.max(0, i - 1);
+  const b = Math.min(points.length - 2, 2 * i + 2);
+  const along = [points[b] - points[a], points[b + 1] - points[a + 1]];
+  const length = Math.hypot(along[0], along[1]) || 1;
+  return { at: [points[2 * i], points[2 * i + 1]], normal: [-along[1] / length, along[0] / length] };
+}
+
+/**
+ * The executed tool with its error magnified, and lines from the path to it.
+ * @param {Frame} executed @param {number} magnify @param {number} least m @returns {{tool: Path2D, errors: Path2D, points: Float32Array}}
+ */
+export function magnified(executed, magnify, least) {
+  const { base, offset } = executed.arrays;
+  const points = new Float32Array(base.length);
+  for (let i = 0; i < base.length; i++) points[i] = base[i] + magnify * offset[i];
+  const errors = new Path2D();
+  const step = Math.max(1, Math.round(base.length / 2 / 240));
+  for (let i = 0; 2 * i < base.length; i += step) {
+    errors.moveTo(base[2 * i], base[2 * i + 1]);
+    errors.lineTo(points[2 * i], points[2 * i + 1]);
+  }
+  return { tool: polyline(points, /** @type {Uint32Array} */ (executed.arrays.breaks ?? []), least), errors, points };
+}
+
+/** Largest number of an array. @param {Numbers} values @returns {number} */
+export function largest(values) {
+  let most = 0;
+  for (const x of values) if (x > most) most = x;
+  return most;
+}

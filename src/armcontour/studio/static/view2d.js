@@ -1,0 +1,261 @@
+// The drawing: a canvas for what is long, an SVG over it for what is grabbed; pan, zoom, fit.
+
+import { draw, find, make } from "./dom.js";
+import { Layers } from "./layers.js";
+import { Painter } from "./paint.js";
+import { oncePerFrame } from "./state.js";
+import { boxOf, Viewport } from "./viewport.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+
+// A picture with more coordinates is moved as a bitmap, and drawn again when the view rests.
+const MANY = 12_000;
+const REST = 130; // ms
+// A pointer that moves less has clicked.
+const CLICK = 4; // px
+const MOST_MEASURES = 3000;
+
+export class View2d {
+  /** @param {Store} store */
+  constructor(store) {
+    this.store = store;
+    this.region = find("#view2d");
+    this.canvas = make("canvas", { role: "img", "aria-label": "The path" });
+    this.overlay = draw("svg", { "aria-label": "Handles", role: "group" });
+    this.region.append(this.canvas, this.overlay);
+    this.context = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { alpha: false }));
+    this.view = new Viewport();
+    this.layers = new Layers(store);
+    this.painter = new Painter(store, this.layers);
+    this.fitted = "";
+    /** Whether all is shown, as it stays when the region is resized. */
+    this.isFitted = false;
+    /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
+    this.centre = null;
+    /** Place of the last full drawing. */
+    this.drawn = this.view.place;
+    /** @type {{image: HTMLCanvasElement, u: number, v: number, scale: number} | null} */
+    this.bitmap = null;
+    this.resting = 0;
+    /** Pointers that pan and zoom. @type {Map<number, PointerEvent>} */
+    this.pointers = new Map();
+    this.moving = false;
+    /** @type {Set<() => void>} called after every change of the view or the picture */
+    this.followers = new Set();
+    /** Frames that were measured, by kind. @type {Record<string, Frame | null>} */
+    this.measured = {};
+    this.redraw = oncePerFrame(() => this.drawNow());
+    this.listen();
+  }
+
+  listen() {
+    const { store } = this;
+    store.on("picture", () => {
+      this.stay();
+      this.fitOnce();
+    });
+    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"])
+      store.on(event, () => this.changed());
+    new ResizeObserver(() => this.resize()).observe(this.region);
+    this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
+  }
+
+  /** The picture is another one. */
+  changed() {
+    this.rest();
+  }
+
+  /** Rows of points are relative to a centre that may move with the path; the drawing does not. */
+  stay() {
+    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
+    if (this.centre) {
+      this.view.u += this.centre[0] - centre[0];
+      this.view.v += this.centre[1] - centre[1];
+    }
+    this.centre = centre;
+  }
+
+  resize() {
+    const { width, height } = this.region.getBoundingClientRect();
+    if (width < 2 || height < 2) return;
+    const first = this.view.width === 1;
+    this.view.resize({ width, height });
+    this.canvas.width = Math.round(width * devicePixelRatio);
+    this.canvas.height = Math.round(height * devicePixelRatio);
+    this.bitmap = null;
+    if (first) this.fitted = "";
+    this.fitOnce();
+    if (this.isFitted) this.fit();
+    this.drawNow();
+  }
+
+  /** Fit the first picture of a document. */
+  fitOnce() {
+    const name = this.store.document?.name ?? "";
+    if (this.fitted === name + "/" || this.view.width === 1) return;
+    if (!this.store.latest("picture")) return;
+    this.fitted = name + "/";
+    this.fit();
+  }
+
+  /** Show all of the drawing. */
+  fit() {
+    const arrays = this.store.latest("picture")?.arrays;
+    const box = arrays && (boxOf(arrays.objective) ?? boxOf(arrays.path));
+    if (!box) return;
+    this.view.fit(box);
+    this.moved();
+    this.isFitted = true;
+  }
+
+  /** The view is another one. */
+  moved() {
+    this.isFitted = false;
+    clearTimeout(this.resting);
+    if (this.large) {
+      if (!this.moving) this.bitmap = this.copy();
+      this.moving = true;
+      this.resting = setTimeout(() => this.rest(), REST);
+    }
+    this.redraw();
+  }
+
+  rest() {
+    this.moving = false;
+    this.bitmap = null;
+    this.redraw();
+  }
+
+  drawNow() {
+    if (this.moving && this.bitmap) this.drawBitmap(this.bitmap);
+    else this.drawAll();
+    for (const follow of this.followers) follow();
+    this.tell();
+  }
+
+  drawAll() {
+    this.painter.paint(this.context, this.view, devicePixelRatio);
+    this.drawn = this.view.place;
+  }
+
+  /** Whether the picture takes long to draw. */
+  get large() {
+    const arrays = this.store.latest("picture")?.arrays;
+    return arrays ? arrays.path.length + arrays.objective.length > MANY : false;
+  }
+
+  /** The canvas as it is, with its place. */
+  copy() {
+    const image = make("canvas", { width: this.canvas.width, height: this.canvas.height });
+    image.getContext("2d")?.drawImage(this.canvas, 0, 0);
+    return { image, ...this.drawn };
+  }
+
+  /** The last full picture at its new place. @param {{image: HTMLCanvasElement, u: number, v: number, scale: number}} bitmap */
+  drawBitmap({ image, u, v, scale }) {
+    const { context, view } = this;
+    const factor = view.scale / scale;
+    const [x, y] = view.toScreen([u, v]);
+    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    context.fillStyle = this.painter.inks.ground;
+    context.fillRect(0, 0, view.width, view.height);
+    const [wide, high] = [view.width * factor, view.height * factor];
+    context.drawImage(image, x - wide / 2, y - high / 2, wide, high);
+  }
+
+  /** What is drawn, for tests and for measuring. */
+  tell() {
+    const { store, region } = this;
+    const picture = store.latest("picture");
+    const executed = store.refusal ? null : store.latest("executed");
+    const data = region.dataset;
+    data.seq = String(picture?.seq ?? "");
+    data.rev = String(picture?.rev ?? "");
+    data.run = String(picture?.head.run ?? "");
+    data.duration = String(picture?.head.duration ?? "");
+    data.tier = store.isCurrent(executed) ? "2" : picture ? "1" : "0";
+    data.executedSeq = String(executed?.seq ?? "");
+    data.magnify = String(executed ? this.layers.magnification(executed, this.view.scale) : "");
+    data.stale = String(store.refusal?.head.tier === 1);
+    data.scale = String(this.view.scale);
+    this.measure(picture);
+    this.measure(executed);
+  }
+
+  /** @param {Frame | null} frame */
+  measure(frame) {
+    if (!frame || this.measured[frame.kind] === frame) return;
+    this.measured[frame.kind] = frame;
+    if (!frame.asked) return;
+    performance.measure(`drawn ${frame.kind}`, { start: frame.asked, detail: frame.seq });
+    if (performance.getEntriesByType("measure").length > MOST_MEASURES) performance.clearMeasures();
+  }
+
+  /** @param {WheelEvent} event */
+  wheel(event) {
+    event.preventDefault();
+    const { left, top } = this.region.getBoundingClientRect();
+    // A pinch on a touchpad comes as a wheel with Ctrl, in smaller steps.
+    const lines = event.deltaMode === 1 ? 16 : 1;
+    const factor = Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0016));
+    this.view.zoom(factor, [event.clientX - left, event.clientY - top]);
+    this.moved();
+  }
+
+  /** Pan with one pointer, zoom with two. @param {PointerEvent} event */
+  grab(event) {
+    if (event.defaultPrevented || event.button > 1) return;
+    this.pointers.set(event.pointerId, event);
+    this.overlay.setPointerCapture(event.pointerId);
+    this.region.classList.add("panning");
+    if (this.pointers.size > 1) return;
+    const move = (/** @type {PointerEvent} */ e) => this.drag(e);
+    const end = (/** @type {PointerEvent} */ e) => {
+      this.pointers.delete(e.pointerId);
+      if (this.pointers.size) return;
+      if (Math.hypot(e.clientX - event.clientX, e.clientY - event.clientY) < CLICK) this.click(event);
+      this.region.classList.remove("panning");
+      this.overlay.removeEventListener("pointermove", move);
+      this.overlay.removeEventListener("lostpointercapture", end);
+    };
+    this.overlay.addEventListener("pointermove", move);
+    this.overlay.addEventListener("lostpointercapture", end);
+  }
+
+  /** @param {PointerEvent} event */
+  click(event) {
+    const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const [u, v] = this.view.toPlane(this.within(event));
+    this.store.tell("ground", { uv: [u + centre[0], v + centre[1]] });
+  }
+
+  /** @param {PointerEvent} event */
+  drag(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const share = 1 / this.pointers.size;
+    this.view.pan(share * (event.clientX - before.clientX), share * (event.clientY - before.clientY));
+    const other = [...this.pointers.values()].find((p) => p.pointerId !== event.pointerId);
+    if (other) {
+      const apart = (/** @type {PointerEvent} */ p) =>
+        Math.max(1, Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY));
+      this.view.zoom(apart(event) / apart(before), this.within(other));
+    }
+    this.pointers.set(event.pointerId, event);
+    this.moved();
+  }
+
+  /** Place of an event in the region [px]. @param {MouseEvent} event @returns {[number, number]} */
+  within(event) {
+    const { left, top } = this.region.getBoundingClientRect();
+    return [event.clientX - left, event.clientY - top];
+  }
+
+  /** Zoom about the middle. @param {number} factor */
+  zoomBy(factor) {
+    this.view.zoom(factor);
+    this.moved();
+  }
+}

@@ -1,0 +1,90 @@
+"""Frames: what the server tells the page, as bytes.
+
+A frame is `u32` length of the header | header, JSON in UTF-8 | zeros up to a multiple of 8 |
+arrays, each from a multiple of 8 on, all little-endian. The header has the frame's `kind`, and
+under `arrays` the type, the shape and the place of every array, counted from the first byte after
+the zeros. Numbers that are not finite are null in the header; arrays keep them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.errors import InvalidInput
+
+ALIGNED = 8
+LENGTH = struct.Struct("<I")
+# Types of arrays, by the names that the page knows.
+TYPES = ("f4", "f8", "u1", "u2", "u4", "i4")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A message to the page: facts as JSON, and long rows of numbers.
+
+    Args:
+        kind: What it is, such as "picture".
+        header: Facts, of anything that JSON has, and of numbers of numpy.
+        arrays: Arrays by their names, of the types TYPES.
+    """
+
+    kind: str
+    header: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+
+    def pack(self) -> bytes:
+        """The frame as bytes.
+
+        Raises:
+            InvalidInput: An array of another type.
+        """
+        places: dict[str, Any] = {}
+        parts: list[bytes] = []
+        end = 0
+        for name, values in self.arrays.items():
+            kind = f"{values.dtype.kind}{values.dtype.itemsize}"
+            if kind not in TYPES:
+                raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
+            places[name] = {"type": kind, "shape": list(values.shape), "at": end}
+            data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
+            parts += [data, bytes(-len(data) % ALIGNED)]
+            end += len(data) + len(parts[-1])
+        told = {**self.header, "kind": self.kind, "arrays": places}
+        text = json.dumps(plain(told), ensure_ascii=False, allow_nan=False).encode()
+        gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
+        return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Frame:
+        """The frame that was packed; its arrays are read-only."""
+        (count,) = LENGTH.unpack_from(data)
+        header = json.loads(data[LENGTH.size : LENGTH.size + count])
+        begin = LENGTH.size + count
+        begin += -begin % ALIGNED
+        arrays = {}
+        for name, x in header.pop("arrays").items():
+            size = math.prod(x["shape"])
+            values = np.frombuffer(data, f"<{x['type']}", size, begin + x["at"])
+            arrays[name] = values.reshape(x["shape"])
+        return cls(header.pop("kind"), header, arrays)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: lists for arrays, null for numbers that are not finite."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): plain(x) for key, x in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return [plain(x) for x in value]

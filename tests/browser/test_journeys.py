@@ -1,0 +1,424 @@
+"""What a person does in the Studio, in a real browser; the page is held to the library."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+from soak.studio import let_loose
+from soak.studio_page import Studio, serving, write_job
+
+import armcontour as ac
+
+pytestmark = pytest.mark.browser
+DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
+EXACT = 1e-9
+SQUARE = """
+name: square
+arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
+path:
+  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 0.25}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+command_interval: 4 ms
+runs: {fast: {}}
+"""
+
+
+def agree(studio: Studio, found) -> None:
+    """What the page shows at rest is what the library finds."""
+    error = found.evaluation.contour_error
+    assert studio.figure("duration") == pytest.approx(found.trajectory.duration, abs=EXACT)
+    assert studio.figure("rms") == pytest.approx(error.rms, abs=EXACT)
+    assert studio.figure("max") == pytest.approx(error.max, abs=EXACT)
+
+
+def shares(studio: Studio) -> dict[str, float]:
+    """How long each limit binds [s], as the notes say it."""
+    studio.tab("notes")
+    rows = studio.find("#tab-notes tbody tr")
+    expect(rows.first).to_be_visible()
+    names, times = rows.locator("th").all_inner_texts(), rows.locator("td:nth-child(2)")
+    return dict(zip(names, map(float, times.all_inner_texts()), strict=True))
+
+
+def test_j0_a_page_of_this_browser_can_be_driven(browser):
+    page = browser.new_page()
+    page.set_content("<button onclick=\"this.textContent = 'pressed'\">press</button>")
+    page.get_by_role("button").click()
+    expect(page.get_by_role("button")).to_have_text("pressed")
+    page.close()
+
+
+def test_j1_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
+    expect(studio.find("[data-figure=duration] .value")).to_have_text("5.326")
+    found = judge(studio)
+    agree(studio, found)
+    times = Counter[str]()
+    for x in found.explanation.bindings:
+        times[x.name] += x.t[1] - x.t[0]
+    assert shares(studio) == pytest.approx(times, abs=1e-3)
+    assert studio.find("g.handle.waypoint").count() == 4
+    assert studio.find("g.handle.corner").count() == 2
+
+
+def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
+    before, bound = studio.figure("duration"), shares(studio)
+    with studio.changing():
+        with studio.grabbing(studio.handle("corner", 1)) as (x, y):
+            studio.page.mouse.move(x + 8, y, steps=4)
+            # It is seen before the button is let go.
+            studio.wait("body", busy="false")
+            expect(studio.find("#view2d")).not_to_have_attribute("data-duration", str(before))
+            assert float(studio.told("#view2d", "duration")) < before
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration < before
+    assert shares(studio) != bound
+    with studio.changing():
+        studio.find("#undo").click()
+    assert studio.figure("duration") == before
+
+
+def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
+    original = studio.text
+    handle = studio.handle("waypoint", 1)
+    with studio.grabbing(handle) as (x, y):
+        studio.page.mouse.move(x + 320, y, steps=6)
+        studio.wait("body", refused="true")
+        place = studio.find("path.refused")
+        expect(place).to_be_visible()
+        assert "reach" in studio.refusal
+        # The last motion stays, greyed, and the handle is under the mouse.
+        studio.wait("#view2d", stale="true")
+        assert float(studio.told("#view2d", "duration")) > 0
+        assert studio.middle(handle)[0] == pytest.approx(x + 320, abs=1)
+        studio.page.mouse.move(x, y, steps=6)
+        studio.wait("body", refused="false")
+    assert studio.text == original
+    # Left there, the file has it, and the library says the same sentence.
+    studio.drag(handle, (320, 0))
+    studio.wait("body", refused="true", dirty="true")
+    expect(studio.find("#undo")).to_be_enabled()
+    with pytest.raises(ac.Unreachable) as refused:
+        judge(studio)
+    assert studio.refusal == str(refused.value)
+    with studio.changing():
+        studio.page.keyboard.press("Control+z")
+    assert studio.text == original
+
+
+def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
+    with studio.changing():
+        studio.type("limits.speed", "0.05 m/s")
+    slow, error = studio.figure("duration"), studio.figure("rms")
+    agree(studio, judge(studio))
+    row = studio.slider("limits.speed").locator("input[type=range]")
+    box = row.bounding_box()
+    place = int(row.input_value()) / 1000
+    y = box["y"] + box["height"] / 2
+    seen = set()
+    with studio.changing():
+        studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
+        studio.page.mouse.down()
+        for k in range(6):
+            studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
+            studio.wait("body", busy="false")
+            seen.add(studio.figure("rms"))
+        studio.page.mouse.up()
+    assert len(seen) >= 4, "the error of the executed tool is to follow"
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration < slow
+    assert studio.figure("rms") != error
+    assert "speed: 0.05 m/s" not in studio.text
+
+
+def test_j5_a_run_that_is_refused_leaves_the_others(studio, judge):
+    studio.choose_run("proposed")
+    studio.wait("#view2d", run="proposed")
+    studio.rest()
+    agree(studio, judge(studio, "proposed"))
+    studio.type("limits.joint_acceleration", "0.3 rad/s^2")
+    studio.wait("body", refused="true", dirty="true")
+    with pytest.raises(ac.NotRealizable) as refused:
+        judge(studio, "proposed")
+    assert studio.refusal == str(refused.value)
+    studio.choose_run("optimal")
+    studio.wait("body", refused="false")
+    studio.wait("#view2d", run="optimal")
+    studio.rest()
+    agree(studio, judge(studio))
+
+
+def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
+    with studio.changing():
+        studio.slider("compensation.method").locator("select").select_option("none")
+    pinned, text = judge(studio), studio.text
+    studio.find("#pin").click()
+    studio.tab("runs")
+    pin = studio.find("#tab-runs tbody tr").last
+    expect(pin).to_contain_text("pin of optimal")
+    with studio.changing():
+        studio.type("servo.kp", "12 1/s")
+    found = judge(studio)
+    agree(studio, found)
+    old, new = (1e3 * x.evaluation.contour_error.rms for x in (pinned, found))
+    assert new > old + 1e-3
+    difference = studio.find("[data-figure=rms] .delta").inner_text()
+    assert float(difference) == pytest.approx(new - old, abs=1e-3)
+    pin.get_by_role("button", name="Compare").click()
+    expect(studio.find("#compare")).to_have_value("pin 1")
+    expect(pin).to_contain_text(f"{old:.3f}"[:5])
+    with studio.changing():
+        pin.get_by_role("button", name="Work on").click()
+    assert studio.text == text
+    agree(studio, pinned)
+
+
+def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):
+    texts = [studio.text]
+    for change in ("speed", "waypoint", "corner"):
+        with studio.changing():
+            if change == "speed":
+                studio.type("limits.speed", "0.1 m/s")
+            elif change == "waypoint":
+                studio.drag(studio.handle("waypoint", 2), (-20, 10))
+            else:
+                studio.drag(studio.handle("corner", 0), (-5, 0))
+        texts.append(studio.text)
+    assert len(set(texts)) == 4
+    for text in texts[-2::-1]:
+        with studio.changing():
+            studio.find("#undo").click()
+        assert studio.text == text
+    expect(studio.find("#undo")).to_be_disabled()
+    studio.wait("body", dirty="false")
+    for text in texts[1:3]:
+        with studio.changing():
+            studio.page.keyboard.press("Control+Shift+z")
+        assert studio.text == text
+    studio.page.reload()
+    studio.rest()
+    assert studio.text == texts[2]
+    with studio.changing():
+        studio.find("#redo").click()
+    assert studio.text == texts[3]
+
+
+def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal")
+    original = file.read_bytes()
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        studio.page.keyboard.press("Control+s")
+        expect(studio.find("#messages")).to_contain_text("Saved")
+        assert file.read_bytes() == original, "nothing was changed, and nothing is written anew"
+        with studio.changing():
+            studio.drag(studio.handle("waypoint", 1), (14, -9))
+        studio.find("#diff").click()
+        expect(studio.find("#question pre.diff .added")).to_have_count(1)
+        studio.find("#question").get_by_role("button", name="Save").click()
+        studio.wait("body", dirty="false")
+        assert file.read_text() == studio.text
+        command = ["run", str(file), "--out", str(tmp_path / "out")]
+        subprocess.run([sys.executable, "-m", "armcontour", *command], check=True, timeout=120)
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        written = summary["runs"]["optimal"]
+        assert studio.figure("duration") == pytest.approx(written["duration"], abs=EXACT)
+        rms = written["contour_error"]["rms"]
+        assert studio.figure("rms") == pytest.approx(rms, abs=EXACT)
+        # Another program changes the file: neither side is lost.
+        file.write_bytes(original)
+        with studio.changing():
+            studio.type("limits.speed", "0.12 m/s")
+        studio.page.keyboard.press("Control+s")
+        dialog = studio.find("#question")
+        expect(dialog).to_contain_text("changed")
+        assert file.read_bytes() == original
+        with studio.changing():
+            dialog.get_by_role("button", name="Take the file's").click()
+        assert studio.text.encode() == original
+
+
+def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
+    done = studio.do("export", {"format": "csv"})
+    studio.wait(".task-result[data-task=export]", state="done")
+    name, content = studio.save_file(done.locator("button, a").first)
+    found = judge(studio)
+    ac.export(found.taught, tmp_path / "taught.csv", arm=ac.load_arm("pmk3s"))
+    assert name.endswith(".csv")
+    assert content == (tmp_path / "taught.csv").read_bytes()
+    done = studio.do("report")
+    studio.wait(".task-result[data-task=report]", state="done")
+    name, content = studio.save_file(done.locator("button, a").first)
+    assert name.endswith(".html")
+    assert b"5.326" in content
+
+
+def focused(studio: Studio) -> str:
+    """What the element with the focus is called."""
+    name = studio.find(":focus")
+    return name.get_attribute("aria-label") or name.inner_text() if name.count() else ""
+
+
+def tab_to(studio: Studio, name: str) -> None:
+    """Press Tab until an element has the focus."""
+    for _ in range(120):
+        if focused(studio) == name:
+            return
+        studio.page.keyboard.press("Tab")
+    raise AssertionError(f"{name} is not reached by Tab")
+
+
+def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
+    keys = studio.page.keyboard
+    before = studio.figure("duration")
+    tab_to(studio, "Tolerance of corner 2")
+    element = studio.handle("corner", 1)
+    assert "5.000 mm" in element.get_attribute("aria-valuetext")
+    with studio.changing():
+        for _ in range(4):
+            keys.press("ArrowUp")
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration < before
+    assert "9.000 mm" in element.get_attribute("aria-valuetext")
+    tab_to(studio, "speed, slider")
+    slower = studio.figure("duration")
+    with studio.changing():
+        keys.press("PageDown")
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration > slower
+    with studio.changing():
+        keys.press("Control+z")
+    assert studio.figure("duration") == slower
+
+
+def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
+    studio = pages()
+    studio.rest()
+    content = (DRAWINGS / "gasket.dxf").read_text()
+    data = studio.page.evaluate_handle(
+        """(text) => {
+            const data = new DataTransfer();
+            data.items.add(new File([text], "gasket.dxf"));
+            return data;
+        }""",
+        content,
+    )
+    with studio.changing():
+        for event in ("dragover", "drop"):
+            studio.page.dispatch_event("main", event, {"dataTransfer": data})
+        dialog = studio.find("#question")
+        dialog.locator("select").select_option("ur5e")
+        dialog.get_by_role("button", name="Open").click()
+    run = studio.find("#run").input_value()
+    first = studio.figure("duration")
+    assert first == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
+    studio.do("place", {"x": "60", "y": "60", "steps": "3"})
+    result = studio.find(".task-result[data-task=place]")
+    expect(result).to_have_attribute("data-state", "done", timeout=120_000)
+    cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
+    assert cells.count() == 9
+    with studio.changing():
+        cells.last.click()
+    moved = studio.figure("duration")
+    assert moved != first
+    assert moved == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
+    studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.find("#playback").get_by_role("button", name="Play").click()
+    studio.wait("#playback", state="playing")
+    time.sleep(0.3)
+    studio.find("#playback").get_by_role("button", name="Pause").click()
+    studio.wait("#view3d", exact="true")
+    t = float(studio.told("#playback", "time"))
+    assert t > 0
+    joints = [float(x) for x in studio.told("#view3d", "joints").split(",")]
+    planned = judge(studio, run).trajectory(t)
+    np.testing.assert_allclose(joints, planned, atol=EXACT)
+
+
+def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_path):
+    (tmp_path / "square.yaml").write_text(SQUARE)
+    with studio.changing():
+        studio.open(tmp_path / "square.yaml")
+    free = judge(studio, "fast")
+    agree(studio, free)
+    # It lands in the middle of the view, and so on the part.
+    with studio.renewing():
+        studio.find("#add-obstacle").click()
+    studio.wait("body", refused="true")
+    with pytest.raises(ac.Collision) as refused:
+        judge(studio, "fast")
+    assert studio.refusal == str(refused.value)
+    box = studio.find("g.handle.obstacle")
+    with studio.changing():
+        studio.drag(box, (300, 0))
+    found = judge(studio, "fast")
+    agree(studio, found)
+    least = studio.figure("clearance")
+    assert least == pytest.approx(found.clearance.least.high, abs=EXACT)
+    with studio.changing():
+        studio.drag(box, (-60, 0))
+    assert studio.figure("clearance") < least
+    with studio.renewing():
+        studio.drag(box, (-240, 0))
+    studio.wait("body", refused="true")
+
+
+def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal")
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        with studio.changing():
+            studio.type("limits.speed", "0.1 m/s")
+        changed, shown = studio.text, studio.figure("duration")
+        time.sleep(0.5)
+        studio.is_cut_off = True
+        server.process.kill()
+        server.process.wait()
+        studio.wait("body", link="lost")
+        expect(studio.find("#link-state")).to_contain_text("does not answer")
+        assert studio.figure("duration") == shown
+    with serving("--port", str(server.port), file, folder=tmp_path) as again:
+        # The old page has the key of the old server.
+        studio.wait("body", link="refused")
+        fresh = pages(again)
+        fresh.wait("body", link="open")
+        fresh.find("#question").get_by_role("button", name="Take them up").click()
+        fresh.wait("body", dirty="true")
+        fresh.rest()
+        assert fresh.text == changed
+        assert fresh.figure("duration") == shown
+
+
+def test_j14_two_tabs_show_and_change_one_job(studio, pages):
+    other = pages()
+    other.rest()
+    assert other.text == studio.text
+    with studio.changing(), other.changing():
+        studio.type("limits.speed", "0.08 m/s")
+    assert other.text == studio.text
+    assert other.figure("duration") == studio.figure("duration")
+    with studio.changing(), other.changing():
+        other.find("#undo").click()
+    assert "speed: 0.15 m/s" in studio.text
+    assert math.isclose(other.figure("duration"), studio.figure("duration"), abs_tol=0)
+
+
+def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
+    assert not let_loose(studio, 10.0, seed=1)

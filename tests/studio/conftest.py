@@ -1,0 +1,80 @@
+"""What the tests of the studio share: jobs as data, and the plane that they are drawn in."""
+
+from __future__ import annotations
+
+import copy
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from armcontour._yaml import load
+from armcontour.studio.preview import Planned, Previewer
+from armcontour.studio.view import View
+
+ROOT = Path(__file__).parents[2]
+PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")
+SQUARE = load(
+    """
+    name: square
+    arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
+    path:
+      points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
+      orientation: {axis: [0, 0, -1]}
+    limits: {speed: 0.25}
+    corners: {tolerance: 1 mm}
+    servo: {kp: 25, kv: 150}
+    runs: {fast: {}}
+    """,
+    "square",
+)
+
+
+class Flat:
+    """The plane of x and y."""
+
+    origin = np.array([0.01, 0.02, 0.0])
+    x = np.array([1.0, 0.0, 0.0])
+    y = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture
+def paper() -> dict[str, Any]:
+    return copy.deepcopy(PAPER)
+
+
+@pytest.fixture
+def square() -> dict[str, Any]:
+    return copy.deepcopy(SQUARE)
+
+
+@pytest.fixture(scope="session")
+def view() -> View:
+    return View(Flat(), np.array([0.3, 0.2]))
+
+
+@pytest.fixture
+def previewer() -> Previewer:
+    return Previewer(ROOT / "examples" / "drawings")
+
+
+@pytest.fixture(scope="session")
+def previewer_of_plans() -> Previewer:
+    """That of `plans`, which keeps their results."""
+    return Previewer(ROOT / "examples" / "drawings")
+
+
+@pytest.fixture(scope="session")
+def plans(previewer_of_plans: Previewer) -> dict[str, Planned]:
+    """Plans of the paper's job, by run."""
+    names = ("uncompensated", "proposed", "conventional", "optimal")
+    return {x: previewer_of_plans.plan(PAPER, x) for x in names}
+
+
+@pytest.fixture(scope="session")
+def gasket_plan(previewer_of_plans: Previewer) -> Planned:
+    """The plan of a drawing of several contours, with an arm in space."""
+    drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+    return previewer_of_plans.plan(SQUARE | {"path": drawing})

@@ -1,0 +1,120 @@
+"""What the page computes by itself, run by node: kinematics, and where a part was moved."""
+
+import json
+import shutil
+import subprocess
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+import armcontour.studio as studio
+from armcontour.frames import Frame
+from armcontour.studio.robot import arm_frame
+from armcontour.studio.wire import plain
+
+STATIC = FilePath(studio.__file__).parent / "static"
+
+
+def find_node():
+    """node, or the one that Playwright brings."""
+    found = shutil.which("node")
+    spec = find_spec("playwright")
+    if found is None and spec is not None and spec.origin is not None:
+        own = FilePath(spec.origin).parent / "driver" / "node"
+        found = str(own) if own.is_file() else None
+    return found
+
+
+NODE = find_node()
+pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
+
+
+def compute(script, given):
+    """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
+    start = f"const given = {json.dumps(plain(given))}, tell = x => console.log(JSON.stringify(x));"
+    done = subprocess.run(
+        [NODE, "--input-type=module", "-"],
+        input=start + script,
+        cwd=STATIC,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+class Bare:
+    """As much of a job as the frame of the arm needs."""
+
+    scene = None
+
+    def __init__(self, arm):
+        self.arm = arm
+
+
+def test_the_page_has_the_tool_where_the_library_has_it():
+    arms = [ac.load_arm(name) for name in ac.arm_names()]
+    work = Frame.rpy([0.3, -0.1, 0.2], [0.1, 0.2, 0.3])
+    tool = Frame.rpy([0.0, 0.02, 0.1], [0.0, 0.5, 0.0])
+    arms.append(ac.load_arm("ur5e").with_work(work).with_tool(tool))
+    random = np.random.default_rng(19)
+    postures = [random.uniform(-3.0, 3.0, (40, arm.dof)) for arm in arms]
+    headers = [arm_frame(Bare(arm)).header for arm in arms]
+    found = compute(
+        """
+        const { Chain, compose, poseOf } = await import("./kinematics.js");
+        tell(given.map(({ joints, tool, base, q }) => {
+          const chain = new Chain(joints, tool);
+          return q.map((x) => [...compose(poseOf(base), chain.toolOf(chain.links(x)))]);
+        }));
+        """,
+        [
+            {"q": q, **{name: header[name] for name in ("joints", "tool", "base")}}
+            for q, header in zip(postures, headers, strict=True)
+        ],
+    )
+    for arm, q, rows in zip(arms, postures, found, strict=True):
+        tools = np.array(rows).reshape(-1, 3, 4)
+        assert np.abs(tools[:, : arm.dimension, 3] - arm.forward(q)).max() < 1e-14
+        if arm.dimension == 3:
+            assert np.abs(tools[:, :, :3] - arm.pose(q)[1]).max() < 1e-14
+
+
+def turned(points, angle, by):
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return points @ rotation.T + by
+
+
+def picture(points):
+    """A picture of a path: single precision, relative to its centre."""
+    centre = points.mean(axis=0)
+    drawn = (points - centre).astype(np.float32)
+    return {"head": {"centre": centre}, "arrays": {"objective": drawn.ravel()}}
+
+
+def test_a_part_that_was_moved_finds_the_places_of_an_older_map():
+    random = np.random.default_rng(3)
+    path = random.uniform(-0.1, 0.1, (30, 2)) + [0.4, -0.2]
+    about, shift, angle = np.array([0.41, -0.17]), np.array([0.06, -0.02]), 0.7
+    now = turned(path, -2.5, [0.3, 0.2])
+    edit, other = compute(
+        """
+        const { movedSince, moveTo } = await import("./moved.js");
+        const moved = movedSince(given.before, given.now);
+        tell([moveTo(given.shift, moved, given.about), movedSince(given.before, given.bent)]);
+        """,
+        {
+            "before": picture(path),
+            "now": picture(now),
+            "bent": picture(np.vstack([path[:-1], path[-1] + [0.001, 0.0]])),
+            "shift": [*shift, angle],
+            "about": about,
+        },
+    )
+    placed = turned(now - edit["about"], edit["turn"], np.array(edit["about"]) + edit["by"])
+    assert np.abs(placed - turned(path - about, angle, about + shift)).max() < 1e-7
+    assert other is None

@@ -1,0 +1,191 @@
+"""The page: its files fit together, ask for nothing from elsewhere, and compute rightly."""
+
+import re
+import struct
+
+import numpy as np
+import pytest
+from tests.studio.test_arithmetic import NODE, STATIC, compute
+
+from armcontour.frames import Frame as Pose
+from armcontour.studio.picture import executed_frame
+from armcontour.studio.preview import Previewer
+from armcontour.studio.wire import Frame
+
+with_node = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
+OWN = {x.name: x.read_text() for x in sorted(STATIC.glob("*.*"))}
+MODULES = {name: text for name, text in OWN.items() if name.endswith(".js")}
+PAGE = OWN["index.html"]
+SLIDERS = [
+    {"min": 1e-5, "max": 2e-2, "log": True, "factor": 1e-3},
+    {"min": 1e-3, "max": 2.0, "log": True, "factor": 1.0},
+    {"min": 0.0, "max": 0.9, "log": False, "factor": 0.01},
+]
+
+
+def test_every_module_that_is_asked_for_is_there_and_every_other_one_too():
+    asked = {name: set(re.findall(r'from "\./([\w./]+)"', text)) for name, text in MODULES.items()}
+    used, rest = set(), ["app.js"]
+    while rest:
+        name = rest.pop()
+        used.add(name)
+        rest += [x for x in asked.get(name, ()) if x not in used]
+    own = {x for x in used if not x.startswith("vendor/")}
+    assert own == set(MODULES)
+    assert all((STATIC / x).is_file() for x in used)
+
+
+def test_the_page_asks_for_nothing_that_its_policy_forbids():
+    assert set(re.findall(r"<script[^>]*>(.*?)</script>", PAGE, re.DOTALL)) == {""}
+    assert not re.findall(r"<style|\sstyle=|\son\w+=", PAGE)
+    links = re.findall(r'(?:src|href)="([^"]+)"', PAGE)
+    assert all(x.startswith(("/static/", "#", "data:")) for x in links)
+    for name, text in OWN.items():
+        elsewhere = set(re.findall(r"https?://[^\s\"'`)]+", text)) - {"http://www.w3.org/2000/svg"}
+        assert not elsewhere, name
+        assert not re.findall(r"innerHTML|outerHTML|insertAdjacentHTML|\beval\(", text), name
+
+
+def test_what_modules_look_for_is_on_the_page():
+    there = set(re.findall(r'\sid="([\w-]+)"', PAGE + "".join(MODULES.values())))
+    there |= set(re.findall(r'\bid: "([\w-]+)"', "".join(MODULES.values())))
+    for name, text in MODULES.items():
+        wanted = set(re.findall(r'find\("#([\w-]+)"', text))
+        assert wanted <= there, name
+
+
+@with_node
+def test_the_page_reads_the_frames_that_the_server_writes():
+    random = np.random.default_rng(3)
+    arrays = {
+        "path": random.normal(size=(5, 2)).astype(np.float32),
+        "binding": np.array([0, 255, 3], dtype=np.uint8),
+        "q": random.normal(size=(2, 3)),
+        "breaks": np.array([1, 70000], dtype=np.uint32),
+        "none": np.empty((0, 2), dtype=np.float32),
+    }
+    head = {"seq": 7, "rev": 2, "sentence": "a μ of 1° — „done“"}
+    data = Frame("picture", head, arrays).pack()
+    assert struct.unpack_from("<I", data)[0] > 0
+    found = compute(
+        """
+        const { unpack } = await import("./wire.js");
+        const frame = unpack(new Uint8Array(given).buffer);
+        const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
+        tell({ ...frame, arrays: Object.fromEntries(arrays) });
+        """,
+        list(data),
+    )
+    assert (found["kind"], found["seq"], found["rev"]) == ("picture", 7, 2)
+    assert found["head"]["sentence"] == head["sentence"]
+    for name, values in arrays.items():
+        assert found["shapes"][name] == list(values.shape)
+        assert found["arrays"][name] == values.ravel().astype(float).tolist()
+
+
+def test_lines_of_executions_break_between_contours(paper, view, tmp_path):
+    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
+    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
+    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
+    (tmp_path / "two.svg").write_text(drawing)
+    previewer = Previewer(tmp_path)
+    executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
+    arrays = executed_frame(executed, view).arrays
+    steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
+    assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
+
+
+@with_node
+def test_no_older_frame_is_shown_after_a_newer_one():
+    orders = [(1, 5), (1, 4), (1, 6), (0, 9), (2, 6), (2, None), (1, 8), (2, 7)]
+    found = compute(
+        """
+        const { Store } = await import("./state.js");
+        const store = new Store(), shown = [], rest = { arrays: {}, shapes: {}, asked: 0 };
+        store.on("picture", (x) => shown.push([x.rev, x.seq]));
+        for (const [rev, seq] of given) {
+          store.put({ kind: "picture", rev, seq, head: { of: "live" }, ...rest });
+        }
+        tell(shown);
+        """,
+        orders,
+    )
+    assert found == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
+
+
+@with_node
+def test_a_refusal_stays_until_a_path_is_had_again():
+    kinds = [("picture", 1, 1), ("refusal", 2, 1), ("executed", 2, 1), ("picture", 3, 1)]
+    found = compute(
+        """
+        const { Store } = await import("./state.js");
+        const store = new Store(), rest = { arrays: {}, shapes: {}, asked: 0 };
+        tell(given.map(([kind, seq, tier]) => {
+          store.put({ kind, rev: 1, seq, head: { of: "live", tier }, ...rest });
+          return [store.refusal !== null, store.isCurrent(store.latest("picture"))];
+        }));
+        """,
+        kinds,
+    )
+    assert found == [[False, True], [True, False], [True, False], [False, True]]
+
+
+@with_node
+def test_sliders_give_their_ends_and_come_back_to_where_they_were():
+    found = compute(
+        """
+        const { positionOf, valueAt } = await import("./scales.js");
+        const positions = [0, 1, 333, 500, 999, 1000];
+        tell(given.map((x) => positions.map((k) => [valueAt(x, k), positionOf(x, valueAt(x, k))])));
+        """,
+        SLIDERS,
+    )
+    for slider, rows in zip(SLIDERS, found, strict=True):
+        values = [x for x, _ in rows]
+        assert values == sorted(values)
+        assert values[0] == pytest.approx(slider["min"]) and values[-1] == slider["max"]
+        # Three digits of a logarithmic scale are finer than its positions.
+        assert [k for _, k in rows] == pytest.approx([0, 1, 333, 500, 999, 1000], abs=1)
+
+
+@with_node
+def test_zooming_keeps_the_place_under_the_pointer_and_fitting_shows_all():
+    found = compute(
+        """
+        const { Viewport, boxOf } = await import("./viewport.js");
+        const view = new Viewport();
+        view.resize({ width: 800, height: 500 });
+        view.fit(boxOf(new Float32Array(given.points.flat())));
+        const corners = given.points.map((x) => view.toScreen(x));
+        const before = view.toPlane(given.at);
+        view.zoom(3.7, given.at);
+        const back = view.toScreen(view.toPlane([13, 77]));
+        tell({ corners, before, after: view.toPlane(given.at), back });
+        """,
+        {"points": [[-0.1, -0.05], [0.3, 0.15]], "at": [211, 47]},
+    )
+    assert found["after"] == pytest.approx(found["before"], abs=1e-12)
+    assert found["back"] == pytest.approx([13, 77])
+    for x, y in found["corners"]:
+        assert 0 < x < 800 and 0 < y < 500
+
+
+@with_node
+def test_obstacles_are_drawn_where_their_corners_are():
+    random = np.random.default_rng(7)
+    turn, at, size = random.uniform(-3, 3, 3), random.normal(size=3), random.uniform(0.1, 1, 3)
+    plane = {"origin": [0.1, 0.2, 0.0], "x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
+    box = {"kind": "boxes", "index": 0, "at": at, "rpy": turn, "size": size}
+    outline = compute(
+        'const { outlineOf } = await import("./footprint.js"); tell(outlineOf(...given));',
+        [box, plane],
+    )
+    signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
+    corners = at + (signs * size) @ Pose.rpy([0, 0, 0], turn).rotation.T
+    seen = corners[:, :2] - plane["origin"][:2]
+    hull = np.array(outline)
+    # Every corner of the outline is one of the box, and no corner of the box is outside of it.
+    assert np.linalg.norm(hull[:, None] - seen, axis=2).min(axis=1).max() < 1e-12
+    sides = np.roll(hull, -1, axis=0) - hull
+    away = seen[:, None] - hull
+    assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12

@@ -1,0 +1,266 @@
+"""Results as frames for the screen."""
+
+import numpy as np
+import pytest
+
+from armcontour.errors import ArmContourError, Collision, ExecutionError, Unreachable
+from armcontour.evaluation import check, evaluate
+from armcontour.studio.line import NOTHING
+from armcontour.studio.picture import (
+    MOST_POINTS,
+    drawing_frame,
+    executed_frame,
+    picture_frame,
+    refusal_header,
+)
+from armcontour.studio.preview import Previewer
+from armcontour.studio.wire import Frame
+
+
+def packed(frame):
+    """What the page gets."""
+    return Frame.unpack(frame.pack())
+
+
+def uv(view, points):
+    """Points in the plane by hand: this one is that of x and y."""
+    return points[..., :2] - view.plane.origin[:2]
+
+
+@pytest.fixture(scope="module")
+def shown(plans, view):
+    return plans["optimal"], packed(picture_frame(plans["optimal"], view, seq=5, rev=6))
+
+
+@pytest.fixture(scope="module")
+def done(previewer_of_plans, plans, view):
+    executed = previewer_of_plans.execute(plans["uncompensated"])
+    return executed, packed(executed_frame(executed, view))
+
+
+@pytest.fixture(scope="module")
+def gasket(gasket_plan, view):
+    return gasket_plan, packed(picture_frame(gasket_plan, view))
+
+
+class TestPicture:
+    def test_points_are_on_the_path_with_their_times_and_speeds(self, shown, view):
+        planned, frame = shown
+        s, a = frame.arrays["path_s"].astype(float), frame.arrays
+        path, trajectory = planned.path.path, planned.trajectory
+        inside = np.clip(s, 0, path.length)
+        np.testing.assert_allclose(
+            a["path"] + view.centre, uv(view, path(inside)), rtol=0, atol=1e-7
+        )
+        np.testing.assert_allclose(a["xyz"][:, :2], path(inside), rtol=0, atol=1e-7)
+        # Near rests, small differences of s are large ones of t.
+        times = np.clip(a["path_t"].astype(float), 0, trajectory.duration)
+        np.testing.assert_allclose(trajectory.s(times), inside, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(a["speed"], trajectory.speed_at(inside), rtol=0, atol=2e-4)
+        assert (a["assigned"] == np.float32(0.15)).all()
+        assert frame.header["duration"] == trajectory.duration
+        assert (frame.header["seq"], frame.header["rev"]) == (5, 6)
+        assert frame.header["plane"]["flat"] is True
+
+    def test_colours_are_what_explain_says(self, shown):
+        planned, frame = shown
+        bindings = planned.explanation.bindings
+        random = np.random.default_rng(3).uniform(0, planned.path.length, 200)
+        a, names = frame.arrays, [x["name"] for x in frame.header["limits"]]
+        drawn = a["path_s"].astype(float)
+        # Not where 32 bits cannot tell on which side of a change a place is.
+        edges = np.array([x.s[0] for x in bindings])
+        near = np.abs(random[:, None] - edges).min(axis=1) < 1e-6
+        assert near.sum() < 20
+        for s in random[~near]:
+            (why,) = (x.name for x in bindings if x.s[0] <= s < x.s[1])
+            k = a["binding"][np.searchsorted(drawn, s, side="right") - 1]
+            assert (names[k] if k != NOTHING else "nothing") == why
+
+    def test_kinds_group_the_limits(self, shown):
+        _, frame = shown
+        kinds = {x["name"]: x["kind"] for x in frame.header["limits"]}
+        assert kinds["joint 2 acceleration"] == "acceleration"
+        assert kinds["assigned velocity"] == "speed"
+        assert sum(x["time"] for x in frame.header["shares"]) == pytest.approx(
+            frame.header["duration"], rel=1e-9
+        )
+
+    def test_charts_have_the_shares_of_the_limits(self, shown):
+        planned, frame = shown
+        a, limits = frame.arrays, planned.run.limits
+        assert (np.diff(a["t"]) >= 0).all() and a["t"][0] == 0
+        assert a["q"].dtype == np.float64
+        found = check(planned.trajectory, planned.job.arm, limits)["joint_acceleration"]
+        assert np.abs(a["usage_a"]).max() == pytest.approx(found.ratio, abs=1e-3)
+        middle = len(a["t"]) // 2
+        np.testing.assert_allclose(
+            a["q"][middle], planned.trajectory(float(a["t"][middle])), rtol=0, atol=1e-5
+        )
+        low = a["usage_a"].min(axis=0)
+        assert (low < 0).all()
+
+    def test_corners_can_be_grabbed(self, shown, view):
+        planned, frame = shown
+        corners = frame.header["corners"]
+        assert [x["vertex"] for x in corners] == [1, 2]
+        for x, point in zip(corners, planned.objective.path.vertices[1:3], strict=True):
+            np.testing.assert_allclose(x["corner"], uv(view, point), atol=1e-12)
+            gap = np.linalg.norm(np.subtract(x["apex"], x["corner"]))
+            assert gap == pytest.approx(x["error"], rel=1e-9)
+            assert x["allowed"] == pytest.approx(5e-3)
+
+    def test_shortfalls_are_where_the_tool_is_slow(self, shown, view):
+        planned, frame = shown
+        assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
+        for x in frame.header["shortfalls"]:
+            point = planned.path.path(x["s"])
+            np.testing.assert_allclose(x["uv"], uv(view, point), atol=1e-12)
+            assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
+
+    @pytest.mark.parametrize("name", ["proposed", "conventional"])
+    def test_other_methods_have_no_colours_and_say_so(self, plans, view, name):
+        frame = packed(picture_frame(plans[name], view))
+        assert (frame.arrays["binding"] == NOTHING).all()
+        assert not frame.header["limits"] and not frame.header["shares"]
+        method = plans[name].run.timing
+        assert any(
+            x.startswith(f"plans of the method {method} have no") for x in frame.header["notes"]
+        )
+        assert len(frame.arrays["t"]) >= 200
+
+
+class TestExecution:
+    def test_errors_are_those_of_an_evaluation(self, done):
+        executed, frame = done
+        e = evaluate(executed.execution, executed.planned.path).contour_error
+        assert frame.header["rms"] == pytest.approx(e.rms, rel=1e-12)
+        assert frame.header["max"] == pytest.approx(e.max, rel=1e-12)
+        assert frame.header["max_at"]["t"] == pytest.approx(e.t_max)
+        assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
+        assert frame.header["settled"] == executed.settled
+
+    def test_offsets_lead_from_the_path_to_the_tool(self, done, view):
+        executed, frame = done
+        a, path = frame.arrays, executed.planned.path.path
+        tool = a["xyz"][:, :2].astype(float)
+        found = a["base"] + view.centre + a["offset"]
+        np.testing.assert_allclose(found, uv(view, tool), rtol=0, atol=2e-7)
+        np.testing.assert_allclose(
+            np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
+        )
+        base = a["base"] + view.centre + view.plane.origin[:2]
+        assert path.project(base.astype(float)).distance.max() < 1e-7
+        # Small errors have as many digits as large ones.
+        t = a["t"].astype(float)
+        k = int(np.argmin(np.where((t > 1) & (t < 4), a["error"], 1)))
+        exact = executed.pieces[0].found.distance[np.abs(executed.execution.t - t[k]).argmin()]
+        assert a["error"][k] == pytest.approx(exact, rel=1e-4)
+
+    def test_demand_is_a_share_of_the_limits(self, done):
+        executed, frame = done
+        e = evaluate(executed.execution, executed.planned.path)
+        np.testing.assert_allclose(frame.header["demand"], e.demand_ratio, rtol=1e-12)
+        assert np.abs(frame.arrays["demand"]).max() <= e.demand_ratio.max() * (1 + 1e-6)
+
+
+class TestPrograms:
+    def test_contours_are_parts_of_the_arrays(self, gasket, view):
+        planned, frame = gasket
+        contours, a = frame.header["contours"], frame.arrays
+        assert len(contours) == len(planned.path.contours)
+        assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
+        for x, contour in zip(contours, planned.path.contours, strict=True):
+            own = a["path"][x["from"] : x["to"]] + view.centre
+            np.testing.assert_allclose(own[0], uv(view, contour.path(0.0)), atol=1e-7)
+            np.testing.assert_allclose(
+                own[-1], uv(view, contour.path(contour.path.length)), atol=1e-7
+            )
+            assert x["name"] == contour.name
+        breaks = a["objective_breaks"]
+        assert len(breaks) == len(contours) + 1 and breaks[-1] == len(a["objective"])
+
+    def test_colours_are_those_of_every_contour(self, gasket):
+        planned, frame = gasket
+        names = [x["name"] for x in frame.header["limits"]]
+        a = frame.arrays
+        for x, span in zip(frame.header["contours"], planned.trajectory.contour_spans, strict=True):
+            own = a["binding"][x["from"] : x["to"] - 1]
+            told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
+            assert {names[k] if k != NOTHING else "nothing" for k in own} == told
+
+    def test_rapids_lead_from_contour_to_contour(self, gasket):
+        planned, frame = gasket
+        a = frame.arrays
+        count = sum(x.kind == "rapid" for x in planned.trajectory.spans)
+        assert len(a["rapid_breaks"]) == count + 1
+        rapids = np.split(a["rapid_xyz"], a["rapid_breaks"][1:-1])
+        for rapid, before, after in zip(
+            rapids, planned.path.contours, planned.path.contours[1:], strict=False
+        ):
+            np.testing.assert_allclose(rapid[0], before.path(before.path.length), atol=1e-6)
+            np.testing.assert_allclose(rapid[-1], after.path(0.0), atol=1e-6)
+
+    def test_torque_is_shown_where_it_is_limited(self, gasket):
+        planned, frame = gasket
+        limits = planned.run.limits
+        assert ("usage_torque" in frame.arrays) == (limits.joint_torque is not None)
+
+
+def zigzag(count):
+    """A path of many lines."""
+    k = np.arange(count + 1)
+    points = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)
+    return points.tolist()
+
+
+class TestLongPrograms:
+    def test_they_are_drawn_before_they_are_planned(self, paper, view):
+        previewer = Previewer()
+        path = {"points": zigzag(30_000)}
+        data = paper | {"path": path}
+        assert previewer.is_long(data) and not previewer.is_long(paper)
+        frame = packed(drawing_frame(previewer.drawn(data), view))
+        points = frame.arrays["objective"]
+        assert 1000 < len(points) <= MOST_POINTS * 1.01
+        assert frame.header["duration"] is None and frame.header["planned"] is False
+        given = uv(view, np.array(path["points"]))
+        for extreme in (np.min, np.max):
+            np.testing.assert_allclose(
+                extreme(points + view.centre, axis=0), extreme(given, axis=0), atol=1e-7
+            )
+
+
+class TestRefusals:
+    def test_a_place_out_of_reach_is_where_it_is(self, paper, view):
+        path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
+        with pytest.raises(Unreachable) as caught:
+            Previewer().plan(paper | {"path": path}, "optimal")
+        error = caught.value
+        waypoints = uv(view, np.array(path["points"]))
+        told = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
+        assert told["sentence"] == str(error) and told["exit"] == 3
+        assert (told["error"], told["tier"], told["run"]) == ("Unreachable", 1, "optimal")
+        np.testing.assert_allclose(told["at"]["uv"], uv(view, np.array(error.point)))
+        packed(Frame("refusal", told))
+
+    def test_a_waypoint_is_named_where_the_error_is_at_one(self, view):
+        error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
+        waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
+        told = refusal_header(error, view, tier=1, waypoints=waypoints)
+        assert told["at"]["waypoint"] == 1
+        assert (told["at"]["s"], told["at"]["joint"]) == (0.3, 2)
+        away = refusal_header(error, view, tier=1, waypoints=waypoints[:1])
+        assert "waypoint" not in away["at"]
+
+    def test_a_time_has_the_place_of_the_plan(self, plans, view):
+        planned = plans["optimal"]
+        error = ExecutionError("It did not rest.", t=2.0, joint=1)
+        told = refusal_header(error, view, tier=2, planned=planned)
+        tool = planned.job.arm.forward(planned.trajectory(2.0))
+        np.testing.assert_allclose(told["at"]["uv"], uv(view, tool))
+
+    def test_errors_without_a_place_have_none(self, view):
+        told = refusal_header(Collision("Somewhere."), view, tier=3)
+        assert told["at"] == {} and told["exit"] == 8
+        assert issubclass(Collision, ArmContourError)

@@ -1,0 +1,160 @@
+"""Plans and executions while a person edits."""
+
+import copy
+
+import numpy as np
+import pytest
+import yaml
+
+from armcontour.errors import InvalidInput, Unreachable
+from armcontour.io import parse_job
+from armcontour.jobs import run
+from armcontour.studio import preview
+from armcontour.studio.preview import ARCS, CONFIGURATION
+
+
+def whole(data, name, period):
+    """The result of a full run with another command interval."""
+    data = copy.deepcopy(data)
+    data["runs"] = {name: data["runs"][name]}
+    data["runs"][name]["command_interval"] = period
+    for key in ("experiment", "published"):
+        data.pop(key, None)
+    return run(parse_job(yaml.safe_dump(data))).runs[name]
+
+
+class TestResults:
+    @pytest.mark.parametrize("name", ["optimal", "proposed"])
+    def test_they_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
+        planned = previewer.plan(paper, name)
+        executed = previewer.execute(planned)
+        found = whole(paper, name, 4e-3)
+        assert planned.trajectory.duration == pytest.approx(found.trajectory.duration, abs=1e-12)
+        assert executed.settled == found.evaluation.settled
+        assert executed.errors.rms == pytest.approx(found.evaluation.contour_error.rms, rel=1e-12)
+        assert executed.errors.max == pytest.approx(found.evaluation.contour_error.max, rel=1e-12)
+        bindings = None if found.explanation is None else found.explanation.bindings
+        assert bindings == (planned.explanation and planned.explanation.bindings)
+
+    def test_errors_end_where_the_run_says(self, previewer, paper):
+        executed = previewer.execute(previewer.plan(paper, "conventional"))
+        assert executed.errors.t[-1] == 12.06
+
+    def test_experiments_are_left_out(self, previewer, paper):
+        assert previewer.job(paper, "optimal").runs[0].experiment is None
+
+    @pytest.mark.parametrize("experiment", [None, {}, {"gravity_feedforward": False}, {"runs": []}])
+    def test_set_points_are_made_as_for_the_experiment(self, previewer, paper, experiment):
+        paper["experiment"] = experiment
+        name = "inverse-dynamics"
+        (own,) = (x for x in parse_job(yaml.safe_dump(paper)).runs if x.name == name)
+        (found,) = previewer.job(paper, name).runs
+        assert found.compensation_options == own.compensation_options
+
+    def test_files_are_relative_to_the_folder(self, previewer, paper):
+        paper["path"] = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
+        assert len(previewer.drawn(paper).contours) > 3
+
+    def test_an_unknown_run_is_refused(self, previewer, paper):
+        with pytest.raises(InvalidInput, match="has no run other: it has conventional, uncomp"):
+            previewer.plan(paper, "other")
+
+
+class TestWhatIsDoneAgain:
+    def test_gains_change_only_what_comes_after_the_plan(self, previewer, paper):
+        first = previewer.execute(previewer.plan(paper, "optimal"))
+        paper = paper | {"servo": {"kp": 20, "kv": 150}}
+        planned = previewer.plan(paper, "optimal")
+        assert set(planned.seconds) == {"keys", "job"}
+        assert planned.trajectory is first.planned.trajectory
+        executed = previewer.execute(planned)
+        assert set(executed.seconds) == {"compensation", "execution", "evaluation"}
+        assert executed.errors.rms != first.errors.rms
+
+    def test_a_limit_of_speed_changes_no_joint_path(self, previewer, paper):
+        first = previewer.plan(paper, "optimal")
+        paper = paper | {"limits": paper["limits"] | {"speed": "0.1 m/s"}}
+        second = previewer.plan(paper, "optimal")
+        assert set(second.seconds) == {"keys", "job", "timing", "explanation"}
+        assert second.traced is first.traced
+        assert second.trajectory.duration > first.trajectory.duration
+
+    def test_a_waypoint_changes_all_but_the_arm(self, previewer, paper):
+        previewer.plan(paper, "optimal")
+        path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
+        assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
+
+    def test_a_drawing_that_is_moved_is_not_read_again(self, previewer, paper):
+        def moved(x):
+            frame = {"position": [f"{x} mm", "200 mm", "0 mm"]}
+            return previewer.drawn(paper | {"path": {"file": "gasket.dxf", "frame": frame}})
+
+        first = moved(350)
+        assert previewer._kept.seconds.keys() >= {"drawing", "path"}
+        previewer._kept.seconds.clear()
+        second = moved(360)
+        assert "drawing" not in previewer._kept.seconds
+        shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
+        np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
+
+    def test_what_was_looked_at_before_is_there(self, previewer, paper):
+        for name in ("optimal", "proposed"):
+            previewer.execute(previewer.plan(paper, name))
+        planned = previewer.plan(paper, "optimal")
+        assert not planned.seconds and not previewer.execute(planned).seconds
+
+    def test_nothing_is_kept_after_files_have_changed(self, previewer, paper):
+        previewer.plan(paper, "optimal")
+        previewer.forget()
+        assert "arm" in previewer.plan(paper, "optimal").seconds
+
+
+class TestDifferences:
+    def test_set_points_are_farther_apart(self, previewer, paper):
+        planned = previewer.plan(paper, "optimal")
+        assert planned.run.period == 4e-3
+        assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
+        assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
+
+    def test_gains_that_need_short_intervals_have_them(self, previewer, paper):
+        paper["servo"] = {"kp": 25, "kv": 300_000}
+        assert previewer.plan(paper, "optimal").run.period == 0.2e-3
+
+    def test_free_shapes_are_arcs(self, previewer, paper):
+        planned = previewer.plan(paper, "shaped")
+        assert ARCS in planned.differs
+        assert planned.path.path.corners.error.max() == pytest.approx(5e-3)
+
+    def test_the_arm_stays_in_its_configuration(self, previewer, square):
+        first = previewer.plan(square)
+        assert CONFIGURATION not in first.differs
+        square = square | {"limits": {"speed": 0.1}}
+        second = previewer.plan(square)
+        assert CONFIGURATION in second.differs
+        np.testing.assert_allclose(second.start, first.start, atol=1e-9)
+        # A full run may take another one; previews stay there from then on.
+        other = first.start + [0, 0, 0, 0, 0, np.pi / 2]
+        previewer.keep_start(previewer.job(square), other)
+        third = previewer.plan(square)
+        assert abs(third.start - first.start).max() > 1
+
+    def test_a_configuration_that_does_not_reach_is_left(self, previewer, square, monkeypatch):
+        first = previewer.plan(square)
+        trace_run = preview.trace_run
+
+        def refuse_start(job, *given):
+            if job.start is not None:
+                raise Unreachable("Not in this configuration.")
+            return trace_run(job, *given)
+
+        monkeypatch.setattr(preview, "trace_run", refuse_start)
+        path = square["path"] | {"frame": {"position": [0.01, 0, 0]}}
+        second = previewer.plan(square | {"path": path})
+        assert CONFIGURATION not in second.differs
+        assert second.trajectory.duration != first.trajectory.duration
+
+    def test_what_no_configuration_reaches_is_refused(self, previewer, square):
+        previewer.plan(square)
+        path = square["path"] | {"points": [[0, 0, 0], [2, 0, 0]]}
+        with pytest.raises(Unreachable, match="Run fast: "):
+            previewer.plan(square | {"path": path})

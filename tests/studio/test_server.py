@@ -1,0 +1,154 @@
+"""The server's start and end, and what it gives."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.studio.serving import JOB, running
+
+from armcontour.errors import InvalidInput
+from armcontour.studio import server
+from armcontour.studio.server import Tab, listen, require_server, serve
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("studio") / "job.yaml"
+    place.write_text(JOB)
+    return place
+
+
+def test_a_page_talks_with_the_session(file: Path) -> None:
+    with running(file) as studio, studio.page() as page, studio.page() as other:
+        assert page.hear("document").header["name"] == "small"
+        other.hear("executed")
+        page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
+        assert other.hear("document").header["undo_label"] == "set tolerance"
+        assert studio.desk.session is not None
+        number = studio.desk.session.keep_file("a b.html", "text/html", b"x")
+        status, headers, body = studio.request("GET", f"/files/{number}")
+        assert (status, body) == (200, b"x")
+        assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"
+        status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
+        assert (status, told) == (200, "")
+        assert other.hear("document").header["path"]["kind"] == "file"
+
+
+def test_a_page_that_comes_while_it_starts_waits(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tests.studio import serving
+
+    started, go_on = threading.Event(), threading.Event()
+
+    def slowly(*args: Any, say: Any, **how: Any) -> Any:
+        from armcontour.studio.opening import open_session
+
+        session = open_session(*args, say=say, **how)
+        started.set()
+        go_on.wait(20)
+        return session
+
+    monkeypatch.setattr(serving, "open_session", slowly)
+    with running(file) as studio:
+        assert started.wait(20)
+        with studio.page() as page:
+            progress = page.hear("progress").header
+            assert progress["id"] == "start" and progress["steps"]
+            assert studio.upload("a.csv", b"1")[0] == 503
+            go_on.set()
+            assert page.hear("document").header["rev"] == 1
+
+
+def test_the_end_after_the_last_page(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.studio.serving import NoLane, Running
+
+    from armcontour.studio.opening import open_session
+
+    monkeypatch.setattr(server, "CLOSED_FOR", 0.1)
+    found: list[Any] = []
+
+    def work() -> None:
+        serve(
+            lambda say: open_session(file, say=say, slow=NoLane),
+            announce=found.append,
+            opened=found.append,
+            exit_when_closed=True,
+        )
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    while len(found) < 2:
+        thread.join(0.01)
+    thread.join(0.5)
+    assert thread.is_alive(), "no page was open yet"
+    with Running(*found).page() as page:
+        page.hear("document")
+        thread.join(0.5)
+        assert thread.is_alive()
+    thread.join(20)
+    assert not thread.is_alive()
+
+
+def test_what_cannot_be_opened_ends_the_server(tmp_path: Path) -> None:
+    from armcontour.studio.opening import open_session
+
+    (tmp_path / "job.yaml").write_text("[")
+    with pytest.raises(InvalidInput, match="job.yaml"):
+        serve(lambda say: open_session(tmp_path / "job.yaml"), announce=lambda address: None)
+
+
+def test_a_port_that_is_taken() -> None:
+    with listen(0) as taken:
+        assert taken.getsockname()[0] == "127.0.0.1"
+        with pytest.raises(InvalidInput, match="Port .* cannot be used.*--port"):
+            listen(taken.getsockname()[1])
+
+
+def test_missing_libraries_are_named_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "NEEDED", ("uvicorn", "no_such_library"))
+    with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
+        require_server()
+
+
+def test_a_page_that_reads_slowly_gets_the_newest() -> None:
+    async def talk() -> list[bytes]:
+        tab, sent = Tab(), list[bytes]()
+        for k in range(100):
+            tab.send(b"%d" % k, "picture")
+        tab.send(b"notice")
+        tab.send(b"again", "picture")
+
+        async def send(message: Any) -> None:
+            sent.append(message["bytes"])
+
+        writing = asyncio.create_task(tab.write(send))
+        while len(sent) < 2:
+            await asyncio.sleep(0)
+        writing.cancel()
+        return sent
+
+    assert asyncio.run(talk()) == [b"notice", b"again"]
+
+
+def test_a_page_that_never_reads_is_let_go() -> None:
+    async def talk() -> None:
+        tab = Tab()
+        for _ in range(server.MOST_WAITING + 1):
+            tab.send(b"")
+        await tab.write(lambda message: asyncio.sleep(0))
+
+    asyncio.run(asyncio.wait_for(talk(), 20))
+
+
+def test_a_connection_that_says_nothing_costs_nothing(file: Path) -> None:
+    with running(file) as studio:
+        idle = [socket.create_connection(("127.0.0.1", studio.port)) for _ in range(20)]
+        assert studio.request("GET", "/")[0] == 200
+        for x in idle:
+            x.close()
