@@ -11,6 +11,7 @@ import pytest
 
 import armcontour as ac
 from armcontour._processes import (
+    STARTS,
     ProcessEnded,
     ProcessPool,
     Worker,
@@ -190,6 +191,32 @@ def test_a_process_of_a_pool_that_ends_costs_its_work_only():
             found[1].result()
         assert (found[0].result(), found[2].result()) == (1, 2)
         assert 0 <= caught.value.after < 60
+
+
+def preparing(tmp_path, ends):
+    """Work whose first so many processes end before they are ready."""
+    file = str(tmp_path / "starts")
+    begin = f"open({file!r}, 'a').write('x')"
+    # A partial with an attribute stays as it is in another partial.
+    work = partial(eval)
+    work.prepare = partial(
+        eval,
+        f"{begin} and __import__('os').path.getsize({file!r}) <= {ends} "
+        "and __import__('os')._exit(9)",
+    )
+    return work
+
+
+def test_a_process_that_ends_before_it_is_ready_costs_no_work(tmp_path):
+    with ProcessPool(1) as pool:
+        assert pool.submit(preparing(tmp_path, 2), "6 * 7").result() == 42
+    assert (tmp_path / "starts").stat().st_size == 3
+
+
+def test_processes_are_not_started_for_ever(tmp_path):
+    with ProcessPool(1) as pool, pytest.raises(ProcessEnded):
+        pool.submit(preparing(tmp_path, 99), "6 * 7").result()
+    assert (tmp_path / "starts").stat().st_size == STARTS
 
 
 def test_a_pool_works_here_where_no_process_can_start(monkeypatch):

@@ -38,6 +38,8 @@ CHUNKS = 32
 ALONE = 1.0
 # Largest number of others that work ahead; each takes about as much memory as this process.
 MOST_AHEAD = 7
+# So many processes of a pool may end one after the other before they are ready for work.
+STARTS = 5
 # Every process computes in one thread.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -245,8 +247,10 @@ class ProcessPool(Executor):
     """Other processes that do one piece of work after the other.
 
     A process that ends costs what it was working on: that raises `ProcessEnded`, and another
-    process takes its place. Other errors of the work come as a RuntimeError with their text. Where
-    no process can be started, threads of this one work.
+    process takes its place. Work with a method `prepare`, which is called in each process before
+    its first piece, is not lost if the process ends in that: another one is started, up to STARTS
+    times. Other errors of the work come as a RuntimeError with their text. Where no process can be
+    started, threads of this one work.
 
     Args:
         processes: Number of processes; by default that of processors.
@@ -254,7 +258,7 @@ class ProcessPool(Executor):
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
-        self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
+        self._given = SimpleQueue[tuple[Future[Any], partial[Any]] | None]()
         self._lock, self._open = Lock(), True
         # A program may end without these threads, and then their processes end too.
         self._threads = [
@@ -300,12 +304,10 @@ class ProcessPool(Executor):
                     future.set_result(work())
                     continue
                 if child is None:
-                    child = _start()
-                    assert child.stdin is not None
-                    _send(child.stdin, _call)
+                    child = _prepared(work.func)
+                    begin = time.monotonic()
                 assert child.stdin is not None and child.stdout is not None
-                # As bytes in bytes: what the other process cannot unpack is an error of the work.
-                _send(child.stdin, pickle.dumps(work))
+                _send(child.stdin, work)
                 future.set_result(_receive(child.stdout))
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
@@ -371,9 +373,36 @@ def tell(value: Any) -> None:
         _write(_Serving.answers, pickle.dumps((None, value)))
 
 
-def _call(work: bytes) -> Any:
+def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
+    """A process of a pool that is ready for some work.
+
+    Raises:
+        ProcessEnded: So many processes have ended before they were ready.
+    """
+    for left in reversed(range(STARTS)):
+        child = _start()
+        assert child.stdin is not None and child.stdout is not None
+        try:
+            _send(child.stdin, _call)
+            _send(child.stdin, getattr(work, "prepare", _nothing))
+            _receive(child.stdout)
+        except BaseException as error:
+            child.kill()
+            _end(child)
+            if not isinstance(error, ProcessEnded) or not left:
+                raise
+        else:
+            break
+    return child
+
+
+def _nothing() -> None:
+    """What work without a method `prepare` does before its first piece."""
+
+
+def _call(work: Callable[[], Any]) -> Any:
     """Do a piece of work of a pool."""
-    return pickle.loads(work)()
+    return work()
 
 
 class _Team(Generic[T, R]):
@@ -463,17 +492,17 @@ class _Team(Generic[T, R]):
             found = []
             try:
                 if not sent:
-                    _send(child.stdin, _Unpacked(pack(self.work)))
+                    _send(child.stdin, self.work)
                     sent = True
-                _send(child.stdin, pack(self.items[k]))
+                _send(child.stdin, self.items[k])
                 found = [_receive(child.stdout)]
             except Exception:  # Also what pickle raises, which is anything.
                 pass
             self._add(k, found)
 
 
-class _Unpacked:
-    """Work on items that come packed, and that is packed itself.
+class _Several:
+    """Work on several items together, for executors; arrays are read-only as in own processes.
 
     Args:
         packed: The work.
@@ -487,17 +516,9 @@ class _Unpacked:
         """The work itself."""
         return cast(Callable[[Any], Any], unpack(self.packed))
 
-    def __call__(self, item: Packed) -> Any:
-        """Do the work on an item."""
-        return self.work(unpack(item))
-
-
-class _Several(_Unpacked):
-    """Work on several items that come packed together."""
-
-    def __call__(self, item: Packed) -> list[Any]:
+    def __call__(self, items: Packed) -> list[Any]:
         """Do the work on each of the items."""
-        return [self.work(x) for x in unpack(item)]
+        return [self.work(x) for x in unpack(items)]
 
 
 def pack(value: Any) -> Packed:
@@ -525,11 +546,13 @@ def serve() -> None:
     # What libraries print is no answer.
     os.dup2(2, 1)
     try:
-        work = pickle.load(sys.stdin.buffer)
+        packed, work = pickle.load(sys.stdin.buffer), None
         while True:
             item = pickle.load(sys.stdin.buffer)
             try:
-                answer = pickle.dumps((True, work(item)))
+                if work is None:
+                    work = unpack(packed)
+                answer = pickle.dumps((True, work(unpack(item))))
             except Exception as error:
                 answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
             _write(answers, answer)
@@ -583,12 +606,12 @@ def _each(left: Iterator[T], lock: Lock) -> Iterator[T]:
 
 
 def _send(pipe: IO[bytes], value: Any) -> None:
-    """Write a value to a pipe.
+    """Write a value to a pipe, with arrays that are read-only at its other end.
 
     Raises:
         ProcessEnded: The other process has ended.
     """
-    _write(pipe, pickle.dumps(value))
+    _write(pipe, pickle.dumps(pack(value)))
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:
