@@ -56,6 +56,21 @@ def test_who_wants_to_hears_what_is_compiled(monkeypatch):
     assert names == ["armcontour.program._inside.winding"]
 
 
+def test_a_number_in_a_call_is_no_type_of_its_own():
+    @compiled(inner=True)
+    def twice(i: int) -> int:
+        return 2 * i
+
+    @compiled()
+    def both(i: int) -> int:
+        return twice(3) + twice(i)
+
+    for kernel in (twice, both):
+        kernel._cache.disable()
+    assert both(4) == 14
+    assert len(twice.overloads) == 1
+
+
 FREED_AGAIN = """
 import resource
 import numpy as np

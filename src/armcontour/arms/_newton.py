@@ -183,14 +183,14 @@ def newton(
         between guess and result [rad], (n,).
     """
     n, dof = q.shape
-    found = np.zeros(n, dtype=np.bool_)
-    change = np.zeros(n)
+    found, change = np.empty(n, np.bool_), np.empty(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     a, b, start = np.empty((dof, dof)), np.empty(dof), np.empty(dof)
     e = np.empty(6)
     for i in range(n):
         write_row(q[i], start)
+        found[i], change[i] = False, 0.0
         for _ in range(MOST_STEPS):
             write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
             write_jacobian(origins, directions, pose, full)
@@ -373,12 +373,14 @@ def free_motions(
         for r in range(dof):
             if r >= task:
                 # Start from the joint axis that is farthest from the span of the rows so far.
-                rest[:] = 1.0
-                for j in range(r):
-                    for k in range(dof):
+                farthest = 0
+                for k in range(dof):
+                    rest[k], rows[r, k] = 1.0, 0.0
+                    for j in range(r):
                         rest[k] -= rows[j, k] ** 2
-                rows[r] = 0.0
-                rows[r, np.argmax(rest)] = 1.0
+                    if rest[k] > rest[farthest]:
+                        farthest = k
+                rows[r, farthest] = 1.0
             # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
             for _ in range(2):
                 for j in range(r):
@@ -483,7 +485,7 @@ def approach(
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
-    step, trial, e = np.empty(dof), np.empty(dof), np.zeros(6)
+    step, trial, e = np.empty(dof), np.empty(dof), np.empty(6)
     residual = np.empty((n, 2))
     for i in range(n):
         damping = 0.05
@@ -589,7 +591,7 @@ def follow(
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
-    step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.zeros(6)
+    step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.empty(6)
     target = np.empty((3, 4))
     smallest = 0.5**MOST_HALVINGS
     for i in range(1, n):
