@@ -571,8 +571,9 @@ def follow(
     targets: FloatArray,
     task: int,
     q: FloatArray,
-) -> int:
-    """Follow a sequence of poses from given joint positions by the shortest joint steps.
+    reached: IntArray,
+) -> None:
+    """Follow a sequence of poses from several joint positions by the shortest joint steps.
 
     Args:
         rotations: Rotations of the joint frames, (dof, 3, 3).
@@ -582,58 +583,64 @@ def follow(
         end: Tool in the frame of the last link, (3, 4).
         targets: Target poses, each close to the one before, (n, 3, 4).
         task: Task dimension: 6, 5 or 3.
-        q: Joint positions [rad], (n, dof): row 0 is given, the other rows are outputs.
-
-    Returns:
-        The number of poses that were reached, including the first one.
+        q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
+            outputs, as far as poses are reached.
+        reached: Takes the number of poses that were reached, including the first one, (ways,).
     """
-    n, dof = q.shape
+    ways, n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
     step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.empty(6)
     target = np.empty((3, 4))
     smallest = 0.5**MOST_HALVINGS
-    for i in range(1, n):
-        write_row(q[i - 1], here)
-        done, share = 0.0, 1.0
-        while done < 1.0:
-            ahead = min(done + share, 1.0)
-            write_pose_between(targets[i - 1], targets[i], ahead, target)
-            if ahead == 1.0:
-                for r in range(3):
-                    write_row(targets[i, r], target[r])
-            write_row(here, trial)
-            arrived = False
-            before = math.inf
-            for _ in range(FOLLOW_CORRECTIONS):
-                write_kinematics(
-                    rotations, positions, axes, base, end, trial, origins, directions, pose
-                )
-                write_jacobian(origins, directions, pose, full)
-                write_pose_error(pose, target, task, e)
-                size = write_shortest_step(full, target, e, task, 0.0, rows, square, right, step)
-                # Each correction must be at most half of the one before; otherwise the steps may
-                # lead to another configuration.
-                if not size < 0.5 * before or size > FOLLOW_STEP:
-                    arrived = size < 1e-9
-                    break
-                for k in range(dof):
-                    trial[k] += step[k]
-                before = size
-                if size < 1e-9:
-                    arrived = True
-                    break
-            if arrived:
-                write_row(trial, here)
-                done = ahead
-                share = min(2.0 * share, 1.0)
-            else:
-                share *= 0.5
-                if share < smallest:
-                    return i
-        write_row(here, q[i])
-    return len(targets)
+    for way in range(ways):
+        reached[way] = n
+        for i in range(1, n):
+            write_row(q[way, i - 1], here)
+            done, share = 0.0, 1.0
+            while done < 1.0:
+                ahead = min(done + share, 1.0)
+                if ahead < 1.0:
+                    write_pose_between(targets[i - 1], targets[i], ahead, target)
+                else:
+                    for r in range(3):
+                        write_row(targets[i, r], target[r])
+                write_row(here, trial)
+                arrived = False
+                before = math.inf
+                for _ in range(FOLLOW_CORRECTIONS):
+                    write_kinematics(
+                        rotations, positions, axes, base, end, trial, origins, directions, pose
+                    )
+                    write_jacobian(origins, directions, pose, full)
+                    write_pose_error(pose, target, task, e)
+                    size = write_shortest_step(
+                        full, target, e, task, 0.0, rows, square, right, step
+                    )
+                    # Each correction must be at most half of the one before; otherwise the steps
+                    # may lead to another configuration.
+                    if not size < 0.5 * before or size > FOLLOW_STEP:
+                        arrived = size < 1e-9
+                        break
+                    for k in range(dof):
+                        trial[k] += step[k]
+                    before = size
+                    if size < 1e-9:
+                        arrived = True
+                        break
+                if arrived:
+                    write_row(trial, here)
+                    done = ahead
+                    share = min(2.0 * share, 1.0)
+                else:
+                    share *= 0.5
+                    if share < smallest:
+                        reached[way] = i
+                        break
+            if reached[way] < n:
+                break
+            write_row(here, q[way, i])
 
 
 @compiled()
