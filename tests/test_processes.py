@@ -8,6 +8,8 @@ from threading import Condition, Timer
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour._processes import (
@@ -17,8 +19,10 @@ from armcontour._processes import (
     Worker,
     map_ahead,
     map_in_processes,
+    map_in_threads,
     pack,
     share_work,
+    split_evenly,
     unpack,
 )
 
@@ -45,6 +49,21 @@ def test_an_error_ends_the_work_with_its_text():
 def test_a_process_that_ends_is_said():
     with pytest.raises(ac.ExecutionError, match="has ended"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
+
+
+def test_threads_give_results_in_order_and_their_errors(monkeypatch):
+    monkeypatch.setattr("armcontour._processes.processors", lambda: 3)
+    assert map_in_threads(halve, list(range(1, 31))) == [1 / x for x in range(1, 31)]
+    assert map_in_threads(halve, []) == []
+    with pytest.raises(ZeroDivisionError):
+        map_in_threads(halve, [1.0, 0.0, 2.0])
+
+
+@given(st.integers(0, 100), st.integers(1, 20))
+def test_even_parts_make_up_the_whole(count, parts):
+    found = [list(range(count))[x] for x in split_evenly(count, parts)]
+    assert sum(found, []) == list(range(count))
+    assert max(map(len, found)) - min(map(len, found)) <= 1
 
 
 @pytest.fixture

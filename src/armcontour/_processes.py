@@ -40,7 +40,9 @@ ALONE = 1.0
 MOST_AHEAD = 7
 # So many processes of a pool may end one after the other before they are ready for work.
 STARTS = 5
-# Every process computes in one thread.
+# Largest number of threads that share compiled work; their results are put together in one.
+MOST_THREADS = 8
+# Every process computes in one thread, but for `map_in_threads`.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -219,6 +221,33 @@ def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
     finally:
         if team is not None:
             team.end()
+
+
+def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Do compiled work on all items, in threads: it lets other threads of this process go on.
+
+    Calls should take a millisecond or more: between them a thread waits for the others.
+
+    Args:
+        work: The work, nearly all of it in few calls of compiled functions.
+        items: The items, in whose order the results are.
+    """
+    count = 1 if _Serving.here else min(processors(), MOST_THREADS, len(items))
+    if count < 2:
+        return [work(x) for x in items]
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(work, items))
+
+
+def split_evenly(count: int, parts: int) -> list[slice]:
+    """Slices of so many parts, about equally long, that make up a sequence.
+
+    Args:
+        count: Length of the sequence.
+        parts: Largest number of parts.
+    """
+    few = max(1, min(parts, count))
+    return [slice(count * k // few, count * (k + 1) // few) for k in range(few)]
 
 
 def _worth(spent: float, done: int, left: int) -> int:

@@ -20,7 +20,7 @@ from armcontour.placement.reach import beyond_links
 from armcontour.program import Contour, Dwell, Program
 from armcontour.timing.fastest_configuration import bound_duration
 from armcontour.tracing._tool_errors import tool_errors
-from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, subdivide
+from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, follow_ways, subdivide
 from armcontour.tracing.knots import PLACES, first_knots
 from armcontour.tracing.numeric import SINGULAR
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
@@ -151,16 +151,11 @@ class _Poses:
         starts = self.configurations.find(arm, self.fine[0], self.start)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
-        followed, farthest, last = [], 0, starts[0]
-        for q0 in starts:
-            q = np.empty((len(self.fine), arm.dof))
-            q[0] = q0
-            reached = _newton.follow(*arm.arrays, self.fine, self.task, q)
-            if reached == len(self.fine):
-                followed.append(q[self.at])
-            elif reached > farthest:
-                farthest, last = reached, q[reached - 1]
+        ways, reached = follow_ways(arm, self.fine, self.task, starts)
+        followed = [ways[k, self.at] for k in np.flatnonzero(reached == len(self.fine))]
         if not followed:
+            best = int(np.argmax(reached))
+            farthest, last = int(reached[best]), ways[best, reached[best] - 1]
             ahead = np.linspace(farthest, len(self.fine) - 1, POSES_AHEAD).astype(np.intp)
             gaps = out_of_reach(arm, self.fine[ahead], self.task, last[None])
             return Screened(refusal=REACH if gaps.max() > OUT_OF_REACH else SINGULAR_ARM)
