@@ -44,6 +44,8 @@ from armcontour.scene import (
 
 ARMS = ("ur5e", "ur10e", "panda")
 FINER = 100
+# The tally is printed after so many motions.
+TOLD = 50
 LAPS, LAP = 4, 0.3
 # How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
 EXCESS = 5e-6
@@ -58,6 +60,13 @@ class Tally:
     clear: int = 0
     looks: int = 0
     touches: int = 0
+
+    def __str__(self) -> str:
+        """What was found so far."""
+        return (
+            f"{self.motions} motions, {self.clear} certified clear, {self.looks:,} looks at pairs "
+            f"of those, {self.touches} touches"
+        )
 
 
 def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
@@ -320,11 +329,9 @@ def main() -> int:
         tally = Tally()
         for k in range(told.count // len(ARMS)):
             judge_motion(arm, np.random.default_rng((told.seed, k)), tally, exact)
-        print(
-            f"{name}: {tally.motions} motions, {tally.clear} certified clear, {tally.looks:,} "
-            f"looks at pairs of those, {tally.touches} touches",
-            flush=True,
-        )
+            if tally.motions % TOLD == 0:
+                print(f"{name}: {tally}", flush=True)
+        print(f"{name}: {tally}", flush=True)
         postures = told.count // len(ARMS)
         looked, touching, worst, different = compare_contacts(
             arm, np.random.default_rng(told.seed), postures

@@ -4,6 +4,8 @@ import ast
 import importlib
 import inspect
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
@@ -52,6 +54,46 @@ def test_who_wants_to_hears_what_is_compiled(monkeypatch):
         again.compile("(float64, float64, float64[:, ::1])")
     again.compile("(float64, float64, float64[:, :])")
     assert names == ["armcontour.program._inside.winding"]
+
+
+def test_a_number_in_a_call_is_no_type_of_its_own():
+    @compiled(inner=True)
+    def twice(i: int) -> int:
+        return 2 * i
+
+    @compiled()
+    def both(i: int) -> int:
+        return twice(3) + twice(i)
+
+    for kernel in (twice, both):
+        kernel._cache.disable()
+    assert both(4) == 14
+    assert len(twice.overloads) == 1
+
+
+FREED_AGAIN = """
+import resource
+import numpy as np
+import armcontour._kernels
+
+def work():
+    arrays = [np.ones(24_000) for _ in range(8)]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    del arrays
+    arrays = [np.ones(24_000) for _ in range(8)]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+work()
+print(min(work() for _ in range(5)))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts page faults as Linux does")
+def test_memory_that_is_freed_is_used_again():
+    # 8 arrays of 192 kB each take 376 pages, which the system would have to clear.
+    command = [sys.executable, "-c", FREED_AGAIN]
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(found.stdout) < 40
 
 
 MAKES_ARRAYS = re.compile(

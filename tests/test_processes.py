@@ -8,16 +8,21 @@ from threading import Condition, Timer
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour._processes import (
+    STARTS,
     ProcessEnded,
     ProcessPool,
     Worker,
     map_ahead,
     map_in_processes,
+    map_in_threads,
     pack,
     share_work,
+    split_evenly,
     unpack,
 )
 
@@ -44,6 +49,21 @@ def test_an_error_ends_the_work_with_its_text():
 def test_a_process_that_ends_is_said():
     with pytest.raises(ac.ExecutionError, match="has ended"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
+
+
+def test_threads_give_results_in_order_and_their_errors(monkeypatch):
+    monkeypatch.setattr("armcontour._processes.processors", lambda: 3)
+    assert map_in_threads(halve, list(range(1, 31))) == [1 / x for x in range(1, 31)]
+    assert map_in_threads(halve, []) == []
+    with pytest.raises(ZeroDivisionError):
+        map_in_threads(halve, [1.0, 0.0, 2.0])
+
+
+@given(st.integers(0, 100), st.integers(1, 20))
+def test_even_parts_make_up_the_whole(count, parts):
+    found = [list(range(count))[x] for x in split_evenly(count, parts)]
+    assert sum(found, []) == list(range(count))
+    assert max(map(len, found)) - min(map(len, found)) <= 1
 
 
 @pytest.fixture
@@ -190,6 +210,32 @@ def test_a_process_of_a_pool_that_ends_costs_its_work_only():
             found[1].result()
         assert (found[0].result(), found[2].result()) == (1, 2)
         assert 0 <= caught.value.after < 60
+
+
+def preparing(tmp_path, ends):
+    """Work whose first so many processes end before they are ready."""
+    file = str(tmp_path / "starts")
+    begin = f"open({file!r}, 'a').write('x')"
+    # A partial with an attribute stays as it is in another partial.
+    work = partial(eval)
+    work.prepare = partial(
+        eval,
+        f"{begin} and __import__('os').path.getsize({file!r}) <= {ends} "
+        "and __import__('os')._exit(9)",
+    )
+    return work
+
+
+def test_a_process_that_ends_before_it_is_ready_costs_no_work(tmp_path):
+    with ProcessPool(1) as pool:
+        assert pool.submit(preparing(tmp_path, 2), "6 * 7").result() == 42
+    assert (tmp_path / "starts").stat().st_size == 3
+
+
+def test_processes_are_not_started_for_ever(tmp_path):
+    with ProcessPool(1) as pool, pytest.raises(ProcessEnded):
+        pool.submit(preparing(tmp_path, 99), "6 * 7").result()
+    assert (tmp_path / "starts").stat().st_size == STARTS
 
 
 def test_a_pool_works_here_where_no_process_can_start(monkeypatch):

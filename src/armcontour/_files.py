@@ -107,9 +107,19 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
             f"{most / MEGABYTE:.0f} MB that are read: split it."
         )
+    tell_content(place, content)
+    return content
+
+
+def tell_content(place: FilePath, content: bytes) -> None:
+    """Tell who listens what a file holds, or what was made of it by another process.
+
+    Args:
+        place: The file.
+        content: The content.
+    """
     for tell in tuple(_listeners):
         tell(place, content)
-    return content
 
 
 def read_text(file: str | FilePath, what: str, *, most: int = SMALL) -> str:

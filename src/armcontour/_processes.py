@@ -38,7 +38,11 @@ CHUNKS = 32
 ALONE = 1.0
 # Largest number of others that work ahead; each takes about as much memory as this process.
 MOST_AHEAD = 7
-# Every process computes in one thread.
+# So many processes of a pool may end one after the other before they are ready for work.
+STARTS = 5
+# Largest number of threads that share compiled work; their results are put together in one.
+MOST_THREADS = 8
+# Every process computes in one thread, but for `map_in_threads`.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -219,6 +223,33 @@ def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
             team.end()
 
 
+def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Do compiled work on all items, in threads: it lets other threads of this process go on.
+
+    Calls should take a millisecond or more: between them a thread waits for the others.
+
+    Args:
+        work: The work, nearly all of it in few calls of compiled functions.
+        items: The items, in whose order the results are.
+    """
+    count = 1 if _Serving.here else min(processors(), MOST_THREADS, len(items))
+    if count < 2:
+        return [work(x) for x in items]
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(work, items))
+
+
+def split_evenly(count: int, parts: int) -> list[slice]:
+    """Slices of so many parts, about equally long, that make up a sequence.
+
+    Args:
+        count: Length of the sequence.
+        parts: Largest number of parts.
+    """
+    few = max(1, min(parts, count))
+    return [slice(count * k // few, count * (k + 1) // few) for k in range(few)]
+
+
 def _worth(spent: float, done: int, left: int) -> int:
     """Number of other processes that are worth their start, after some work [s] on some items."""
     if spent < ALONE or is_other() or not can_start():
@@ -245,8 +276,10 @@ class ProcessPool(Executor):
     """Other processes that do one piece of work after the other.
 
     A process that ends costs what it was working on: that raises `ProcessEnded`, and another
-    process takes its place. Other errors of the work come as a RuntimeError with their text. Where
-    no process can be started, threads of this one work.
+    process takes its place. Work with a method `prepare`, which is called in each process before
+    its first piece, is not lost if the process ends in that: another one is started, up to STARTS
+    times. Other errors of the work come as a RuntimeError with their text. Where no process can be
+    started, threads of this one work.
 
     Args:
         processes: Number of processes; by default that of processors.
@@ -254,7 +287,7 @@ class ProcessPool(Executor):
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
-        self._given = SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]()
+        self._given = SimpleQueue[tuple[Future[Any], partial[Any]] | None]()
         self._lock, self._open = Lock(), True
         # A program may end without these threads, and then their processes end too.
         self._threads = [
@@ -300,12 +333,10 @@ class ProcessPool(Executor):
                     future.set_result(work())
                     continue
                 if child is None:
-                    child = _start()
-                    assert child.stdin is not None
-                    _send(child.stdin, _call)
+                    child = _prepared(work.func)
+                    begin = time.monotonic()
                 assert child.stdin is not None and child.stdout is not None
-                # As bytes in bytes: what the other process cannot unpack is an error of the work.
-                _send(child.stdin, pickle.dumps(work))
+                _send(child.stdin, work)
                 future.set_result(_receive(child.stdout))
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
@@ -371,9 +402,36 @@ def tell(value: Any) -> None:
         _write(_Serving.answers, pickle.dumps((None, value)))
 
 
-def _call(work: bytes) -> Any:
+def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
+    """A process of a pool that is ready for some work.
+
+    Raises:
+        ProcessEnded: So many processes have ended before they were ready.
+    """
+    for left in reversed(range(STARTS)):
+        child = _start()
+        assert child.stdin is not None and child.stdout is not None
+        try:
+            _send(child.stdin, _call)
+            _send(child.stdin, getattr(work, "prepare", _nothing))
+            _receive(child.stdout)
+        except BaseException as error:
+            child.kill()
+            _end(child)
+            if not isinstance(error, ProcessEnded) or not left:
+                raise
+        else:
+            break
+    return child
+
+
+def _nothing() -> None:
+    """What work without a method `prepare` does before its first piece."""
+
+
+def _call(work: Callable[[], Any]) -> Any:
     """Do a piece of work of a pool."""
-    return pickle.loads(work)()
+    return work()
 
 
 class _Team(Generic[T, R]):
@@ -463,17 +521,17 @@ class _Team(Generic[T, R]):
             found = []
             try:
                 if not sent:
-                    _send(child.stdin, _Unpacked(pack(self.work)))
+                    _send(child.stdin, self.work)
                     sent = True
-                _send(child.stdin, pack(self.items[k]))
+                _send(child.stdin, self.items[k])
                 found = [_receive(child.stdout)]
             except Exception:  # Also what pickle raises, which is anything.
                 pass
             self._add(k, found)
 
 
-class _Unpacked:
-    """Work on items that come packed, and that is packed itself.
+class _Several:
+    """Work on several items together, for executors; arrays are read-only as in own processes.
 
     Args:
         packed: The work.
@@ -487,17 +545,9 @@ class _Unpacked:
         """The work itself."""
         return cast(Callable[[Any], Any], unpack(self.packed))
 
-    def __call__(self, item: Packed) -> Any:
-        """Do the work on an item."""
-        return self.work(unpack(item))
-
-
-class _Several(_Unpacked):
-    """Work on several items that come packed together."""
-
-    def __call__(self, item: Packed) -> list[Any]:
+    def __call__(self, items: Packed) -> list[Any]:
         """Do the work on each of the items."""
-        return [self.work(x) for x in unpack(item)]
+        return [self.work(x) for x in unpack(items)]
 
 
 def pack(value: Any) -> Packed:
@@ -525,11 +575,13 @@ def serve() -> None:
     # What libraries print is no answer.
     os.dup2(2, 1)
     try:
-        work = pickle.load(sys.stdin.buffer)
+        packed, work = pickle.load(sys.stdin.buffer), None
         while True:
             item = pickle.load(sys.stdin.buffer)
             try:
-                answer = pickle.dumps((True, work(item)))
+                if work is None:
+                    work = unpack(packed)
+                answer = pickle.dumps((True, work(unpack(item))))
             except Exception as error:
                 answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
             _write(answers, answer)
@@ -583,12 +635,12 @@ def _each(left: Iterator[T], lock: Lock) -> Iterator[T]:
 
 
 def _send(pipe: IO[bytes], value: Any) -> None:
-    """Write a value to a pipe.
+    """Write a value to a pipe, with arrays that are read-only at its other end.
 
     Raises:
         ProcessEnded: The other process has ended.
     """
-    _write(pipe, pickle.dumps(value))
+    _write(pipe, pickle.dumps(pack(value)))
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:

@@ -106,6 +106,59 @@ def test_the_files_of_a_job_matter_also_those_that_these_read(tmp_path):
     assert not set(digests(plan)) & {*before, *after}
 
 
+ARM = """<robot name="stick" {more}>{include}
+<link name="l0"/>{links}{joints}</robot>"""
+BALL = '<collision><geometry><mesh filename="end.obj"/></geometry></collision>'
+CORNERS = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 {height}\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+
+
+def arm_text(*, ends: str = "", include: str = "", more: str = "") -> str:
+    """A description of six joints; the last link has what is given."""
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<origin xyz="0.1 0 0.2"/><axis xyz="{axis}"/>'
+        '<limit lower="-3" upper="3" velocity="2" effort="0"/></joint>'
+        for k, axis in enumerate(["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"])
+    )
+    links = "".join(f'<link name="l{k}"/>' for k in range(1, 6)) + f'<link name="l6">{ends}</link>'
+    return ARM.format(more=more, include=include, links=links, joints=joints)
+
+
+def plan_on(folder, arm: str) -> dict:
+    """A plan of one job on an arm."""
+    (folder / "line.yaml").write_text(
+        f"{{name: line, arm: {arm}, path: {{points: [[0.5, 0, 0.5], [0.5, 0.1, 0.5]]}}, limits: "
+        "{joint_acceleration: 5}, servo: {kp: 25, kv: 150}, runs: {only: {}}}"
+    )
+    over = {"command_interval": ["4 ms"]}
+    return {"job": str(folder / "line.yaml"), "do": "teach", "over": over}
+
+
+def test_meshes_of_the_arm_matter(tmp_path):
+    (tmp_path / "arm.urdf").write_text(arm_text(ends=BALL))
+    (tmp_path / "end.obj").write_text(CORNERS.format(height=0.1))
+    plan = plan_on(tmp_path, "arm.urdf")
+    before = digests(plan)
+    assert digests(plan) == before
+    (tmp_path / "end.obj").write_text(CORNERS.format(height=0.2))
+    assert digests(plan) != before
+
+
+def test_what_a_xacro_file_includes_matters(tmp_path):
+    pytest.importorskip("xacro")
+    xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    include = '<xacro:include filename="size.xacro"/>'
+    ends = '<collision><geometry><sphere radius="${size}"/></geometry></collision>'
+    (tmp_path / "arm.xacro").write_text(arm_text(ends=ends, include=include, more=xacro))
+    size = f'<robot {xacro}><xacro:property name="size" value="{{}}"/></robot>'
+    found = []
+    for radius in ("0.05", "0.06", "0.05"):
+        (tmp_path / "size.xacro").write_text(size.format(radius))
+        plan = read_plan(plan_on(tmp_path, "arm.xacro"), trust_xacro=True)
+        found.append(list(plan.digests()))
+    assert found[0] == found[2] != found[1]
+
+
 def test_runs_that_are_left_out_do_not_matter(planned, jobs):
     text = (jobs / "bend.yaml").read_text()
     more = text.replace("runs: {", "runs: {other: {compensation: {method: inverse}}, ")

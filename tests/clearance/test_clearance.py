@@ -123,6 +123,33 @@ def test_random_motions_keep_their_bounds_at_random_times() -> None:
                 assert here[x.first, x.second] >= x.low - 1e-9
 
 
+def test_the_nearest_pair_of_every_kind_is_told() -> None:
+    tip = LinkShape(name="tip", link=6, shape=Sphere(radius=0.01), tool=True)
+    upper = LinkShape(name="upper arm", link=2, shape=Sphere(radius=0.05))
+    end = LinkShape(name="end", link=5, shape=Sphere(radius=0.05))
+    arm = UR5E.with_shapes(ArmShapes(shapes=(upper, end, tip)))
+    balls = [
+        Obstacle(name=name, shape=Sphere(radius=0.1), place=Frame(position=[x, 3, 0]))
+        for name, x in (("near", 0), ("far", 9))
+    ]
+    found = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=balls))
+    assert {x.kind: x.high for x in found.nearest} == {
+        kind: min(x.high for x in found.pairs if x.kind == kind)
+        for kind in ("environment", "own", "tool")
+    }
+    assert found.nearest[0] is found.least
+    words = str(found)
+    for x in found.nearest[1:]:
+        assert f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" in words
+    assert "far" not in words
+
+
+def test_the_arm_is_no_obstacle_of_its_own_cell() -> None:
+    itself = Obstacle(name="end", shape=Sphere(radius=0.05))
+    with pytest.raises(InvalidInput, match="end is an obstacle of the scene, and a body of the ar"):
+        check_clearance(sweep_of(A, A, 1.0), BALL, Scene(obstacles=(itself,)))
+
+
 def test_links_without_a_shape_are_named() -> None:
     left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]

@@ -98,8 +98,8 @@ def test_wrong_axes_are_refused(text: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "over names the axes"),
-        (("--over", "x: 1 mm .. 0 mm, 2"), "range of x from 0.001 to 0 m is empty"),
+        ((), "place needs --over for each axis"),
+        (("--over", "x: 1 mm .. 0 mm, 2"), "range of --over x from 1 mm to 0 mm is empty"),
         (("--over", "x: 0 mm .. 1 mm, 0"), "number of places along x"),
         (("--over", "x: 0 mm .. 1 mm, 2", "--over", "x: 0 mm .. 2 mm, 2"), "an axis twice"),
         ((*OVER, "--objective", "beauty"), "objective must be one of"),

@@ -100,6 +100,8 @@ def test_collisions_are_refused_with_pair_place_and_time(job: ac.Job) -> None:
     ignored = dataclasses.replace(blocked, ignore_collisions=True)
     (plan,) = teach(ignored).values()
     assert any("collisions are ignored: torch and wall" in x for x in plan.warnings)
+    # One cause, one sentence.
+    assert plan.clearance_note is None
     assert plan.clearance is not None and not plan.clearance.kept
 
 

@@ -1,11 +1,11 @@
-"""The search for configurations that ends at 8 finds those of the whole search."""
+"""Configurations in closed form are those that the search finds, and so is what is beyond reach."""
 
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour.arms.inverse import configurations
-from armcontour.placement.configurations import Configurations, has_most_eight
+from armcontour.placement.configurations import Configurations
 
 # Six joints with a wrist, as of usual industrial arms; z axes of frames by URDF.
 WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""
@@ -24,25 +24,73 @@ def urdf(offset: float) -> str:
     return WRIST.format(links="".join(f'<link name="l{k}"/>' for k in range(1, 6)), joints=joints)
 
 
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory) -> dict[str, ac.SerialArm]:
+    """Arms with a tool, somewhere before their work."""
+    file = tmp_path_factory.mktemp("arms") / "wrist.urdf"
+    file.write_text(urdf(0.0))
+    tool, work = (
+        ac.Frame.rpy((0.01, 0.02, 0.1), (0.1, 0.2, 0.3)),
+        ac.Frame.rpy((0.1, 0.2, 0.3), (1, 2, 3)),
+    )
+    names = {"ur5e": "ur5e", "ur10e": "ur10e", "wrist": file}
+    return {k: ac.load_arm(x).with_tool(tool).with_work(work) for k, x in names.items()}
+
+
+def poses_of(arm: ac.SerialArm, q: np.ndarray) -> np.ndarray:
+    points, turned = arm.pose(q)
+    return np.concatenate([turned, points[..., None]], axis=2)
+
+
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
-def test_it_finds_what_the_whole_search_finds(name: str, tmp_path) -> None:
-    (tmp_path / "wrist.urdf").write_text(urdf(0.0))
-    arm = ac.load_arm(tmp_path / "wrist.urdf" if name == "wrist" else name)
-    assert has_most_eight(arm)
+def test_it_finds_what_the_search_finds(arms, name: str) -> None:
+    arm = arms[name]
     found = Configurations(arm, 6)
+    assert found.closed is not None and found.closed.wrist == (name == "wrist")
     rng = np.random.default_rng(2)
     counts = set()
-    for q in rng.uniform(-np.pi, np.pi, (25, 6)):
-        point, turned = (x[0] for x in arm.pose(q[None]))
-        pose = np.column_stack([turned, point])
-        whole = configurations(arm, pose, 6)
-        np.testing.assert_array_equal(found.find(arm, pose, None), whole)
-        counts.add(len(whole))
+    for pose in poses_of(arm, rng.uniform(-np.pi, np.pi, (25, 6))):
+        closed = found.find(arm, pose, None)
+        searched = configurations(arm, pose, 6)
+        assert len(closed) == len(searched)
+        for q in searched:
+            apart = np.abs(np.angle(np.exp(1j * (closed - q)))).max(axis=1)
+            assert apart.min() < 1e-9
+        counts.add(len(searched))
     # Some poses have all of them, others fewer, and none has more.
     assert max(counts) == 8 and len(counts) > 1
 
 
-def test_other_arms_are_searched_to_the_end(tmp_path) -> None:
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_singular_poses_are_searched(arms, name: str) -> None:
+    arm = arms[name]
+    q = np.array([[0.3, -1.2, 1.4, -0.5, 0.0, 0.7]])
+    pose = poses_of(arm, q)[0]
+    found = Configurations(arm, 6)
+    assert found.closed is not None and found.closed.solve(arm.arrays[3], pose) is None
+    np.testing.assert_array_equal(found.find(arm, pose, None), configurations(arm, pose, 6))
+
+
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_only_what_no_posture_reaches_is_beyond(arms, name: str) -> None:
+    """Poses that a posture has are within reach, and those beyond are not met by any search."""
+    arm = arms[name]
+    closed = Configurations(arm, 6).closed
+    rng = np.random.default_rng(3)
+    base = arm.arrays[3][None].copy()
+    within = poses_of(arm, rng.uniform(-np.pi, np.pi, (2000, 6)))
+    assert closed.beyond(base, within, 1e-6)[0] <= 1e-6
+    # The same orientations elsewhere, some of them just out of reach.
+    moved = within[:40].copy()
+    moved[:, :, 3] += rng.normal(0, 0.3, (40, 3))
+    gaps = np.array([closed.beyond(base, x[None], 1e-6)[0] for x in moved])
+    assert 5 < (gaps > 1e-6).sum() < 35
+    for pose, gap in zip(moved, gaps, strict=True):
+        assert (gap > 1e-6) == (len(configurations(arm, pose, 6)) == 0)
+
+
+def test_other_arms_are_searched(tmp_path) -> None:
     (tmp_path / "wrist.urdf").write_text(urdf(0.08))
-    offset = ac.load_arm(tmp_path / "wrist.urdf")
-    assert not has_most_eight(offset) and not has_most_eight(ac.load_arm("panda"))
+    for arm in (ac.load_arm(tmp_path / "wrist.urdf"), ac.load_arm("panda")):
+        assert Configurations(arm, 6).closed is None
+    assert Configurations(ac.load_arm("ur5e"), 5).closed is None

@@ -56,9 +56,12 @@ def test_distances_pairs_and_the_nearest_posture_are_shown() -> None:
     assert {"links and cell, planned", "links and cell, executed"} <= {
         x.name for x in over_time.data
     }
+    # The posture is that of the least distance from an obstacle, which is named with its distance.
+    names = [x.name for x in posture.data if x.type == "scatter3d"]
+    assert any(x.split(", ")[1].split(":")[0] in ("floor", "box", "wedge") for x in names[1:])
     bodies = {x.name for x in posture.data if x.type == "mesh3d"}
     assert bodies == {"forearm", "wrist", "tip", "floor", "box", "wedge"}
     (table,) = section.tables
-    assert all(row[-1] == "kept" for row in table.rows) and len(table.rows) > 3
+    assert all(row[-2] == "kept" for row in table.rows) and len(table.rows) > 3
     assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
     assert any(x.startswith("Pairs that are not looked at: ") for x in section.notes)

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
-from armcontour.arms._newton import follow
 from armcontour.arms.inverse import configurations
 from armcontour.frames import Frame, exp, log
 from armcontour.tracing import trace_all
+from armcontour.tracing.configurations import follow_ways
 from armcontour.tracing.knots import first_knots
 from armcontour.tracing.poses import row_of_poses
 from armcontour.tracing.redundancy import Guide, smooth
@@ -155,6 +155,18 @@ def test_joints_to_spare_move_smoothly_between_stops(name, kind):
     np.testing.assert_allclose(left, right, atol=1e-8 * (1 + np.abs(left).max()))
     np.testing.assert_array_equal(traced.stops, path.stops)
     assert (len(path.stops) > 0) == (kind == "stopping")
+
+
+@pytest.mark.parametrize("kind", ["held", "axis"])
+def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch, kind):
+    found = []
+    for processors in (1, 5):
+        monkeypatch.setattr("armcontour._processes.processors", lambda n=processors: n)
+        monkeypatch.setattr("armcontour.tracing.configurations.MANY", 0)
+        found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
+    assert len(found[0]) > 1
+    for alone, shared in zip(*found, strict=True):
+        np.testing.assert_array_equal(alone, shared)
 
 
 def test_a_start_says_which_configuration_and_which_turn(ur5e):
@@ -502,11 +514,8 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     knots = first_knots(path)
     poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
     starts = configurations(panda, poses[0], 5)
-    first = np.empty((len(poses), 7))
-    for start in starts:
-        first[0] = start
-        if follow(*panda.arrays, poses, 5, first) == len(poses):
-            break
+    ways, reached = follow_ways(panda, poses, 5, starts)
+    first = ways[np.argmax(reached == len(poses))]
     costs = []
     for rounds in (0, 1, 3, 25):
         q, cost = smooth(panda, s, poses, 5, first, rounds=rounds)

@@ -56,7 +56,10 @@ def expand_xacro(
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
     answer = _answer(file, seconds, wishes)
     if "text" in answer:
-        return str(answer["text"])
+        text = str(answer["text"])
+        # What it includes was read by the other process.
+        _files.tell_content(file.with_name(f"{file.name} expanded"), text.encode())
+        return text
     if "lacking" in answer:
         raise InvalidInput(f"{file} is not expanded: {_printable(answer['lacking'])}.")
     if "refused" in answer:

@@ -149,9 +149,8 @@ def write_terms(
         motion: Memory for the motion, (MOTION_ROWS * B,).
     """
     dof = len(links)
-    motion[: 12 * B] = 0.0
-    for k in range(3):
-        motion[(12 + k) * B : (13 + k) * B] = gravity[k]
+    for m in range(MOTION_ROWS * B):
+        motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
     for j in range(dof):
         write_sines(rows[j])
         go_outward(links[j], motion, rows[j])

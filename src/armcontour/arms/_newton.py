@@ -183,14 +183,14 @@ def newton(
         between guess and result [rad], (n,).
     """
     n, dof = q.shape
-    found = np.zeros(n, dtype=np.bool_)
-    change = np.zeros(n)
+    found, change = np.empty(n, np.bool_), np.empty(n)
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     a, b, start = np.empty((dof, dof)), np.empty(dof), np.empty(dof)
     e = np.empty(6)
     for i in range(n):
         write_row(q[i], start)
+        found[i], change[i] = False, 0.0
         for _ in range(MOST_STEPS):
             write_kinematics(rotations, positions, axes, base, end, q[i], origins, directions, pose)
             write_jacobian(origins, directions, pose, full)
@@ -373,12 +373,14 @@ def free_motions(
         for r in range(dof):
             if r >= task:
                 # Start from the joint axis that is farthest from the span of the rows so far.
-                rest[:] = 1.0
-                for j in range(r):
-                    for k in range(dof):
+                farthest = 0
+                for k in range(dof):
+                    rest[k], rows[r, k] = 1.0, 0.0
+                    for j in range(r):
                         rest[k] -= rows[j, k] ** 2
-                rows[r] = 0.0
-                rows[r, np.argmax(rest)] = 1.0
+                    if rest[k] > rest[farthest]:
+                        farthest = k
+                rows[r, farthest] = 1.0
             # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
             for _ in range(2):
                 for j in range(r):
@@ -483,7 +485,7 @@ def approach(
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
-    step, trial, e = np.empty(dof), np.empty(dof), np.zeros(6)
+    step, trial, e = np.empty(dof), np.empty(dof), np.empty(6)
     residual = np.empty((n, 2))
     for i in range(n):
         damping = 0.05
@@ -569,8 +571,9 @@ def follow(
     targets: FloatArray,
     task: int,
     q: FloatArray,
-) -> int:
-    """Follow a sequence of poses from given joint positions by the shortest joint steps.
+    reached: IntArray,
+) -> None:
+    """Follow a sequence of poses from several joint positions by the shortest joint steps.
 
     Args:
         rotations: Rotations of the joint frames, (dof, 3, 3).
@@ -580,58 +583,64 @@ def follow(
         end: Tool in the frame of the last link, (3, 4).
         targets: Target poses, each close to the one before, (n, 3, 4).
         task: Task dimension: 6, 5 or 3.
-        q: Joint positions [rad], (n, dof): row 0 is given, the other rows are outputs.
-
-    Returns:
-        The number of poses that were reached, including the first one.
+        q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
+            outputs, as far as poses are reached.
+        reached: Takes the number of poses that were reached, including the first one, (ways,).
     """
-    n, dof = q.shape
+    ways, n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
     pose, full = np.empty((3, 4)), np.empty((6, dof))
     rows, square, right = np.empty((6, dof)), np.empty((6, 6)), np.empty(6)
-    step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.zeros(6)
+    step, here, trial, e = np.empty(dof), np.empty(dof), np.empty(dof), np.empty(6)
     target = np.empty((3, 4))
     smallest = 0.5**MOST_HALVINGS
-    for i in range(1, n):
-        write_row(q[i - 1], here)
-        done, share = 0.0, 1.0
-        while done < 1.0:
-            ahead = min(done + share, 1.0)
-            write_pose_between(targets[i - 1], targets[i], ahead, target)
-            if ahead == 1.0:
-                for r in range(3):
-                    write_row(targets[i, r], target[r])
-            write_row(here, trial)
-            arrived = False
-            before = math.inf
-            for _ in range(FOLLOW_CORRECTIONS):
-                write_kinematics(
-                    rotations, positions, axes, base, end, trial, origins, directions, pose
-                )
-                write_jacobian(origins, directions, pose, full)
-                write_pose_error(pose, target, task, e)
-                size = write_shortest_step(full, target, e, task, 0.0, rows, square, right, step)
-                # Each correction must be at most half of the one before; otherwise the steps may
-                # lead to another configuration.
-                if not size < 0.5 * before or size > FOLLOW_STEP:
-                    arrived = size < 1e-9
-                    break
-                for k in range(dof):
-                    trial[k] += step[k]
-                before = size
-                if size < 1e-9:
-                    arrived = True
-                    break
-            if arrived:
-                write_row(trial, here)
-                done = ahead
-                share = min(2.0 * share, 1.0)
-            else:
-                share *= 0.5
-                if share < smallest:
-                    return i
-        write_row(here, q[i])
-    return len(targets)
+    for way in range(ways):
+        reached[way] = n
+        for i in range(1, n):
+            write_row(q[way, i - 1], here)
+            done, share = 0.0, 1.0
+            while done < 1.0:
+                ahead = min(done + share, 1.0)
+                if ahead < 1.0:
+                    write_pose_between(targets[i - 1], targets[i], ahead, target)
+                else:
+                    for r in range(3):
+                        write_row(targets[i, r], target[r])
+                write_row(here, trial)
+                arrived = False
+                before = math.inf
+                for _ in range(FOLLOW_CORRECTIONS):
+                    write_kinematics(
+                        rotations, positions, axes, base, end, trial, origins, directions, pose
+                    )
+                    write_jacobian(origins, directions, pose, full)
+                    write_pose_error(pose, target, task, e)
+                    size = write_shortest_step(
+                        full, target, e, task, 0.0, rows, square, right, step
+                    )
+                    # Each correction must be at most half of the one before; otherwise the steps
+                    # may lead to another configuration.
+                    if not size < 0.5 * before or size > FOLLOW_STEP:
+                        arrived = size < 1e-9
+                        break
+                    for k in range(dof):
+                        trial[k] += step[k]
+                    before = size
+                    if size < 1e-9:
+                        arrived = True
+                        break
+                if arrived:
+                    write_row(trial, here)
+                    done = ahead
+                    share = min(2.0 * share, 1.0)
+                else:
+                    share *= 0.5
+                    if share < smallest:
+                        reached[way] = i
+                        break
+            if reached[way] < n:
+                break
+            write_row(here, q[way, i])
 
 
 @compiled()

@@ -140,11 +140,12 @@ def tool_motion(
     found = np.empty((n, 6 * order))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
-        state[:] = 0.0
-        for k in range(3):
-            state[4 * k * B : (4 * k + 1) * B] = 1.0
+        for i in range(ROWS * B):
+            # The rotation is none at first.
+            state[i] = 1.0 if i < 9 * B and i // B % 4 == 0 else 0.0
         for j in range(dof + 1):
-            joint[:] = 0.0
+            for i in range(JOINT_ROWS * B):
+                joint[i] = 0.0
             if j < dof:
                 for i in range(B):
                     # The last block is filled up with the last state.

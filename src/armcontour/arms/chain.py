@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,8 @@ from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, cross_matrix
 
+# What is changed in a chain again and again, and checks itself.
+FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
 
 
@@ -143,7 +146,13 @@ class Chain:
 
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        if not FRAMES.issuperset(changes):
+            return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        # Looking at all links anew would take a millisecond.
+        found = copy(self)
+        for name, value in changes.items():
+            object.__setattr__(found, name, value)
+        return found
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._processes import map_in_threads, split_evenly
 from armcontour.arms import _newton
 from armcontour.arms.serial import SerialArm
 
@@ -16,6 +17,8 @@ SEEDS = 400
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
 MOST_STEPS = 200
+# The search from all of them is shared by threads in so many parts.
+PARTS = 8
 # A pose is reached if position and orientation are closer than this [m, rad].
 MET = 1e-8
 # Two solutions are distinct if they differ by more than this [rad]. A redundant arm has infinitely
@@ -43,9 +46,13 @@ def configurations(
         Joint positions [rad], (k, dof); k is 0 if there is no solution.
     """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
-    residuals = _newton.approach(
-        *arm.arrays, np.ascontiguousarray(pose), task, q, SEARCH_WEIGHT, MOST_STEPS
-    )
+    target = np.ascontiguousarray(pose)
+
+    def approach(part: slice) -> FloatArray:
+        own = task, q[part], SEARCH_WEIGHT, MOST_STEPS
+        return np.asarray(_newton.approach(*arm.arrays, target, *own))
+
+    residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
     solutions = q[(residuals < MET).all(axis=1)]
     solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
     kept = _newton.distinct(solutions, APART if task == arm.dof else APART_REDUNDANT)

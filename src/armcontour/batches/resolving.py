@@ -114,6 +114,8 @@ class Base:
 
         with _files.hear_reading(hear), locate_errors(self.source):
             arm, *_ = _Made(self.model(data), self.folder, trust_xacro).make()
+            # Reads the meshes, which are read when shapes are first asked for.
+            arm.knows_shapes  # noqa: B018
         for x in named_files(data):
             found.pop((self.folder / x).resolve(), None)
         return replace(self, files=tuple(sorted(found.values())), dimension=arm.dimension)

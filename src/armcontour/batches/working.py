@@ -85,6 +85,13 @@ class Work:
     mortal: bool
     dimensions: tuple[int, ...] = ()
 
+    def prepare(self) -> None:
+        """Have all that jobs need loaded in this process; a kill meanwhile is no job's fault."""
+        plan = _prepare(self.packed, self.share, self.dimensions)
+        if plan.work == CERTIFY:
+            import armcontour.certification  # noqa: F401
+        import armcontour.jobs.study  # noqa: F401
+
     def __call__(self, items: Sequence[Item]) -> list[Outcome]:
         """Work on some jobs, one after the other.
 

@@ -23,6 +23,8 @@ FINEST = 1e-6
 # How exactly the first time is found at which a pair is nearer than its margin [m]: each search
 # cuts a window into so many pieces.
 STEP, PIECES = 1e-5, 16
+# Up to so many windows are cut into more than two pieces each.
+FEW = {8: 25, 4: 100}
 # So many breaks of a motion are looked at together, which bounds the memory.
 AT_ONCE = 20_000
 
@@ -99,6 +101,14 @@ class Clearance:
         """The pair of the least distance; None if there is no pair."""
         return min(self.pairs, key=lambda x: x.high, default=None)
 
+    @property
+    def nearest(self) -> tuple[PairClearance, ...]:
+        """The pair of the least distance of every kind, the least distance first."""
+        found: dict[str, PairClearance] = {}
+        for x in sorted(self.pairs, key=lambda x: x.high):
+            found.setdefault(x.kind, x)
+        return tuple(found.values())
+
     def later(self, by: float) -> Clearance:
         """The same with all times later by a time [s].
 
@@ -139,10 +149,12 @@ class Clearance:
         """The verdict, with the least distance."""
         if not self.kept:
             return f"Too near: {self.too_near[0]}."
-        least = self.least
-        if least is None:
+        first, *others = self.nearest or (None,)
+        if first is None:
             return "Clear: there is no pair of bodies that could touch."
-        return f"Clear: {least}; no nearer than {least.low * 1e3:.4g} mm at any time."
+        more = "; ".join(f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" for x in others)
+        found = f"Clear: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
+        return f"{found} Nearest of other kinds: {more}." if more else found
 
 
 # A joint path stands for any motion along it: arc length takes the place of time.
@@ -273,7 +285,7 @@ class _Search:
         self._at = np.zeros(n)
 
     def run(self) -> bool:
-        """Halve windows of time until their bounds decide; return whether all margins are kept.
+        """Cut windows of time until their bounds decide; return whether all margins are kept.
 
         Without a resolution only this is of interest, and the first pair that comes too near ends
         the search.
@@ -281,7 +293,7 @@ class _Search:
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
-            self._run_part(self._t[first : last + 1], travel @ self._radii.T)
+            self._run_part(self._t[first : last + 1], travel)
             if self._decided:
                 return False
         return bool((self._low >= self._margins).all())
@@ -314,17 +326,16 @@ class _Search:
             for k, x in enumerate(self.pairs)
         ]
 
-    def _run_part(self, t: FloatArray, way: FloatArray) -> None:
+    def _run_part(self, t: FloatArray, travel: FloatArray) -> None:
         """Look at a part of the motion.
 
         Args:
             t: Times of its breaks [s], (n,).
-            way: How far the bodies of each pair can have come together since its start [m],
-                (n, pairs).
+            travel: How far each joint has moved since its start, at most [rad], (n, dof).
         """
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
-        ways = np.zeros(len(pair)), way[-1]
+        ways = np.zeros(len(pair)), self._radii @ travel[-1]
         near = self._look(pair, begin), self._look(pair, end)
         while len(pair) and not self._decided:
             width = ways[1] - ways[0]
@@ -338,15 +349,42 @@ class _Search:
                 (ways[0][goes_on], ways[1][goes_on]),
                 (near[0][goes_on], near[1][goes_on]),
             )
-            middle = (begin + end) / 2
-            here, at = _interpolate(t, way, middle, pair), self._look(pair, middle)
-            pair = np.concatenate([pair, pair])
-            begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
-            ways = np.concatenate([ways[0], here]), np.concatenate([here, ways[1]])
-            near = np.concatenate([near[0], at]), np.concatenate([at, near[1]])
+            count = _pieces(len(pair))
+            # Ends of the pieces of each window, in columns.
+            shares = np.arange(count + 1) / count
+            edges = begin[:, None] + (end - begin)[:, None] * shares
+            edges[:, -1] = end
+            inner, of = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
+            middle = (
+                x.reshape(-1, count - 1)
+                for x in (self._way(t, travel, inner, of), self._look(of, inner))
+            )
+            ways, near = (
+                (rows[:, :-1].ravel(), rows[:, 1:].ravel())
+                for rows in (
+                    np.column_stack([known[0], x, known[1]])
+                    for known, x in zip((ways, near), middle, strict=True)
+                )
+            )
+            pair = np.repeat(pair, count)
+            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+
+    def _way(self, t: FloatArray, travel: FloatArray, at: FloatArray, pair: IntArray) -> FloatArray:
+        """How far the bodies of pairs can have come together until times [m], (n,).
+
+        Args:
+            t: As in `_run_part`.
+            travel: As in `_run_part`.
+            at: The times [s], (n,).
+            pair: The pairs, (n,).
+        """
+        i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+        share = ((at - t[i]) / (t[i + 1] - t[i]))[:, None]
+        moved = (1 - share) * travel[i] + share * travel[i + 1]
+        return np.asarray((moved * self._radii[pair]).sum(axis=1))
 
     def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
-        """Which windows are to be halved.
+        """Which windows are to be cut.
 
         Args:
             pair: Their pairs, (n,).
@@ -407,15 +445,6 @@ class _Search:
         return np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1)
 
 
-def _interpolate(t: FloatArray, way: FloatArray, at: FloatArray, column: IntArray) -> FloatArray:
-    """Columns of a table at times between its rows, (n,).
-
-    Args:
-        t: Times of the rows [s], (m,).
-        way: The table, (m, columns).
-        at: Times [s], (n,).
-        column: The columns, (n,).
-    """
-    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-    share = (at - t[i]) / (t[i + 1] - t[i])
-    return np.asarray((1 - share) * way[i, column] + share * way[i + 1, column])
+def _pieces(windows: int) -> int:
+    """Into how many pieces so many windows are cut: a round of few of them costs as much itself."""
+    return next((n for n, most in FEW.items() if windows <= most), 2)

@@ -13,6 +13,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Chain
 from armcontour.arms.chain import link_poses
+from armcontour.clearance import _places
 from armcontour.clearance.pairs import Body, Pair
 from armcontour.errors import InvalidInput
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
@@ -121,14 +122,19 @@ class Distances:
 
     def _relative(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
         """Placements of second bodies in the frames of the first ones, (m, 3, 4)."""
-        places = self._placements(q)
-        ends = self._ends[pair]
-        first, second = places[at, ends[:, 0]], places[at, ends[:, 1]]
-        back = np.swapaxes(first[..., :3], 1, 2)
-        found = np.empty((len(pair), 3, 4))
-        found[..., :3] = back @ second[..., :3]
-        found[..., 3] = np.einsum("nij,nj->ni", back, second[..., 3] - first[..., 3])
-        return found
+        x = self._chain
+        at, pair = (np.ascontiguousarray(y, dtype=np.intp) for y in (at, pair))
+        return _places.relative_places(
+            x.rotations,
+            x.positions,
+            x.axes,
+            np.array(q, dtype=np.float64, order="C"),
+            self._links,
+            self._places,
+            self._ends,
+            at,
+            pair,
+        )
 
 
 def can_measure() -> bool:

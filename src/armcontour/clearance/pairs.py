@@ -65,7 +65,8 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         scene: Its cell.
 
     Raises:
-        InvalidInput: The arm has no shapes, or an obstacle allows something unknown to touch it.
+        InvalidInput: The arm has no shapes, or an obstacle allows something unknown to touch it, or
+            has the name of a body that moves.
     """
     chain, shapes = _parts(arm)
     own = [
@@ -130,9 +131,14 @@ def _without_shape(chain: Chain, own: Iterable[Body]) -> list[LeftOut]:
 
 
 def _refuse_unknown(own: Iterable[Body], scene: Scene) -> None:
-    """Refuse an obstacle that allows something to touch which the arm does not have."""
-    names = {x.name for x in own} | {TOOL}
+    """Refuse an obstacle that allows what the arm does not have, or that is a link of the arm."""
+    names, moving = {x.name for x in own} | {TOOL}, {x.name for x in own if x.link}
     for x in scene.obstacles:
+        if x.name in moving:
+            raise InvalidInput(
+                f"{x.name} is an obstacle of the scene, and a body of the arm that moves: give its "
+                "scene without the arm, or the obstacle another name."
+            )
         for name in x.allow:
             if name not in names:
                 raise InvalidInput(

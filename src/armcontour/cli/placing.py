@@ -40,6 +40,8 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour.placement import best_case, place
 
     over = dict(read_axis(text) for text in x.over or ())
+    if not over:
+        raise InvalidInput(f"place needs --over for each axis along which to place: {OVER}.")
     if len(over) < len(x.over or ()):
         raise InvalidInput("--over names an axis twice: give each axis once.")
     off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
@@ -163,6 +165,11 @@ def read_axis(text: str) -> tuple[str, tuple[float, float, int]]:
     option = f"--over {name.strip()}"
     ends = [read_option(option, x.strip(), kind) for x in (low, high)]
     assert ends[0] is not None and ends[1] is not None
+    if ends[0] > ends[1]:
+        raise InvalidInput(
+            f"The range of {option} from {low.strip()} to {high.strip()} is empty: give the "
+            "smaller value first."
+        )
     return name.strip(), (ends[0], ends[1], int(count))
 
 

@@ -115,11 +115,11 @@ def follow(
     """
     n = len(points)
     distance, s = np.empty(n), np.empty(n)
-    low, high = np.zeros(MOST_STRETCHES), np.zeros(MOST_STRETCHES)
-    first = np.zeros(MOST_STRETCHES, np.intp)
-    new_low, new_high = np.zeros(MOST_STRETCHES), np.zeros(MOST_STRETCHES)
-    new_first = np.zeros(MOST_STRETCHES, np.intp)
-    count, high[0] = 1, start
+    low, high = np.empty(MOST_STRETCHES), np.empty(MOST_STRETCHES)
+    first = np.empty(MOST_STRETCHES, np.intp)
+    new_low, new_high = np.empty(MOST_STRETCHES), np.empty(MOST_STRETCHES)
+    new_first = np.empty(MOST_STRETCHES, np.intp)
+    count, low[0], high[0], first[0] = 1, 0.0, start, 0
     before, held, leash2 = 0.0, False, leash * leash
     for i in range(n):
         p = points[i]
@@ -320,12 +320,11 @@ def measure_missed(
         place, too, the last row what is after the last place. -1 where no place was looked at.
     """
     n = len(points)
-    far, where, sizes = np.full(n, -1.0), np.zeros(n), np.empty(n - 1)
-    for i in range(n - 1):
-        sizes[i] = _step_size(points, i)
-    later = s.copy()
-    for i in range(n - 2, -1, -1):
-        later[i] = min(later[i], later[i + 1])
+    far, where, sizes, later = np.empty(n), np.empty(n), np.empty(n - 1), np.empty(n)
+    for i in range(n - 1, -1, -1):
+        far[i], where[i], later[i] = -1.0, 0.0, s[i]
+        if i < n - 1:
+            sizes[i], later[i] = _step_size(points, i), min(s[i], later[i + 1])
     p = np.empty(3)
     worst = -1.0
     # Joints and long stretches first: most other places need not be looked at then.

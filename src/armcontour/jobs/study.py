@@ -144,8 +144,11 @@ class TimedRun:
 
     @property
     def clearance_note(self) -> str | None:
-        """A sentence on the clearance of the plan; None for an arm whose shapes are not known."""
-        if self.clearance is None:
+        """A sentence on the clearance of the plan; None for an arm whose shapes are not known.
+
+        Of margins that are not kept there is a warning.
+        """
+        if self.clearance is None or not self.clearance.kept:
             return None
         done = "".join(f" {x[0].upper()}{x[1:]}." for x in self.avoided)
         return f"Run {self.run.name}: {self.clearance}{done}"

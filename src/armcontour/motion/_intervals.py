@@ -60,8 +60,8 @@ def law_of_squares(
         the first interval from rest to rest, -1 if there is none.
     """
     n = len(width)
-    breaks, ds, dds = np.zeros(n + 1), np.empty(n), np.empty(n)
-    end = math.sqrt(x[0])
+    breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
+    breaks[0], end = 0.0, math.sqrt(x[0])
     for i in range(n):
         ds[i], end = end, math.sqrt(x[i + 1])
         if ds[i] + end == 0.0:

@@ -78,13 +78,24 @@ class Moves:
         Args:
             place: Values of some axes [m, rad]; what is not named does not move.
         """
-        yaw, tilt = place.get("yaw", 0.0), place.get("tilt", 0.0)
-        turned = exp([0.0, 0.0, yaw]) @ exp([0.0, tilt, 0.0])
-        target = self.anchor.copy()
-        for k, name in enumerate(LENGTHS):
-            if name in place:
-                target[k] = place[name] + (0.0 if name in self.absolute else target[k])
-        return Frame(position=target - turned @ self.anchor, rotation=turned)
+        found = self.frames([place])[0]
+        return Frame(position=found[:, 3], rotation=found[:, :3])
+
+    def frames(self, places: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Rotations and positions of the same frames of several places, (n, 3, 4).
+
+        Args:
+            places: Values of some axes [m, rad] in each.
+        """
+        yaw, tilt = np.zeros((2, len(places), 3))
+        target = np.tile(self.anchor, (len(places), 1))
+        for n, place in enumerate(places):
+            yaw[n, 2], tilt[n, 1] = place.get("yaw", 0.0), place.get("tilt", 0.0)
+            for k, name in enumerate(LENGTHS):
+                if name in place:
+                    target[n, k] = place[name] + (0.0 if name in self.absolute else target[n, k])
+        turned = exp(yaw) @ exp(tilt)
+        return np.concatenate([turned, (target - turned @ self.anchor)[..., None]], axis=2)
 
 
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:

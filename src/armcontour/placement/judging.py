@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,7 +19,7 @@ from armcontour.jobs.quantities import torques_at
 from armcontour.motion import Method, Trajectory
 from armcontour.placement.axes import Moves, corners_of
 from armcontour.placement.manipulability import least_singular_value
-from armcontour.placement.moving import place_arm, place_job
+from armcontour.placement.moving import place_arm, place_bases, place_job
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
 from armcontour.program import Contour, Dwell
 from armcontour.scene import Scene
@@ -144,8 +144,27 @@ class Judge:
         Args:
             place: Values of the axes [m, rad].
         """
+        return self.look_all([place])[0]
+
+    def look_all(self, places: Sequence[Mapping[str, float]]) -> list[Screened]:
+        """What is known of places without plans, and without their uncertainty.
+
+        Args:
+            places: Values of the axes [m, rad] of each.
+        """
         if self.screen is None:
-            return Screened()
+            return [Screened() for _ in places]
+        assert isinstance(self._limited, SerialArm)
+        bases = place_bases(self._limited.arrays[3], self.moves.frames(places), self.what)
+        beyond = self.screen.refuses(bases)
+        return [
+            Screened(refusal=REACH) if far else self._traced(x)
+            for x, far in zip(places, beyond.tolist(), strict=True)
+        ]
+
+    def _traced(self, place: Mapping[str, float]) -> Screened:
+        """What the screen knows of a place that may be within reach."""
+        assert self.screen is not None
         arm = place_arm(self._limited, self.moves.frame(place), self.what)
         assert isinstance(arm, SerialArm)
         found = self.screen.look(arm)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
@@ -41,6 +44,23 @@ def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:
     if not isinstance(arm, SerialArm):
         return arm
     return arm.with_work(arm.chain.base.inverse @ _of_part(frame, what))
+
+
+def place_bases(base: FloatArray, frames: FloatArray, what: str) -> FloatArray:
+    """The base of an arm in the work frame, moved as `place_arm` moves it, (n, 3, 4).
+
+    Args:
+        base: Its rotation and position in its own place, (3, 4).
+        frames: Rotations and positions of the frames of `place_job`, (n, 3, 4).
+        what: As in `place_job`.
+    """
+    turns, ways = frames[..., :3], frames[..., 3]
+    if what == PART:
+        turns = np.swapaxes(turns, 1, 2)
+        ways = -np.einsum("nij,nj->ni", turns, ways)
+    found = turns @ base
+    found[..., 3] += ways
+    return np.asarray(found)
 
 
 def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:

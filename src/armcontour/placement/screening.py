@@ -20,7 +20,7 @@ from armcontour.placement.reach import beyond_links
 from armcontour.program import Contour, Dwell, Program
 from armcontour.timing.fastest_configuration import bound_duration
 from armcontour.tracing._tool_errors import tool_errors
-from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, subdivide
+from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, follow_ways, subdivide
 from armcontour.tracing.knots import PLACES, first_knots
 from armcontour.tracing.numeric import SINGULAR
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
@@ -30,6 +30,9 @@ from armcontour.tracing.solver import Ends
 # Quintics through the first knots stand for the joint path if they keep the tool this near to its
 # path [m, rad]; else nothing is known of a duration.
 NEAR, NEAR_ANGLE = 1e-5, 1e-4
+# Poses that are farther out of reach than this are refused without tracing, which meets poses far
+# closer [m].
+BEYOND = 1e-6
 # Kinds of refusals.
 REACH, RANGE, SINGULAR_ARM = "reach", "joint range", "singularity"
 # Where a path cannot be followed, so many of the poses ahead are tried for being in reach.
@@ -73,7 +76,7 @@ class Screen:
         *,
         of_all: bool = False,
     ) -> None:
-        self.limits, self.of_all = limits.without_jerk, of_all
+        self.limits, self.of_all, self._arm = limits.without_jerk, of_all, arm
         given = start is not None and isinstance(program.moves[0], Contour)
         self.contours = [
             _Poses(x.path, arm, np.asarray(start, dtype=float) if given and k == 0 else None)
@@ -89,16 +92,23 @@ class Screen:
             for x in program.contours
         )
 
+    def refuses(self, bases: FloatArray) -> BoolArray:
+        """In which places a pose is surely out of reach of the arm, (n,).
+
+        Args:
+            bases: Rotations and positions of its base in the work frame, (n, 3, 4).
+        """
+        found = np.zeros(len(bases), dtype=np.bool_)
+        for x in self.contours:
+            found[~found] = x.refuses(self._arm, bases[~found])
+        return found
+
     def look(self, arm: SerialArm) -> Screened:
         """What is known of the program on the arm where it stands.
 
         Args:
             arm: The arm in another place.
         """
-        base = arm.arrays[3][None]
-        for x in self.contours:
-            if beyond_links(arm.chain, x.task, x.first.row, base)[0] > 0:
-                return Screened(refusal=REACH)
         duration, singular = self.dwells, np.inf
         for x in self.contours:
             found = x.look(arm, self.limits, self.of_all)
@@ -129,21 +139,23 @@ class _Poses:
         self.breaks = np.append(knots.s0, path.length)
         self.width = knots.u1 - knots.u0
 
+    def refuses(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
+        """In which places of an arm's base a pose is surely out of its reach, (n,)."""
+        closed = self.configurations.closed
+        if closed is not None:
+            return closed.beyond(bases, self.fine, BEYOND) > BEYOND
+        return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
+
     def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
         """What is known of the path on an arm."""
         starts = self.configurations.find(arm, self.fine[0], self.start)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
-        followed, farthest, last = [], 0, starts[0]
-        for q0 in starts:
-            q = np.empty((len(self.fine), arm.dof))
-            q[0] = q0
-            reached = _newton.follow(*arm.arrays, self.fine, self.task, q)
-            if reached == len(self.fine):
-                followed.append(q[self.at])
-            elif reached > farthest:
-                farthest, last = reached, q[reached - 1]
+        ways, reached = follow_ways(arm, self.fine, self.task, starts)
+        followed = [ways[k, self.at] for k in np.flatnonzero(reached == len(self.fine))]
         if not followed:
+            best = int(np.argmax(reached))
+            farthest, last = int(reached[best]), ways[best, reached[best] - 1]
             ahead = np.linspace(farthest, len(self.fine) - 1, POSES_AHEAD).astype(np.intp)
             gaps = out_of_reach(arm, self.fine[ahead], self.task, last[None])
             return Screened(refusal=REACH if gaps.max() > OUT_OF_REACH else SINGULAR_ARM)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import partial
 from threading import Condition
 from typing import TypeAlias
 
 import numpy as np
 
-from armcontour._processes import Packed, pack, processors, share_work, unpack
+from armcontour._processes import processors, share_work
 from armcontour._progress import Progress, Step
 from armcontour.placement.judging import CYCLE, Judge, Verdict
 from armcontour.placement.screening import Screened
@@ -64,7 +64,8 @@ def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
 def _share(judge: Judge, places: Sequence[Place], order: _BestFirst, processes: int) -> None:
     """Work in the order, in this process or in others; all sharing is here."""
     if processes > 1:
-        share_work(_Elsewhere(pack((judge, list(places)))), order, processes=processes)
+        work = partial(_work, judge, list(places))
+        share_work(work, order, processes=processes)
         return
     while (task := order.take()) is not None:
         order.finish(task, _work(judge, places, task))
@@ -74,30 +75,8 @@ def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
     """Look at some places, or plan one."""
     which, cutoff = task
     if cutoff is None:
-        return [judge.look(places[k]) for k in which]
+        return judge.look_all([places[k] for k in which])
     return judge.judge(places[which[0]], cutoff)
-
-
-class _Elsewhere:
-    """The same work in another process.
-
-    Args:
-        packed: A judge and all places. They are packed so that arrays stay read-only, as compiled
-            functions know them.
-    """
-
-    def __init__(self, packed: Packed) -> None:
-        self.packed = packed
-
-    @cached_property
-    def known(self) -> tuple[Judge, list[Place]]:
-        """The judge and the places."""
-        judge, places = unpack(self.packed)
-        return judge, places
-
-    def __call__(self, task: Task) -> Answer:
-        """Do a task."""
-        return _work(*self.known, task)
 
 
 class _BestFirst:

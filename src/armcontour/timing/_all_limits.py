@@ -14,7 +14,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.motion._intervals import law_of_squares
-from armcontour.timing._block import ENDS, count_blocks
+from armcontour.timing._block import ENDS, count_blocks, filled, widths_of
 from armcontour.timing._bracket import bound_u, bound_x, judge, spread
 from armcontour.timing._joint_limits import FOUND, LEFT, TOO_MUCH, at_points, reach_ends
 from armcontour.timing._reach import (
@@ -267,15 +267,18 @@ def plan_roughly(
         ds² at the points of the coarse grid, slopes of dds, and whether there is a plan.
     """
     n, dof = len(places.piece), coefficients.shape[2]
-    width, path = places.s[1:] - places.s[:-1], np.empty((6, n, dof))
+    width, path = widths_of(places.s), np.empty((6, n, dof))
     first, second, third, fourth = path[0:2], path[2:4], path[4], path[5]
     derivatives(coefficients, breaks, places.piece, places.s, first, second, third, fourth)
     torques = _torques(joints, width, first, third, _coarse_terms(terms, of, n))
     if not torques.kept:
         return width, width, False
     ends = velocity_ceiling_at_ends(first, joints.velocity)
-    none, lost, skew = np.zeros(n), np.zeros(n), np.zeros(n)
-    no_margin = np.zeros((n, 2 * dof))
+    none, lost, skew = filled(n, 0.0), filled(n, 0.0), filled(n, 0.0)
+    no_margin = np.empty((n, 2 * dof))
+    for i in range(n):
+        for j in range(2 * dof):
+            no_margin[i, j] = 0.0
     _lower(ends, places.fixed, none)
     ceiling = at_points(ends, places.stops)
     low, high = joints.low.reshape(1, 1, -1), joints.high.reshape(1, 1, -1)
@@ -328,7 +331,7 @@ def _largest_u(
     x: FloatArray,
 ) -> FloatArray:
     """Largest |u| on every interval that all limits allow for the largest x, (n,)."""
-    allowed = np.full(len(x), math.inf)
+    allowed = filled(len(x), math.inf)
     if len(joints.low):
         allowed = path_acceleration_bound(first, second, joints.low, joints.high, x)
     if len(joints.torque):
@@ -422,7 +425,7 @@ def plan_in_brackets(
         (n,); and FOUND, TOO_MUCH where margins take too much, or else LEFT.
     """
     n, dof, lines = len(fine.piece), coefficients.shape[2], len(joints.torque)
-    s, width, lost = fine.s, fine.s[1:] - fine.s[:-1], np.zeros(n)
+    s, width, lost = fine.s, widths_of(fine.s), filled(n, 0.0)
     path = np.empty((6, n, dof))
     first, second, third, fourth = path[0:2], path[2:4], path[4], path[5]
     derivatives(coefficients, breaks, fine.piece, s, first, second, third, fourth)
@@ -437,8 +440,10 @@ def plan_in_brackets(
     more = 2 * lines if torques.drag.shape[1] else lines
     margin, bulge = np.empty((n, more)), np.empty((n, rows))
     most, least, slope = spread(x, slope, of)
-    ratio, radius = np.full(n, rules.headroom), np.empty(len(fine.radius))
-    steady, dips, left = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    ratio, radius = filled(n, rules.headroom), np.empty(len(fine.radius))
+    steady, dips, left = np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
+    for i in range(n):
+        steady[i] = False
     # The law that is found, which may not be the fastest yet, and its duration.
     best, best_skew, duration, moves = x, slope, math.inf, 0
     for _ in range(rules.tries):

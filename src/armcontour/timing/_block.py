@@ -38,6 +38,24 @@ def count_blocks(n: int) -> int:
     return (n + B - 1) // B
 
 
+@compiled(inner=True, allocates=True)
+def filled(n: int, value: float) -> FloatArray:
+    """An array of n equal numbers; `np.full` and `np.zeros` take longer to compile."""
+    found = np.empty(n)
+    for i in range(n):
+        found[i] = value
+    return found
+
+
+@compiled(inner=True, allocates=True)
+def widths_of(s: FloatArray) -> FloatArray:
+    """Lengths of intervals with these ends, (n,)."""
+    found = np.empty(len(s) - 1)
+    for i in range(len(found)):
+        found[i] = s[i + 1] - s[i]
+    return found
+
+
 def memory_of_blocks(n: int, rows: int) -> FloatArray:
     """Memory for rows of n intervals, as the kernels take it."""
     return np.empty((-(-n // B), rows, 4 * B))

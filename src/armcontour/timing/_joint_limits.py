@@ -36,6 +36,8 @@ from armcontour.timing._block import (
     U,
     X,
     count_blocks,
+    filled,
+    widths_of,
 )
 from armcontour.timing._bracket import bound_x, judge, sag, spread, turn
 from armcontour.timing._reach import (
@@ -128,12 +130,13 @@ def _first_pass(
 ) -> tuple[FloatArray, FloatArray, bool]:
     """A plan without margins and without skew, the slopes of u for it, and whether there is one."""
     n, dof = len(piece), coefficients.shape[2]
-    none, skew, ceiling = np.zeros(n), np.zeros(n), np.empty((2, n))
+    none, skew, ceiling = filled(n, 0.0), filled(n, 0.0), np.empty((2, n))
     of, c, known = np.empty(INTERVAL), np.empty((dof, 5 * B)), -1
-    of[SHIFT : SHIFT + B] = of[ABOVE : ABOVE + B] = 0.0
     ends = np.empty((count_blocks(n) * dof, ENDS))
-    for j in range(dof):
-        own[j, MARGIN : MARGIN + B] = 0.0
+    for m in range(B):
+        of[SHIFT + m] = of[ABOVE + m] = 0.0
+        for j in range(dof):
+            own[j, MARGIN + m] = 0.0
     for begin in range(0, n, B):
         b = begin // B
         place_block(breaks, piece, s, begin, of)
@@ -148,7 +151,7 @@ def _first_pass(
         ceil_by_shares(of)
         _put_ceiling(of, fixed, begin, ceiling)
     highest = at_points(ceiling, stops)
-    width = s[1:] - s[:-1]
+    width = widths_of(s)
     no_discs = np.empty((2, 0)), np.empty(0)
     x, sound = reach_ends(width, packed, highest, *no_discs, none, start, end)
     if sound:
@@ -318,15 +321,17 @@ def plan_in_one_go(
     n, dof = len(piece), coefficients.shape[2]
     own = np.empty((dof, OWN))
     for j in range(dof):
-        own[j, LOW0 : LOW1 + B], own[j, HIGH0 : HIGH1 + B] = low[j], high[j]
+        for m in range(B):
+            own[j, LOW0 + m] = own[j, LOW1 + m] = low[j]
+            own[j, HIGH0 + m] = own[j, HIGH1 + m] = high[j]
     coarse_grid = coefficients, breaks, coarse, coarse_piece, coarse_fixed, coarse_stops
     x, slope, sound = _first_pass(*coarse_grid, velocity, own, start, end, packed)
-    lost = np.zeros(n)
+    lost = filled(n, 0.0)
     if not sound:
         return x, slope, lost, LEFT
-    width = s[1:] - s[:-1]
+    width = widths_of(s)
     most, least, skew = spread(x, slope, of)
-    ratio = np.full(n, headroom)
+    ratio = filled(n, headroom)
     dips, left = np.empty(n, np.bool_), np.empty(n, np.bool_)
     block, c, ends = np.empty(INTERVAL), np.empty((dof, 5 * B)), np.empty((dof, ENDS))
     shifts, ceiling, known = np.empty(n), np.empty((2, n)), -1

@@ -149,12 +149,15 @@ def least_duration(
     """
     n, dof = len(coefficients), coefficients.shape[2]
     parts = _count_parts(breaks, coefficients)
-    size = parts.sum()
+    size = 0
+    for i in range(n):
+        size += parts[i]
     # Rows 2 i and 2 i + 1 are the start and the end of part i: the derivatives jump at breaks.
     b, c = np.empty((2 * size, dof)), np.empty((2 * size, dof))
     widths, tops = np.empty(size), np.empty(size)
-    x = np.full(size + 1, math.inf)
-    at = 0
+    x, at = np.empty(size + 1), 0
+    for i in range(size + 1):
+        x[i] = math.inf
     for i in range(n):
         width = breaks[i + 1] - breaks[i]
         if rests[i]:

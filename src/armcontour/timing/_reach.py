@@ -32,6 +32,7 @@ from armcontour.timing._block import (
     OWN,
     SHIFT,
     B,
+    filled,
 )
 
 # Largest number of cuts in the search for the best y of a stage, which takes a few.
@@ -561,7 +562,7 @@ def reach(
     most = np.empty(n + 1)
     x = np.empty(n + 1)
     most[n] = end
-    lanes = np.zeros(2 * CHUNK)
+    lanes = filled(2 * CHUNK, 0.0)
     i, count = n, FEW
     while i > 0:
         i -= 1

@@ -19,7 +19,9 @@ def standing_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
         vanished: A dq_ds counts as zero below this share of the sum of its terms.
     """
     n, dof = coefficients.shape[0], coefficients.shape[2]
-    found = np.ones(n + 1, np.bool_)
+    found = np.empty(n + 1, np.bool_)
+    for i in range(n + 1):
+        found[i] = True
     for i in range(n):
         sizes = 0.0
         for k in range(1, 6):

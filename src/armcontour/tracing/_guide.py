@@ -24,7 +24,10 @@ def turn_bases(w: FloatArray, turns: FloatArray, q: FloatArray) -> FloatArray:
     """
     n, free, dof = w.shape
     values = np.empty((n, dof + free * dof))
-    turn, before = np.eye(free), np.empty((free, free))
+    turn, before = np.empty((free, free)), np.empty((free, free))
+    for a in range(free):
+        for b in range(free):
+            turn[a, b] = 1.0 if a == b else 0.0
     for i in range(n):
         if i > 0:
             for a in range(free):
@@ -96,7 +99,7 @@ def write_slopes(s: FloatArray, values: FloatArray, slopes: FloatArray) -> None:
         slopes: Output: the slopes.
     """
     n, size = values.shape
-    below, own, above = np.empty(n), np.empty(n), np.zeros(n)
+    below, own, above = np.empty(n), np.empty(n), np.empty(n)
     for j in range(size):
         for i in range(n - 1):
             slopes[i, j] = (values[i + 1, j] - values[i, j]) / (s[i + 1] - s[i])
@@ -112,7 +115,7 @@ def write_slopes(s: FloatArray, values: FloatArray, slopes: FloatArray) -> None:
         below[i - 1], above[i] = s[i + 1] - s[i], s[i] - s[i - 1]
         own[i] = 2.0 * (s[i + 1] - s[i - 1])
     first, last = s[2] - s[0], s[n - 1] - s[n - 3]
-    own[0], above[0] = s[2] - s[1], first
+    own[0], above[0], above[n - 1] = s[2] - s[1], first, 0.0
     own[n - 1], below[n - 2] = s[n - 2] - s[n - 3], last
     for j in range(size):
         a, b, c = s[1] - s[0], s[2] - s[1], slopes[0, j]
@@ -165,7 +168,7 @@ def fit_splines(s: FloatArray, values: FloatArray, cuts: IntArray) -> tuple[Floa
         values), and for each section whether its spline overshoots.
     """
     n, size = values.shape
-    c, swings = np.zeros((n - 1, 6, size)), np.zeros(len(cuts) - 1, dtype=np.bool_)
+    c, swings = np.empty((n - 1, 6, size)), np.empty(len(cuts) - 1, np.bool_)
     slopes = np.empty((n, size))
     for m in range(len(cuts) - 1):
         first, last = cuts[m], cuts[m + 1]
@@ -179,6 +182,8 @@ def fit_splines(s: FloatArray, values: FloatArray, cuts: IntArray) -> tuple[Floa
                 bend = (begin + end - 2.0 * slope) / width
                 c[i, 0, j], c[i, 1, j] = values[i, j], begin
                 c[i, 2, j], c[i, 3, j] = (slope - begin) / width - bend, bend / width
+                c[i, 4, j] = c[i, 5, j] = 0.0
+        swings[m] = False
         for i in range(last - first):
             if last - first > 1 and overshoots(here, c[first:last], at, i):
                 swings[m] = True

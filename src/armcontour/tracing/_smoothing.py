@@ -53,10 +53,10 @@ def add_up(values: FloatArray, n: int) -> float:
     Joint positions that differ in a free turn of the tool cost the same, so that rounding errors
     decide which of them are taken: these are small, and the same on every machine.
     """
-    sizes, firsts = np.zeros(MOST_HALVES, np.intp), np.zeros(MOST_HALVES)
-    second = np.zeros(MOST_HALVES, np.bool_)
+    sizes, firsts = np.empty(MOST_HALVES, np.intp), np.empty(MOST_HALVES)
+    second = np.empty(MOST_HALVES, np.bool_)
     at = depth = 0
-    sizes[0] = n
+    sizes[0], second[0] = n, False
     while True:
         while sizes[depth] > BLOCK:
             half = sizes[depth] // 2
@@ -198,7 +198,9 @@ def write_system(
         right: Output: the right side, (n free,).
     """
     n, free, dof = w.shape
-    bands[:] = 0.0
+    for row in range(n * free):
+        for k in range(2 * free):
+            bands[row, k] = 0.0
     gradient, weight, ahead = np.empty(dof), np.empty(dof), np.empty(dof)
     most = 0.0
     for i in range(n):
@@ -223,8 +225,8 @@ def write_system(
     if start_stays:
         for row in range(free):
             right[row] = 0.0
-            bands[row] = 0.0
-            bands[row, 0] = 1.0
+            for k in range(2 * free):
+                bands[row, k] = 1.0 if k == 0 else 0.0
 
 
 @compiled(inner=True)
@@ -289,8 +291,9 @@ def smooth(
     """
     n, dof = q.shape
     free = dof - task
-    middle, half = np.zeros(dof), np.full(dof, np.inf)
+    middle, half = np.empty(dof), np.empty(dof)
     for k in range(dof):
+        middle[k], half[k] = 0.0, math.inf
         if math.isfinite(lower[k]) and math.isfinite(upper[k]):
             middle[k], half[k] = (upper[k] + lower[k]) / 2.0, (upper[k] - lower[k]) / 2.0
     weights, memory = np.empty(n - 1), np.empty(n * dof)
@@ -317,7 +320,10 @@ def smooth(
                 goal[i, 0, k] = trial[i, k] = q[i, k] + scale * goal[i, 0, k]
         rows = w.reshape(n, 1, free, dof)
         found, _ = newton(rotations, positions, axes, base, end, trial, poses, task, rows, goal)
-        if not found.all():
+        count = 0
+        for i in range(n):
+            count += found[i]
+        if count < n:
             break
         trial_cost = find_cost(trial, pace, weights, middle, half, memory)
         if not trial_cost < cost:

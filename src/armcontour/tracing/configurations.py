@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._processes import map_in_threads, split_evenly
 from armcontour.arms import SerialArm, _newton
 from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
@@ -19,6 +22,12 @@ from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
 from armcontour.tracing.ranges import out_of_range
 from armcontour.tracing.redundancy import null_space, smooth
 
+T = TypeVar("T")
+R = TypeVar("R")
+
+# Work on so many poses is shared by threads: starting them takes as long as that of a hundred. Ways
+# are followed in so many parts, as some end early.
+MANY, PARTS = 2000, 16
 # Largest number of start configurations that are followed along the path.
 MOST_STARTS = 48
 # With redundant degrees of freedom, largest number of different solutions that are kept.
@@ -116,11 +125,17 @@ def find_solutions(
         followed = _rank(arm, s, knot_poses, task, followed, start)
     found: list[Solution] = []
     different = _Different(arm, knot_poses, task)
+
+    def smoothed(q: FloatArray) -> tuple[FloatArray, float]:
+        return smooth(arm, s, knot_poses, task, q, start_stays=start is not None)
+
+    best = followed[:MOST_SMOOTHED] if redundant else []
+    first = _in_threads(smoothed, best, len(best) * len(s))
     for i, q in enumerate(followed):
         if redundant and found and i >= MOST_SMOOTHED:
             break
         if redundant:
-            q, cost = smooth(arm, s, knot_poses, task, q, start_stays=start is not None)
+            q, cost = first[i] if i < len(first) else smoothed(q)
         else:
             cost = _joint_distance(arm, q)
         in_range = _turn_into_range(arm, q, start)
@@ -145,17 +160,43 @@ def _follow(
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
     """
-    followed: list[FloatArray] = []
-    failures: list[_Failure] = []
-    for q0 in starts:
-        q = np.empty((len(poses), arm.dof))
-        q[0] = q0
-        reached = _newton.follow(*arm.arrays, poses, task, q)
-        if reached < len(poses):
-            failures.append(_Failure(reached=reached, q=q[reached - 1]))
-        else:
-            followed.append(q)
-    return followed, failures
+    q, reached = follow_ways(arm, poses, task, starts)
+    whole = reached == len(poses)
+    failures = [
+        _Failure(reached=int(k), q=way[k - 1])
+        for way, k in zip(q[~whole], reached[~whole], strict=True)
+    ]
+    return [q[k] for k in np.flatnonzero(whole)], failures
+
+
+def follow_ways(
+    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Follow poses from each start, several ways at the same time.
+
+    Args:
+        arm: The arm.
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension.
+        starts: Joint positions at the first pose [rad], (starts, dof).
+
+    Returns:
+        Joint positions [rad], (starts, n, dof), as far as poses are reached; and how many are, the
+        first one included, (starts,).
+    """
+    q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
+    q[:, 0] = starts
+
+    def follow(ways: slice) -> None:
+        _newton.follow(*arm.arrays, poses, task, q[ways], reached[ways])
+
+    _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
+    return q, reached
+
+
+def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
+    """Do compiled work on several items, in threads if all of them have many poses."""
+    return map_in_threads(work, items) if poses >= MANY else [work(x) for x in items]
 
 
 def _rank(
@@ -173,8 +214,8 @@ def _rank(
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [_shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
-    ranked = []
-    for q in followed:
+
+    def rank(q: FloatArray) -> tuple[float, FloatArray]:
         shifted, _ = _shift_by_turns(arm, q)
         rough, cost = smooth(
             arm,
@@ -185,7 +226,9 @@ def _rank(
             start_stays=start is not None,
             rounds=ROUGH_ROUNDS,
         )
-        ranked.append((cost, shifted if len(few) < len(s) else rough))
+        return cost, shifted if len(few) < len(s) else rough
+
+    ranked = _in_threads(rank, followed, len(followed) * len(few))
     ranked.sort(key=lambda x: x[0])
     first: list[FloatArray] = []
     again: list[FloatArray] = []
@@ -207,7 +250,9 @@ class _Different:
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
-        # Null spaces along the known solutions, computed where a difference is looked at closely.
+        # Null spaces at some knots of the known solutions, and along all of them where a difference
+        # is looked at closely.
+        self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
         self._few = np.unique(np.linspace(0, len(poses) - 1, FEW_KNOTS).astype(np.intp))
 
@@ -216,6 +261,9 @@ class _Different:
         if any(self._is_known(k, q) for k in range(len(self._known))):
             return False
         self._known.append(q)
+        if self.task < self.arm.dof:
+            few = self._few
+            self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
         return True
 
     def _is_known(self, k: int, q: FloatArray) -> bool:
@@ -224,8 +272,7 @@ class _Different:
         if self.task == self.arm.dof:
             return bool(np.abs(q - known).max() < SAME_SOLUTION)
         # At any knot no more may be left than from a difference of half a turn.
-        w = null_space(self.arm, self.poses[few], self.task, known[few])
-        if _outside(w, q[few] - known[few])[0] >= SAME_SOLUTION * np.pi:
+        if _outside(self._rough[k], q[few] - known[few])[0] >= SAME_SOLUTION * np.pi:
             return False
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, known)

@@ -15,6 +15,8 @@ from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
 # Largest number of figures on a page.
 MOST_FIGURES = 6
+# A logarithmic axis that is longer than this has numbers at powers of ten only.
+DECADES = 1e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,8 @@ def _figure(view: BatchView, of: Axis) -> Any:
     if flat:
         values = of.values[done]
         marker = {"color": values, "colorscale": "Viridis", "size": 7, "showscale": True}
-        marker["colorbar"] = {"title": {"text": of.title}}
+        # A title above would make the bar as wide as itself.
+        marker["colorbar"] = {"title": {"text": of.title, "side": "right"}}
     figure = Figure()
     figure.add_trace(
         make_trace(
@@ -130,6 +133,15 @@ def _figure(view: BatchView, of: Axis) -> Any:
                 marker={"color": PATH_COLOUR, "size": 6, "symbol": "x"},
             )
         )
-    figure.update_xaxes(title=first.title, type="log" if first.log else "linear")
-    figure.update_yaxes(title=second.title, type="log" if second.log else "linear")
+    figure.update_xaxes(**_scale(first))
+    figure.update_yaxes(**_scale(second))
     return finish(figure, title=of.title.split(" [")[0], height=460)
+
+
+def _scale(of: Axis) -> dict[str, Any]:
+    """Title and scale of an axis; numbers of a short logarithmic one at 1, 2 and 5."""
+    if not of.log:
+        return {"title": of.title, "type": "linear"}
+    wide = np.nanmax(of.values) > DECADES * np.nanmin(of.values)
+    step = 1 if wide else "D2"
+    return {"title": of.title, "type": "log", "tickformat": "~g", "dtick": step}

@@ -6,11 +6,12 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some
 from armcontour.arms.chain import link_poses
-from armcontour.clearance import Cell, PairClearance
+from armcontour.clearance import Cell, Clearance, PairClearance
 from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.report.figure import Figure, make_trace
@@ -43,8 +44,9 @@ def clearance(study: Study) -> Section | None:
     found = first.clearance
     assert found is not None
     figures: list[Any] = [_over_time(study.job, name, x) for name, x in runs.items()]
-    if study.job.program.dimension == 3 and found.least is not None:
-        figures.append(_posture(study.job, first, found.least))
+    nearest = _nearest(study.job, found)
+    if study.job.program.dimension == 3 and nearest is not None:
+        figures.append(_posture(study.job, first, nearest))
     reasons = Counter(x.reason for x in found.left_out)
     left = list_some([f"{reason} ({n})" for reason, n in reasons.items()], 6)
     return Section(
@@ -60,12 +62,19 @@ def clearance(study: Study) -> Section | None:
         notes=tuple(
             x
             for x in (
-                *(x.clearance_note for x in runs.values()),
+                *(x.clearance_note or f"Run {name}: {x.clearance}" for name, x in runs.items()),
                 f"Pairs that are not looked at: {left}." if reasons else None,
             )
             if x is not None
         ),
     )
+
+
+def _nearest(job: Job, found: Clearance) -> PairClearance | None:
+    """The pair whose posture is drawn: of those with an obstacle, if there are any."""
+    names = {x.name for x in (job.scene or Scene()).obstacles}
+    pairs = [x for x in found.pairs if {x.first, x.second} & names]
+    return min(pairs or found.pairs, key=lambda x: x.high, default=None)
 
 
 def _over_time(job: Job, name: str, result: RunResult) -> Any:
@@ -96,21 +105,21 @@ def _table(name: str, result: RunResult) -> Table:
     assert result.clearance is not None
     executed = {(x.first, x.second): x for x in getattr(result.executed_clearance, "pairs", ())}
     rows = []
-    for x in result.clearance.pairs[:MOST_ROWS]:
+    for x in sorted(result.clearance.pairs, key=lambda x: x.high - x.margin)[:MOST_ROWS]:
         driven = executed.get((x.first, x.second))
         rows.append(
             (
                 f"{x.second}, {x.first}",
-                KINDS[x.kind],
                 f"{x.high * 1e3:.2f} mm at {x.t:.3f} s",
                 f"{x.low * 1e3:.2f} mm",
                 "" if driven is None else f"{driven.high * 1e3:.2f} mm",
                 f"{x.margin * 1e3:.2f} mm",
                 "kept" if x.kept else f"too near from {x.first_time or 0.0:.3f} s",
+                KINDS[x.kind],
             )
         )
     return Table(
-        header=("pair", "kind", "nearest, planned", "proven", "executed", "margin", "verdict"),
+        header=("pair", "nearest, planned", "proven", "executed", "margin", "verdict", "kind"),
         rows=tuple(rows),
         caption=f"Nearest pairs, run {name}",
     )
@@ -138,8 +147,9 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
         points = _points(obstacle.shape, place, PLATE * size)
         figure.add_trace(_body(points, obstacle.name, OBSTACLE_COLOUR, 0.5))
         drawn.append(points)
-    figure.add_trace(line_in_space(nearest.points * 1e3, "nearest points", LIMIT_COLOUR, width=8))
-    in_space(figure, title=f"Where {nearest.second} and {nearest.first} come nearest", height=620)
+    name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm"
+    figure.add_trace(line_in_space(nearest.points * 1e3, name, LIMIT_COLOUR, width=8))
+    in_space(figure, title="Posture of the least distance", height=620)
     figure.update_layout(box(np.concatenate(drawn)))
     figure.update_layout(updatemenus=[view_buttons()])
     return figure
@@ -168,7 +178,8 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
     up = np.array([0.0, 0.0, 1.0])
     match shape:
         case Mesh():
-            return np.asarray(shape.points)
+            # Only the hull is drawn, and a scan has a million points.
+            return np.asarray(shape.points[ConvexHull(shape.points).vertices])
         case Box():
             signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             return np.asarray(signs * shape.size / 2)

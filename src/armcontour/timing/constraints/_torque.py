@@ -81,8 +81,11 @@ def terms_on_grid(
         middles: Takes them in the middles, (3, n, dof).
     """
     n, dof = len(piece), coefficients.shape[2]
-    rows, motion = np.zeros((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
-    at, of, place = np.zeros(B), np.empty(B, np.intp), np.empty(B, np.intp)
+    rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
+    for j in range(dof):
+        for m in range(LINK_ROWS * B):
+            rows[j, m] = 0.0
+    at, of, place = np.empty(B), np.empty(B, np.intp), np.empty(B, np.intp)
     # Places are starts of intervals, their middles, and the ends that are no starts of others.
     count = i = part = 0
     while i < n or count:
@@ -129,7 +132,7 @@ def at_rest(c: FloatArray, limit: FloatArray) -> tuple[FloatArray, FloatArray, b
         c: Torques of gravity at the starts and ends of all intervals, (2, n, dof).
         limit: Largest torques, (dof,).
     """
-    low, high, kept = np.empty_like(c), np.empty_like(c), True
+    low, high, kept = np.empty(c.shape), np.empty(c.shape), True
     for end in range(2):
         for i in range(c.shape[1]):
             for j in range(c.shape[2]):

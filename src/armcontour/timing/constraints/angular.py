@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
+from armcontour.timing.constraints._angular import write_rows
 from armcontour.timing.constraints.base import Bounds, Ceiling, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import Sampled, Values, bulge, rise
 from armcontour.timing.grid import Grid
@@ -18,8 +19,9 @@ from armcontour.timing.limit_use import require_orientation
 # The length of a vector in a plane is bounded by a polygon of twice as many sides. The polygon lies
 # inside the circle of the limit, by at most 1 - cos(pi / 64) = 0.12 % of its radius.
 DIRECTIONS = 32
-# Two vectors count as parallel if at most this share of one is at right angles to the other.
-PARALLEL = 1e-9
+ANGLES = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+# Cosines and sines of the directions at right angles to the sides.
+POLYGON = np.array([np.cos(ANGLES), np.sin(ANGLES)])
 
 
 def turning_of(arm: Arm) -> Sampled:
@@ -80,28 +82,19 @@ class AngularAcceleration(Constraint):
 
     def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
         """One row per side of the polygon; its direction is fixed on each interval."""
-        ends = np.stack(self._turning.at_ends(grid)[:2], axis=2)
-        middle = np.stack(self._turning.in_middles(grid)[:2], axis=1)
-        planes = _planes(middle)
-        angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
-        polygon = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        directions = polygon @ planes[:, :2]
-        along = ends @ np.swapaxes(directions, 1, 2)
-        a, b = along[:, :, 0].copy(), along[:, :, 1].copy()
-        radius = np.full(len(grid), self.limit)
-        margin = np.zeros(a.shape[1:])
+        w, dw = self._turning.at_ends(grid)[:2]
+        middle_w, middle_dw = self._turning.in_middles(grid)[:2]
+        n = len(grid)
+        ends, seen = np.empty((2, 2, n, DIRECTIONS)), np.empty((2, n, DIRECTIONS))
+        out, margin = np.empty((2, n)), np.zeros((n, DIRECTIONS))
+        write_rows(w, dw, middle_w, middle_dw, POLYGON, ends, seen, out)
+        (a, b), radius = ends, np.full(n, self.limit)
         if bounds is not None:
-            seen = middle @ np.swapaxes(directions, 1, 2)
-            rises = (
-                rise(grid, a, seen[:, 0].copy()),
-                rise(grid, b, seen[:, 1].copy()),
-                np.zeros_like(margin),
-            )
+            rises = rise(grid, a, seen[0]), rise(grid, b, seen[1]), margin
             margin = bulge(grid, a, b, rises, bounds)
             # The plane turns along the interval: the part that leaves it reduces the radius.
-            out = np.abs(ends @ planes[:, 2, :, None])[..., 0].max(axis=0)
-            out += np.stack([x.sum(axis=1) for x in self._turning.rises(grid)[:2]], axis=1)
-            across = out[:, 0] * bounds.u + out[:, 1] * bounds.x
+            out += [x.sum(axis=1) for x in self._turning.rises(grid)[:2]]
+            across = out[0] * bounds.u + out[1] * bounds.x
             radius = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
         bound = np.broadcast_to((radius * np.cos(np.pi / (2 * DIRECTIONS)))[:, None], a.shape)
         return Rows(a, b, -bound, bound, margin)
@@ -111,25 +104,3 @@ class AngularAcceleration(Constraint):
         w, dw = (np.linalg.norm(x[0], axis=1) for x in self._turning.at_ends(grid)[:2])
         with np.errstate(divide="ignore"):
             return np.asarray((self.limit + dw * x) / w)
-
-
-def _planes(turning: FloatArray) -> FloatArray:
-    """Two orthonormal vectors that span w and w', and their normal, (n, 3, 3).
-
-    Where w and w' span no plane, any plane that contains them.
-    """
-    w, dw = turning[:, 0], turning[:, 1]
-    still = (np.linalg.norm(w, axis=1) == 0)[:, None]
-    along = _unit(np.where(still, dw, w), np.array([1.0, 0.0, 0.0]))
-    # If both are parallel, the rest is rounding only: take the axis farthest from them instead.
-    rest = dw - np.sum(dw * along, axis=1)[:, None] * along
-    parallel = np.linalg.norm(rest, axis=1) <= PARALLEL * np.linalg.norm(dw, axis=1)
-    axis = np.eye(3)[np.argmin(np.abs(along), axis=1)]
-    across = _unit(np.cross(along, np.where(parallel[:, None], axis, rest)), along)
-    return np.stack([along, np.cross(across, along), across], axis=1)
-
-
-def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
-    """Unit vectors, (n, 3); `otherwise` where a vector is zero."""
-    size = np.linalg.norm(vectors, axis=1)[:, None]
-    return np.asarray(np.where(size > 0, vectors / np.where(size > 0, size, 1.0), otherwise))
