@@ -170,6 +170,7 @@ class Server:
 
     def __init__(self, door: Door, desk: Desk) -> None:
         self.door, self.desk = door, desk
+        self._page = page_files()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, as ASGI has it."""
@@ -188,10 +189,13 @@ class Server:
 
     async def _give_page(self, path: str, send: Send) -> None:
         """Send a file of the page."""
+        name = path.removeprefix("/static/") if path != "/" else "index.html"
+        if name not in self._page:
+            # Who works on the page adds files.
+            self._page = page_files()
         # A name is looked up, never followed.
-        files = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*")}
-        file = files.get(path.removeprefix("/static/") if path != "/" else "index.html")
-        if file is None or file.suffix not in KINDS:
+        file = self._page.get(name)
+        if file is None:
             raise Refused(404, "The Studio has no such page.")
         await respond(send, 200, file.read_bytes(), KINDS[file.suffix])
 
@@ -268,6 +272,11 @@ class Server:
             if session is not None:
                 await asyncio.to_thread(session.receive, tab, said)
         return None
+
+
+def page_files() -> dict[str, FilePath]:
+    """The files of the page, by their names."""
+    return {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
 
 
 def serve(
@@ -355,6 +364,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
         uvicorn.Config(
             Guard(Server(door, desk), door),
             http="h11",
+            ws="websockets-sansio",
             loop="asyncio",
             lifespan="off",
             log_config=None,

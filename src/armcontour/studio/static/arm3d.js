@@ -19,6 +19,8 @@ import { passed, trailOf } from "./trail.js";
 
 /** Times closer than this are the same [s]. */
 const SAME_TIME = 1e-9;
+/** Starts that differ by more are in different configurations [rad]. */
+const SAME_POSTURE = 0.01;
 /** So long after the last change the view rests [ms]. */
 const REST = 600;
 /** Numbers change so often at most [ms]. */
@@ -32,7 +34,7 @@ const READING = 80;
 export function init(store, _link) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
-  for (const event of ["cursor", "view", "layout", "refusal"]) store.on(event, view.draw);
+  for (const event of ["cursor", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
@@ -56,6 +58,8 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** Which motion was asked for. */
+    this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
     this.time = 0;
@@ -185,14 +189,13 @@ class ArmView {
    */
   read(scene, frame) {
     const { stale, store } = this;
-    const paint = PAINTS[store.theme];
-    if (stale.has("arm")) {
+    if (stale.has("arm") || stale.has("theme")) {
       this.cell = cellOf(frame);
-      scene.setCell(this.cell, paint);
+      scene.setCell(this.cell, PAINTS[store.theme]);
     }
-    if (stale.has("theme")) scene.repaint(paint);
-    const which = store.options.time ?? "planned";
-    if (stale.size > 0 || this.motion?.of !== which) {
+    const which = store.options.time;
+    if (stale.size > 0 || this.asked !== which) {
+      this.asked = which;
       const picture = store.latest("picture");
       this.motion = motionOf(store, which) ?? motionOf(store, "planned");
       this.trail = this.motion && picture ? trailOf(this.motion, picture, store.theme) : null;
@@ -271,11 +274,23 @@ class ArmView {
   noteText(motion) {
     if (this.store.refusal) return this.store.refusal.head.sentence;
     if (!motion) return "No motion yet: the arm is at zero.";
-    const asked = this.store.options.time ?? "planned";
-    if (asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
+    if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
+    if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {
+      return "The full run has the arm in another configuration than this preview.";
+    }
     if (this.scene?.kind === "stick") return "This browser has no WebGL: the arm is drawn as lines.";
     return "";
   }
+}
+
+/**
+ * Whether a full run starts in another configuration.
+ * @param {Motion} motion
+ * @param {number[] | undefined} start joint positions of the full run [rad]
+ * @returns {boolean}
+ */
+function isElsewhere({ q }, start) {
+  return Boolean(start?.some((x, k) => Math.abs(x - q[k]) > SAME_POSTURE));
 }
 
 /** Frames drawn in the last second. */

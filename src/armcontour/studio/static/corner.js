@@ -21,6 +21,20 @@ function bisectorOf({ apex, corner }) {
 }
 
 /**
+ * Edits that set the tolerance of a corner, or of all corners.
+ * @param {Corner} corner @param {number | string} value m, or as typed @param {boolean} [all] @returns {object[]}
+ */
+export function toleranceEdits(corner, value, all = false) {
+  // A corner of a drawing has no waypoint: its tolerance is that of all.
+  if (!all && corner.waypoint !== null) return [{ do: "corner_tolerance", index: corner.waypoint, value }];
+  // Corners with a tolerance of their own get that of all.
+  return [
+    { do: "set", key: "corners.tolerance", value },
+    { do: "unset", key: "corners.at" },
+  ];
+}
+
+/**
  * What dragging the apex to a place changes: the tolerance is its distance from the corner.
  * @param {Corner} corner @param {Point} to m @param {boolean} all whether of all corners
  * @returns {{edits: object[], shown: Point}}
@@ -29,9 +43,10 @@ export function toleranceAt(corner, to, all) {
   const [du, dv] = bisectorOf(corner);
   const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
   const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
-  const one = { do: "corner_tolerance", index: corner.waypoint, value };
-  const edit = all ? { do: "set", key: "corners.tolerance", value } : one;
-  return { edits: [edit], shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv] };
+  return {
+    edits: toleranceEdits(corner, value, all),
+    shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv],
+  };
 }
 
 /**

@@ -56,6 +56,14 @@ export function headings(names, classOf = () => "") {
   });
 }
 
+/**
+ * Set an attribute only where it differs: setting one makes the browser lay out and paint again.
+ * @param {Element} element @param {string} name @param {string} value
+ */
+export function mark(element, name, value) {
+  if (element.getAttribute(name) !== value) element.setAttribute(name, value);
+}
+
 /** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;

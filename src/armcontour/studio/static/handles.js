@@ -2,7 +2,7 @@
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
 import { beyond, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
-import { draw } from "./dom.js";
+import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
 
@@ -144,8 +144,8 @@ export class Handles {
   describeWaypoint(element, index) {
     const at = this.waypointAt(index);
     if (!at) return;
-    element.setAttribute("aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
-    element.setAttribute("aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
+    mark(element, "aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
+    mark(element, "aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
   }
 
   /** Insert after, or remove. @param {KeyboardEvent} event @param {number} index */
@@ -197,8 +197,8 @@ export class Handles {
       describe: () => {
         const corner = told();
         if (!corner) return;
-        element.setAttribute("aria-valuenow", mm(corner.error));
-        element.setAttribute("aria-valuetext", wordsOf(corner));
+        mark(element, "aria-valuenow", mm(corner.error));
+        mark(element, "aria-valuetext", wordsOf(corner));
       },
     };
     return this.movable(`corner ${index}`, handle);
@@ -291,14 +291,14 @@ export class Handles {
           .map((x) => x.toFixed(1))
           .join(),
       );
-    this.polygon.setAttribute("points", corners.join(" "));
+    mark(this.polygon, "points", corners.join(" "));
     for (const handle of this.handles.values()) {
       const at = handle.at();
       handle.element.toggleAttribute("hidden", !at);
       if (!at) continue;
       const corner = handle.corner?.();
       const [x, y] = corner ? beyond(corner, this.screen(at)) : this.screen(at);
-      handle.element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+      mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
     }
   }
 }

@@ -1,7 +1,7 @@
 // Small marks over the drawing: the cursor on the path, slow places, the place of a refusal, and the
 // sentence under the pointer.
 
-import { draw, make, say } from "./dom.js";
+import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
 import { indexAt } from "./state.js";
 
@@ -153,7 +153,7 @@ function squaredDistance(u, v, points, k) {
 
 /** @param {SVGElement} element @param {[number, number]} place px */
 function move(element, [x, y]) {
-  element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+  mark(element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
 }
 
 /** A place in a table of points. @param {Numbers} xs @param {Numbers} points pairs @param {number} x @returns {[number, number]} */

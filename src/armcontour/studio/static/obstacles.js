@@ -1,6 +1,6 @@
 // Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
 
-import { draw, find, make } from "./dom.js";
+import { draw, find, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
@@ -107,16 +107,16 @@ class Obstacles {
     sizer.toggleAttribute("hidden", !outline || obstacle.kind !== "boxes");
     if (!outline) return;
     const points = outline.map((p) => this.handles.screen(p));
-    shape.setAttribute("points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
+    mark(shape, "points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
     const corner = points.reduce((best, p) => (p[0] - p[1] > best[0] - best[1] ? p : best));
-    sizer.setAttribute("transform", `translate(${corner[0].toFixed(1)} ${corner[1].toFixed(1)})`);
+    mark(sizer, "transform", `translate(${corner[0].toFixed(1)} ${corner[1].toFixed(1)})`);
     const at = obstacle.at ?? [0, 0, 0];
-    body.setAttribute("aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
-    body.setAttribute("aria-valuetext", `at ${at.map((x) => mm(x, 1)).join(", ")} mm`);
-    body.setAttribute("aria-valuenow", String(Math.round(1000 * at[0])));
-    sizer.setAttribute("aria-label", `Size of obstacle ${obstacle.name ?? obstacle.index + 1}`);
-    sizer.setAttribute("aria-valuetext", `${(obstacle.size ?? []).map((x) => mm(x, 1)).join(" by ")} mm`);
-    sizer.setAttribute("aria-valuenow", String(Math.round(1000 * (obstacle.size?.[0] ?? 0))));
+    mark(body, "aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
+    mark(body, "aria-valuetext", `at ${at.map((x) => mm(x, 1)).join(", ")} mm`);
+    mark(body, "aria-valuenow", String(Math.round(1000 * at[0])));
+    mark(sizer, "aria-label", `Size of obstacle ${obstacle.name ?? obstacle.index + 1}`);
+    mark(sizer, "aria-valuetext", `${(obstacle.size ?? []).map((x) => mm(x, 1)).join(" by ")} mm`);
+    mark(sizer, "aria-valuenow", String(Math.round(1000 * (obstacle.size?.[0] ?? 0))));
   }
 
   /** @param {number} k */

@@ -1,6 +1,6 @@
 // The handle that moves and turns the part as a whole.
 
-import { draw } from "./dom.js";
+import { draw, mark } from "./dom.js";
 import { short } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
 
@@ -111,8 +111,8 @@ class PlaceHandle {
     gesture.update([{ do: "place", by, turn, about }], at);
     const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
     for (const element of [this.mover, this.turner]) element.setAttribute("aria-valuetext", text);
-    this.mover.setAttribute("aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
-    this.turner.setAttribute("aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
+    mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
+    mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
     this.put();
   }
 
@@ -140,10 +140,9 @@ class PlaceHandle {
     const { about, by, turn } = this.held ?? { about: this.handles.centre, by: [0, 0], turn: 0 };
     const [x, y] = this.handles.screen([about[0] + by[0], about[1] + by[1]]);
     const [tx, ty] = [x - ARM * Math.sin(turn), y - ARM * Math.cos(turn)];
-    this.mover.setAttribute("transform", `translate(${x} ${y})`);
-    this.turner.setAttribute("transform", `translate(${tx} ${ty})`);
-    for (const [name, value] of Object.entries({ x1: x, y1: y, x2: tx, y2: ty }))
-      this.stem.setAttribute(name, String(value));
+    mark(this.mover, "transform", `translate(${x} ${y})`);
+    mark(this.turner, "transform", `translate(${tx} ${ty})`);
+    for (const [name, value] of Object.entries({ x1: x, y1: y, x2: tx, y2: ty })) mark(this.stem, name, String(value));
   }
 }
 

@@ -65,7 +65,7 @@ class Playback {
 
   /** The shown motion; where the executed one is not there, the planned one. */
   get motion() {
-    const which = this.store.options.time ?? "planned";
+    const which = this.store.options.time;
     return motionOf(this.store, which) ?? motionOf(this.store, "planned");
   }
 
@@ -74,7 +74,7 @@ class Playback {
     const motion = this.motion;
     for (const x of [this.button, this.slider, this.loop]) x.disabled = !motion;
     if (!motion) this.pause();
-    this.of.input.value = this.store.options.time ?? "planned";
+    this.of.input.value = this.store.options.time;
     const executed = /** @type {HTMLOptionElement} */ (this.of.input.options[1]);
     executed.disabled = !motionOf(this.store, "executed");
     this.slider.max = String(motion?.duration ?? 1);

@@ -41,17 +41,12 @@ export class Stick2D {
     this.links = [];
   }
 
-  /** @param {Paint} paint */
-  repaint(paint) {
-    this.paint = paint;
-  }
-
   /**
-   * @param {Float32Array} from_to
+   * @param {Float32Array} ends
    * @param {Float32Array} colours
    */
-  setTrail(from_to, colours) {
-    this.trail = from_to;
+  setTrail(ends, colours) {
+    this.trail = ends;
     this.colours = colours;
   }
 

@@ -1,5 +1,6 @@
 // Tables of waypoints and corners: every drag has a way without dragging.
 
+import { toleranceEdits } from "./corner.js";
 import { find, headings, make, say, whileSeen } from "./dom.js";
 import { mm } from "./format.js";
 
@@ -157,7 +158,7 @@ class Corners {
     field.addEventListener("change", () => {
       field.dataset.sent = field.value;
       if (field.value.trim() !== field.dataset.written)
-        this.link.edit([{ do: "corner_tolerance", index: this.shown?.[k].waypoint, value: field.value.trim() }]);
+        this.link.edit(toleranceEdits(/** @type {any} */ (this.shown?.[k]), field.value.trim()));
     });
     return make("tr", {}, [
       make("th", { scope: "row" }),
@@ -175,7 +176,7 @@ class Corners {
     say(cells[0], at);
     say(cells[1], `${mm(corner.error)} mm`);
     const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
-    field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of a corner");
+    field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of all corners");
     fill(
       field,
       corner.allowed === null || corner.allowed === undefined

@@ -72,7 +72,8 @@ class Tasks {
     const result = new Result(id, task, title, this.store, this.link, () => this.link.send({ op: "cancel", id }));
     this.hint.remove();
     this.results.prepend(result.element);
-    this.results.scrollTop = 0;
+    // In a narrow page the results are below the forms.
+    result.element.scrollIntoView({ block: "nearest" });
     this.kept.unshift(result);
     for (const old of this.kept.splice(MOST_RESULTS)) old.close();
     if (this.link.send({ op: "task", id, task, options }) < 0) {

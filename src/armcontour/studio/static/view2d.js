@@ -1,6 +1,6 @@
 // The drawing: a canvas for what is long, an SVG over it for what is grabbed; pan, zoom, fit.
 
-import { draw, find, make } from "./dom.js";
+import { draw, find, make, mark } from "./dom.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./paint.js";
 import { oncePerFrame } from "./state.js";
@@ -171,16 +171,18 @@ export class View2d {
     const { store, region } = this;
     const picture = store.latest("picture");
     const executed = store.refusal ? null : store.latest("executed");
-    const data = region.dataset;
-    data.seq = String(picture?.seq ?? "");
-    data.rev = String(picture?.rev ?? "");
-    data.run = String(picture?.head.run ?? "");
-    data.duration = String(picture?.head.duration ?? "");
-    data.tier = store.isCurrent(executed) ? "2" : picture ? "1" : "0";
-    data.executedSeq = String(executed?.seq ?? "");
-    data.magnify = String(executed ? this.layers.magnification(executed, this.view.scale) : "");
-    data.stale = String(store.refusal?.head.tier === 1);
-    data.scale = String(this.view.scale);
+    const told = {
+      seq: picture?.seq ?? "",
+      rev: picture?.rev ?? "",
+      run: picture?.head.run ?? "",
+      duration: picture?.head.duration ?? "",
+      tier: store.isCurrent(executed) ? 2 : picture ? 1 : 0,
+      "executed-seq": executed?.seq ?? "",
+      magnify: executed ? this.layers.magnification(executed, this.view.scale) : "",
+      stale: store.refusal?.head.tier === 1,
+      scale: this.view.scale,
+    };
+    for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));
     this.measure(picture);
     this.measure(executed);
   }
