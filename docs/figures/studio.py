@@ -34,6 +34,8 @@ def demo(studio: Studio) -> None:
         save(studio, "refused")
         studio.page.keyboard.press("Escape")
     studio.wait("body", refused="false")
+    with studio.changing():
+        studio.slider("compensation.method").locator("select").select_option("none")
     studio.find("#pin").click()
     with studio.changing():
         studio.type("servo.kp", "15 1/s")
@@ -46,7 +48,7 @@ def gasket(studio: Studio) -> None:
     """A gasket on the UR5e: placed by the map, and seen in space."""
     studio.rest()
     studio.do("place", {"x": "120", "y": "120", "steps": "5"})
-    studio.wait(".task-result[data-task=place]", state="done")
+    studio.wait_for(".task-result[data-task=place][data-state=done]", timeout=300_000)
     studio.find("#viewbar").get_by_role("button", name="Both").click()
     studio.find("#viewbar").get_by_role("button", name="Fit").click()
     save(studio, "gasket")

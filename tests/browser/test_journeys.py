@@ -366,7 +366,7 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     assert studio.refusal == str(refused.value)
     box = studio.find("g.handle.obstacle")
     with studio.changing():
-        studio.drag(box, (300, 0))
+        studio.drag(box, (480, 0))
     found = judge(studio, "fast")
     agree(studio, found)
     least = studio.figure("clearance")
@@ -375,7 +375,7 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
         studio.drag(box, (-60, 0))
     assert studio.figure("clearance") < least
     with studio.renewing():
-        studio.drag(box, (-240, 0))
+        studio.drag(box, (-420, 0))
     studio.wait("body", refused="true")
 
 

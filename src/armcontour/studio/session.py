@@ -36,6 +36,7 @@ from armcontour.studio.handles import handles_of
 from armcontour.studio.lanes import FastLane, SlowLane
 from armcontour.studio.preview import Previewer
 from armcontour.studio.screen import Screen, Shown, stamped
+from armcontour.studio.tasks import SAME
 from armcontour.studio.uploads import Uploads
 from armcontour.studio.variants import Variants, add_run, pin_to_run, remove_run
 from armcontour.studio.view import View
@@ -148,6 +149,8 @@ class Session:
         self._named: tuple[FilePath, ...] = ()
         self._rest, self._timer = rest, threading.Timer(0.0, lambda: None)
         self._run = ""
+        # The revision whose preview has taken the configuration of its full run.
+        self._followed = 0
         self._made = Made({}, ())
         self._seen = Seen({}, None, None)
         self._run = self._run_of(document.data)
@@ -657,6 +660,20 @@ class Session:
         self.variants.learn(asked.request, frame.header)
         if asked.rev == self.rev:
             self._tell(stamped(frame, rev=asked.rev), answers=asked.answers)
+            if frame.kind == "figures" and frame.header.get("start") is not None:
+                # The lane that calls here has locks of its own.
+                threading.Timer(0.0, self._follow, (asked.rev, frame.header["start"])).start()
+
+    def _follow(self, rev: int, start: Any) -> None:
+        """Show the configuration that the full run takes, if the preview has stayed in another."""
+        with self._lock:
+            planned = self.screen.planned
+            if rev != self.rev or rev == self._followed or planned is None:
+                return
+            if np.abs(planned.start - np.asarray(start)).max() > SAME:
+                self._followed = rev
+                self.previewer.keep_start(planned.job, np.asarray(start))
+                self._show(self._made)
 
     def _with_file(self, frame: Frame) -> Frame:
         """The same frame; a file in it is kept for the pages to save."""

@@ -5,6 +5,7 @@ import { PAINTS, cellOf, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
 import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
+import { Rate } from "./rate.js";
 import { Readout } from "./readout.js";
 import { Scene3D } from "./scene3d.js";
 import { oncePerFrame } from "./state.js";
@@ -291,23 +292,4 @@ class ArmView {
  */
 function isElsewhere({ q }, start) {
   return Boolean(start?.some((x, k) => Math.abs(x - q[k]) > SAME_POSTURE));
-}
-
-/** Frames drawn in the last second. */
-class Rate {
-  constructor() {
-    this.all = 0;
-    /** @type {number[]} */
-    this.times = [];
-    this.rate = 0;
-  }
-
-  count() {
-    const now = performance.now();
-    this.all += 1;
-    this.times.push(now);
-    while (now - this.times[0] > 1000) this.times.shift();
-    const span = now - this.times[0];
-    this.rate = span > 0 ? (1000 * (this.times.length - 1)) / span : 0;
-  }
 }
