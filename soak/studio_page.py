@@ -177,11 +177,22 @@ class Studio:
         self.wait_for("body[data-link=open][data-rev]")
 
     def rest(self) -> None:
-        """Wait until what is shown is exact, as `armcontour run` would have it."""
+        """Wait until what is shown is exact, as `armcontour run` would have it.
+
+        Raises:
+            AssertionError: It does not come to rest; says in what state the page is.
+        """
+        from playwright.sync_api import TimeoutError as LateError
+
         self.begin()
-        self.wait("body", busy="false")
-        self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
-        self.wait("#figures", exact="true")
+        try:
+            self.wait("body", busy="false")
+            self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
+            self.wait("#figures", exact="true")
+        except LateError as error:
+            places = ("body", "#view2d", "#figures")
+            state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in places]
+            raise AssertionError(f"No rest: {state}, {self.refusal!r}") from error
 
     @contextmanager
     def renewing(self) -> Iterator[None]:
