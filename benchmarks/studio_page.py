@@ -267,13 +267,17 @@ def _frames(studio: Studio, act: Callable[[float], None]) -> list[float]:
     """Times between frames of the page while something is done [ms]."""
     studio.page.evaluate(
         """() => {
-            window.frames_seen = [];
-            const see = (now) => { window.frames_seen.push(now); requestAnimationFrame(see); };
+            const seen = [];
+            const see = (now) => {
+                seen.push(now);
+                if (window.frames_seen === seen) requestAnimationFrame(see);
+            };
+            window.frames_seen = seen;
             requestAnimationFrame(see);
         }"""
     )
     _every_frame(act)
-    times = studio.page.evaluate("() => window.frames_seen.splice(0)")
+    times = studio.page.evaluate("() => window.frames_seen")
     return list(np.diff(times))
 
 
@@ -306,7 +310,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     bar = "" if x.bar is None else f"{sign} {x.bar:g} {x.unit}"
                     missed = "" if x.kept else "missed"
                     table.add_row(x.what, f"{x.value:.3g} {x.unit}", bar, missed, x.more)
-    Console().print(table)
+    Console(width=130).print(table)
     print(f"Load of the machine: {os.getloadavg()[0]:.1f}.")
     return 0 if all(x.kept for x in found) else 1
 
