@@ -12,19 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour._processes import (
-    STARTS,
-    ProcessEnded,
-    ProcessPool,
-    Worker,
-    map_ahead,
-    map_in_processes,
-    map_in_threads,
-    pack,
-    share_work,
-    split_evenly,
-    unpack,
-)
+from armcontour._pool import STARTS, ProcessPool, Worker
+from armcontour._process import ProcessEnded, pack, unpack
+from armcontour._processes import map_ahead, map_in_processes, share_work
+from armcontour._threads import map_in_threads, split_evenly
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
