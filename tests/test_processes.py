@@ -245,7 +245,7 @@ def test_work_that_has_not_begun_can_be_given_up():
 class TestWorker:
     def test_it_tells_before_it_answers_and_goes_on_after_errors(self):
         worker, told = Worker(eval), []
-        tell = "__import__('armcontour._processes', fromlist=['tell']).tell"
+        tell = "__import__('armcontour._process', fromlist=['tell']).tell"
         assert worker.do(f"[{tell}(x) for x in 'ab'] and 3", told.append) == 3
         assert told == ["a", "b"]
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
