@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -10,7 +11,7 @@ from soak.studio_page import Studio, browsing, serving
 
 FOLDER = Path(__file__).parent
 GASKET = FOLDER.parents[1] / "examples" / "drawings" / "gasket.dxf"
-SIZE = (1180, 800)
+SIZE = (1280, 820)
 
 
 def save(studio: Studio, name: str) -> None:
@@ -56,9 +57,11 @@ def gasket(studio: Studio) -> None:
 
 def main() -> int:
     """Make all pictures."""
-    with browsing() as browser, tempfile.TemporaryDirectory() as folder:
-        for act, arguments in ((demo, ()), (gasket, (GASKET, "--cell", "ur5e"))):
-            with serving(*arguments, folder=Path(folder)) as server:
+    with browsing() as browser, tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copy(GASKET, folder)
+        for act, arguments in ((demo, ()), (gasket, (GASKET.name, "--cell", "ur5e"))):
+            with serving(*arguments, folder=folder) as server:
                 studio = Studio(browser, server, size=SIZE)
                 studio.begin()
                 act(studio)

@@ -181,7 +181,7 @@ def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
     expect(studio.find("#compare")).to_have_value("pin 1")
     expect(pin).to_contain_text(f"{old:.3f}"[:5])
     with studio.changing():
-        pin.get_by_role("button", name="Work on").click()
+        pin.get_by_role("button", name="Swap").click()
     assert studio.text == text
     agree(studio, pinned)
 
@@ -372,10 +372,10 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     least = studio.figure("clearance")
     assert least == pytest.approx(found.clearance.least.high, abs=EXACT)
     with studio.changing():
-        studio.drag(box, (-60, 0))
+        studio.drag(box, (-120, 0))
     assert studio.figure("clearance") < least
     with studio.renewing():
-        studio.drag(box, (-420, 0))
+        studio.drag(box, (-360, 0))
     studio.wait("body", refused="true")
 
 

@@ -126,8 +126,8 @@ class Runs {
       cells: [`📌 ${pin.name}`, `pin of ${pin.run}`, "", "", ...this.numbers(pin, false, head)],
       acts: () => [
         this.button("Compare", () => this.link.send({ op: "compare", with: to }), `Compare with ${pin.name}`),
-        this.button("Swap", () => this.link.send({ op: "swap", ...to }), `Work on ${pin.name} again; can be undone`),
-        this.button("To run", () => this.pinToRun(pin), `Make ${pin.name} a run of the job`),
+        this.button("Swap", () => this.link.send({ op: "swap", ...to }), `Swap: work on ${pin.name} again; can be undone`),
+        this.button("To run", () => this.pinToRun(pin), `To run: make ${pin.name} a run of the job`),
         this.button("Remove", () => this.link.send({ op: "unpin", ...to }), `Remove ${pin.name}`),
       ],
     };
