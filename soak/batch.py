@@ -31,7 +31,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import armcontour as ac
-from armcontour._processes import processors
+from armcontour._process import processors
 from armcontour.batches import read_plan
 from armcontour.batches.conducting import conduct
 from armcontour.batches.working import Outcome

@@ -12,19 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour._processes import (
-    STARTS,
-    ProcessEnded,
-    ProcessPool,
-    Worker,
-    map_ahead,
-    map_in_processes,
-    map_in_threads,
-    pack,
-    share_work,
-    split_evenly,
-    unpack,
-)
+from armcontour._pool import STARTS, ProcessPool, Worker
+from armcontour._process import ProcessEnded, pack, unpack
+from armcontour._processes import map_ahead, map_in_processes, share_work
+from armcontour._threads import map_in_threads, split_evenly
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -254,7 +245,7 @@ def test_work_that_has_not_begun_can_be_given_up():
 class TestWorker:
     def test_it_tells_before_it_answers_and_goes_on_after_errors(self):
         worker, told = Worker(eval), []
-        tell = "__import__('armcontour._processes', fromlist=['tell']).tell"
+        tell = "__import__('armcontour._process', fromlist=['tell']).tell"
         assert worker.do(f"[{tell}(x) for x in 'ab'] and 3", told.append) == 3
         assert told == ["a", "b"]
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):

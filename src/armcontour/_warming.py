@@ -21,7 +21,8 @@ from typing import Any, Literal, TypeAlias
 
 from armcontour import _signatures
 from armcontour._kernels import KERNELS, compiled, waiting
-from armcontour._processes import can_start, is_other, processors, share_work
+from armcontour._process import can_start, is_other, processors
+from armcontour._processes import share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
 

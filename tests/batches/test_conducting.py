@@ -6,7 +6,8 @@ from concurrent.futures import Executor, Future
 
 import pytest
 
-from armcontour._processes import ProcessEnded, ProcessPool
+from armcontour._pool import ProcessPool
+from armcontour._process import ProcessEnded
 from armcontour.batches.conducting import TRIES, conduct
 from armcontour.batches.executors import InProcess
 from armcontour.batches.working import (

@@ -161,7 +161,7 @@ def test_fastest_plans_alone_need_no_goal(compared):
 
 
 def test_an_executor_finds_the_same_points(swept):
-    from armcontour._processes import ProcessPool
+    from armcontour._pool import ProcessPool
 
     steps = []
     with ProcessPool(1) as pool:

@@ -9,7 +9,7 @@ from threading import Condition, Event
 
 import pytest
 
-from armcontour._processes import ProcessEnded
+from armcontour._process import ProcessEnded
 from armcontour.errors import Unreachable
 from armcontour.studio import lanes
 from armcontour.studio.lanes import FastLane, SlowLane

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from armcontour._processes import ProcessEnded
+from armcontour._process import ProcessEnded
 from armcontour.batches.working import (
     RETRIED,
     Item,

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, TypeVar
 
-from armcontour._processes import ProcessPool, processors
+from armcontour._pool import ProcessPool
+from armcontour._process import processors
 from armcontour.errors import ExecutionError, InvalidInput
 
 R = TypeVar("R")

@@ -19,7 +19,7 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
-from armcontour._processes import is_other
+from armcontour._process import is_other
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, TEACH, figures_of
 from armcontour.batches.executors import Engine

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
-from armcontour._processes import Packed, pack, unpack
+from armcontour._process import Packed, pack, unpack
 from armcontour._progress import Progress, Step, under
 from armcontour.certification.certificate import Certificate
 from armcontour.certification.certifying import certify, goal_of, run_of

@@ -11,7 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from armcontour._processes import processors, share_work
+from armcontour._process import processors
+from armcontour._processes import share_work
 from armcontour._progress import Progress, Step
 from armcontour.placement.judging import CYCLE, Judge, Verdict
 from armcontour.placement.screening import Screened

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from threading import Condition, Thread
 from typing import Any, TypeAlias
 
-from armcontour._processes import ProcessEnded, Worker, can_start
+from armcontour._pool import Worker
+from armcontour._process import ProcessEnded, can_start
 from armcontour.errors import ArmContourError
 from armcontour.studio import tasks
 from armcontour.studio.tasks import WARM, Given

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from armcontour import _processes
+from armcontour import _process
 from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour._yaml import load
@@ -181,7 +181,7 @@ class Given(NamedTuple):
 WARM = Given("", "warm", {})
 
 
-def work(given: Given, heard: Heard = _processes.tell) -> bytes:
+def work(given: Given, heard: Heard = _process.tell) -> bytes:
     """What the other process does: a task, with its progress, to a frame.
 
     Args:
@@ -229,7 +229,7 @@ class _Telling:
 
 def _be_ready() -> None:
     """Load what tasks need, without taking processors from previews; end with the parent."""
-    if _processes.is_other() and hasattr(os, "nice"):
+    if _process.is_other() and hasattr(os, "nice"):
         os.nice(5)
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))

@@ -1,0 +1,190 @@
+"""Another Python process that works for this one: its start, its end, and what is said.
+
+The processes are started as programs of their own, so that scripts need no guard against being
+imported, and end when this process ends, however it does: their input ends then.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import IO, Any, TypeAlias
+
+from armcontour.errors import ExecutionError
+
+Packed: TypeAlias = tuple[bytes, list[bytes]]
+SERVE = "from armcontour._process import serve; serve()"
+# Every process computes in one thread, but for `map_in_threads`.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+    """A mapping that does not change."""
+    return MappingProxyType(dict(mapping))
+
+
+# Values have such mappings, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
+
+
+class ProcessEnded(ExecutionError):
+    """Another process ended before its work did.
+
+    Attributes:
+        after: How long it had worked [s]; None if unknown.
+    """
+
+    after: float | None = None
+
+
+class _Serving:
+    """Whether this process is one of the others, which start no further ones."""
+
+    here = False
+    # Where answers go.
+    answers: IO[bytes] | None = None
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def can_start() -> bool:
+    """Whether other processes can be started: a frozen application is no Python to start."""
+    return bool(sys.executable) and not getattr(sys, "frozen", False)
+
+
+def is_other() -> bool:
+    """Whether this process only works for another one."""
+    return _Serving.here
+
+
+def start() -> subprocess.Popen[bytes]:
+    """Start a process that serves."""
+    own = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)} | dict.fromkeys(THREADS, "1")
+    return subprocess.Popen(
+        [sys.executable, "-c", SERVE],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | own,
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+    )
+
+
+def end(child: subprocess.Popen[bytes]) -> None:
+    """Wait for the end of a killed process, and close its pipes."""
+    child.wait()
+    for pipe in (child.stdin, child.stdout):
+        assert pipe is not None
+        try:
+            pipe.close()
+        except OSError:  # what was not written has no reader any more
+            pass
+
+
+def serve() -> None:
+    """The other process: do the work on the items that come in, until none comes."""
+    _Serving.here = True
+    # The terminal interrupts all processes; the first one decides what that means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
+    # What libraries print is no answer.
+    os.dup2(2, 1)
+    try:
+        packed, work = pickle.load(sys.stdin.buffer), None
+        while True:
+            item = pickle.load(sys.stdin.buffer)
+            try:
+                if work is None:
+                    work = unpack(packed)
+                answer = pickle.dumps((True, work(unpack(item))))
+            except Exception as error:
+                answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+            _write(answers, answer)
+    except (EOFError, OSError):
+        return
+
+
+def tell(value: Any) -> None:
+    """Tell the process that this one works for something before the answer.
+
+    Args:
+        value: What is told; it can be pickled. It is not for work that nobody listens to.
+    """
+    if _Serving.answers is not None:
+        _write(_Serving.answers, pickle.dumps((None, value)))
+
+
+def send(pipe: IO[bytes], value: Any) -> None:
+    """Write a value to a pipe, with arrays that are read-only at its other end.
+
+    Raises:
+        ProcessEnded: The other process has ended.
+    """
+    _write(pipe, pickle.dumps(pack(value)))
+
+
+def receive(pipe: IO[bytes], heard: Callable[[Any], None] | None = None) -> Any:
+    """Read an answer from a pipe.
+
+    Args:
+        pipe: The pipe.
+        heard: Called with what is told before the answer.
+
+    Raises:
+        ProcessEnded: The other process has ended.
+    """
+    while True:
+        try:
+            worked, value = pickle.load(pipe)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise ProcessEnded(
+                "Another process of this work has ended before it gave an answer, as when memory "
+                "runs out: take fewer processes, or free some memory."
+            ) from None
+        if worked is not None:
+            break
+        if heard is not None:
+            heard(value)
+    if not worked:
+        raise RuntimeError(f"Another process of this work failed: {value}")
+    return value
+
+
+def _write(pipe: IO[bytes], data: bytes) -> None:
+    """Write bytes to a pipe.
+
+    Raises:
+        ProcessEnded: The other process has ended.
+    """
+    try:
+        pipe.write(data)
+        pipe.flush()
+    except OSError as error:
+        raise ProcessEnded(f"Another process of this work has ended: {error}.") from None
+
+
+def pack(value: Any) -> Packed:
+    """A value as bytes. Arrays are read-only when they are unpacked, as checked values have them.
+
+    Compiled functions are compiled for such arrays.
+    """
+    buffers: list[pickle.PickleBuffer] = []
+    data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    return data, [bytes(x.raw()) for x in buffers]
+
+
+def unpack(packed: Packed) -> Any:
+    """The value that was packed."""
+    data, buffers = packed
+    return pickle.loads(data, buffers=buffers)
