@@ -80,6 +80,8 @@ class Screen:
         self._shown: Shown | None = None
         self._working: Shown | None = None
         self._parts: tuple[object, object] | None = None
+        # Whether the last plan was not executed, as a newer edit waited.
+        self._owed = False
         self._done = Event()
         self._lane = lane(self._deliver)
 
@@ -174,7 +176,11 @@ class Screen:
             if not shown.drawn:
                 shown.drawn = True
                 yield picture_frame(planned, view)
-            if stale() or (took > QUICK and self._may_wait(shown)):
+            if took > QUICK and self._may_wait(shown):
+                return
+            # While edits come one after the other, every second plan is executed at least.
+            self._owed = not self._owed and stale()
+            if self._owed:
                 return
             self.executed = self.previewer.execute(planned)
             yield executed_frame(self.executed, view)

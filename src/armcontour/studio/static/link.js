@@ -16,8 +16,6 @@ const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
-// The tool's error comes soon after the path; so long the next edit waits for it.
-const ERROR_WITHIN = 45;
 const REFUSED = "This page has no valid token: open the address that `armcontour studio` has printed.";
 
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
@@ -156,11 +154,9 @@ export class Link {
   answered(frame) {
     const flight = this.inFlight;
     if (!flight || frame.seq === null || frame.seq < flight.seq) return;
-    if (["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land();
-    else if (frame.kind === "picture" && frame.head.of !== "compare") {
-      clearTimeout(flight.timer);
-      flight.timer = setTimeout(() => this.land(), ERROR_WITHIN);
-    }
+    // The server executes the plan while the next edit is on its way.
+    const drawn = frame.kind === "picture" && frame.head.of !== "compare";
+    if (drawn || ["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land();
   }
 
   /** @param {CloseEvent} event */
