@@ -50,6 +50,8 @@ from armcontour.timing.program_tracing import ends_of
 T = TypeVar("T")
 # Smallest command interval of a preview [s].
 PERIOD = 4e-3
+# Most set-points of an exact preview.
+MOST_SET_POINTS = 200_000
 # Results that are kept of every step: those of a few runs and pins that are looked at by turns.
 KEPT = 4
 # A program of more segments is drawn without a plan first.
@@ -160,6 +162,18 @@ class Previewer:
         """Forget all results, as files of the job may have changed."""
         self._kept = Kept()
         self._arm = self._start = None
+
+    def may_be_exact(self, planned: Planned) -> bool:
+        """Whether a plan differs from that of a full run, which can be had in about a second.
+
+        An arm in space without a start searches all its configurations in a full run, and many
+        set-points take long.
+        """
+        job = planned.job
+        (own,) = job.runs
+        found = job.start is not None or not isinstance(job.arm, SerialArm)
+        few = planned.trajectory.duration <= MOST_SET_POINTS * own.period
+        return bool(planned.differs) and found and few
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
         """Stay in a configuration from now on.

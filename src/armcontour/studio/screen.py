@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import (
@@ -26,6 +27,10 @@ from armcontour.studio.wire import Frame
 
 # A plan that took longer is executed only when nothing changes any more [s].
 QUICK = 0.03
+
+
+class Superseded(Exception):
+    """Something has changed, so that what was computed is not wanted any more."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -178,14 +183,33 @@ class Screen:
                 yield picture_frame(planned, view)
             if took > QUICK and self._may_wait(shown):
                 return
+            exact = self.previewer.may_be_exact(planned)
             # While edits come one after the other, every second plan is executed at least.
             self._owed = not self._owed and stale()
             if self._owed:
                 return
             self.executed = self.previewer.execute(planned)
             yield executed_frame(self.executed, view)
+            if exact and not stale() and not self._may_wait(shown):
+                yield from self._exact(shown, stale)
+        except Superseded:
+            pass
         except ArmContourError as error:
             yield _refusal(error, shown, planned)
+
+    def _exact(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
+        """The plan and its execution as a full run has them, unless something changes meanwhile."""
+
+        def go_on(step: Step) -> None:
+            if stale():
+                raise Superseded
+
+        planned = self.previewer.plan(shown.data, shown.run, exact=True, progress=go_on)
+        self.planned = planned
+        yield picture_frame(planned, shown.view)
+        if not stale():
+            self.executed = self.previewer.execute(planned)
+            yield executed_frame(self.executed, shown.view)
 
     def _when_at_rest(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames if nothing changes any more; else they come then."""

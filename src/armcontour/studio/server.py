@@ -61,8 +61,6 @@ CLOSED_FOR = 60.0
 LOOK_EVERY = 2.0
 # How long a thread may keep Python's lock while another waits for it [s].
 SWITCH = 5e-4
-# How long a thread that computes keeps Python's lock while another one waits for it [s].
-SWITCH = 0.5e-3
 # Why a socket is closed, as websockets number it.
 UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
 

@@ -1,0 +1,97 @@
+"""What is shown while a person edits, and when nothing changes any more."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import resources
+from typing import Any
+
+import pytest
+
+import armcontour as ac
+from armcontour._yaml import load
+from armcontour.io import parse_job
+from armcontour.studio.handles import handles_of
+from armcontour.studio.preview import Previewer
+from armcontour.studio.screen import Screen, Shown
+from armcontour.studio.view import View
+from armcontour.studio.wire import Frame
+
+PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
+PATIENCE = 60.0
+
+
+class Heard:
+    """Frames of a screen, which can be waited for."""
+
+    def __init__(self) -> None:
+        self.frames: list[tuple[Frame, Shown]] = []
+        self._news = threading.Condition()
+
+    def __call__(self, frame: Frame, shown: Shown) -> None:
+        with self._news:
+            self.frames.append((frame, shown))
+            self._news.notify_all()
+
+    def wait(self, is_it: Callable[[list[tuple[Frame, Shown]]], bool]) -> None:
+        with self._news:
+            assert self._news.wait_for(lambda: is_it(self.frames), PATIENCE)
+
+    def of(self, kind: str, shown: Shown) -> list[Frame]:
+        return [frame for frame, y in self.frames if frame.kind == kind and y is shown]
+
+
+@contextmanager
+def showing(previewer: Previewer) -> Iterator[tuple[Screen, Heard]]:
+    heard = Heard()
+    screen = Screen(previewer, heard)
+    try:
+        yield screen, heard
+    finally:
+        screen.close()
+
+
+def shown(previewer: Previewer, data: Mapping[str, Any], run: str) -> Shown:
+    handles = handles_of(previewer.job(data, run), data)
+    view = View(handles.plane, handles.centre)
+    return Shown(data=data, run=run, view=view, rev=0, answers={})
+
+
+@pytest.mark.parametrize("run", ["optimal", "shaped"])
+def test_at_rest_the_picture_is_that_of_a_full_run(run: str) -> None:
+    data, previewer = load(PAPER, "job"), Previewer()
+    want = ac.run(parse_job(_only(run))).runs[run].evaluation
+    with showing(previewer) as (screen, heard):
+        state = shown(previewer, data, run)
+        screen.show(state)
+        heard.wait(lambda frames: any(x.kind == "executed" for x, _ in frames))
+        assert heard.of("executed", state)[-1].header["rms"] != want.contour_error.rms
+        screen.rest()
+        heard.wait(lambda frames: len(heard.of("picture", state)) == 2)
+        assert heard.of("picture", state)[-1].header["duration"] == want.duration
+        heard.wait(lambda frames: frames[-1][0].header.get("rms") == want.contour_error.rms)
+
+
+def test_what_changes_ends_the_search_for_the_picture_of_a_full_run() -> None:
+    data, previewer = load(PAPER, "job"), Previewer()
+    with showing(previewer) as (screen, heard):
+        first, second = (shown(previewer, data, x) for x in ("shaped", "optimal"))
+        screen.show(first)
+        heard.wait(lambda frames: any(x.kind == "executed" for x, _ in frames))
+        screen.rest()
+        screen.show(second)
+        heard.wait(lambda frames: bool(heard.of("executed", second)))
+        # The shape of the first is not drawn after the second.
+        order = [y is second for _, y in heard.frames]
+        assert order == sorted(order)
+
+
+def _only(run: str) -> str:
+    """The paper's job with one run, and without the experiment."""
+    from armcontour.io.job_edits import Change, change_text
+
+    others = [x for x in load(PAPER, "job")["runs"] if x != run]
+    changes = [Change(("runs", x)) for x in others]
+    return change_text(PAPER, [*changes, Change(("experiment",)), Change(("published",))], "job")
