@@ -437,7 +437,8 @@ def place(x: Request) -> Frame:
     gained = found.own.duration - best.verdict.duration
     sentence = f"Best: {best}, with {shown(best.verdict.score(objective), objective)}."
     if np.isfinite(gained):
-        sentence += f" The motion takes {gained:+.4f} s less than where the part is now."
+        than = "less" if gained >= 0 else "more"
+        sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part is now."
     header = {
         **{"run": found.run.name, "sentence": sentence, "objective": objective},
         "axes": [{"name": y.name, "values": y.values} for y in found.axes],

@@ -58,6 +58,7 @@ class Files {
         `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
         "alarm",
       );
+    if (!this.store.document) return notify("The Studio is starting: open the file in a moment.", "alarm");
     const drawing = DRAWINGS.test(file.name);
     const how = await this.askHow(file.name, drawing);
     if (how === null) return;
