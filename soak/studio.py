@@ -23,6 +23,8 @@ from soak.studio_page import Server, Studio, browsing, serving, write_job
 RATE, GROWTH = 60.0, 50e6
 # The share of the time after which memory is measured first: by then all is loaded.
 WARM = 0.2
+# In a shorter time not all is loaded, so that memory is only told [s].
+LONG = 40.0
 HANDLES = ("g.handle.waypoint", "g.handle.corner", "g.handle.middle", "g.place .handle")
 BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #pin, #undo, #redo, #theme"
 KEYS = (
@@ -195,7 +197,11 @@ def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
         *studio.troubles,
         *(() if same else ("The text is not what it was.",)),
         *(() if again == figures else (f"Figures {figures} became {again}.",)),
-        *(f"Something grew by {x / 1e6:.0f} MB." for x in grown if x > GROWTH),
+        *(
+            f"{name} grew by {x / 1e6:.0f} MB."
+            for name, x in zip(("The server", "The page"), grown, strict=True)
+            if x > GROWTH and seconds >= LONG
+        ),
     ]
 
 

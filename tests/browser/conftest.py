@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Open: TypeAlias = Callable[..., Studio]
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     if find_spec("playwright") is None:
         pytest.skip("The page is not tested: pip install 'armcontour[browser]' drives a browser.")
@@ -32,14 +32,14 @@ def browser() -> Iterator[Browser]:
         yield found
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The paper's job with three of its runs, set-points every 4 ms."""
     folder = tmp_path_factory.mktemp("studio")
     return write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def server(job: Path) -> Iterator[Server]:
     with serving(job, folder=job.parent) as found:
         yield found

@@ -5,6 +5,7 @@ All text goes through `to_line`, because names come from files of other people.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import Literal
@@ -61,6 +62,12 @@ class Console:
     def say(self, text: str) -> None:
         """Print a line; the terminal may wrap the line, and markup has no effect."""
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
+
+
+def say_at_once(text: str) -> None:
+    """Print a line without loading what draws tables, which takes longer than some starts."""
+    sys.stdout.write(f"{to_line(text)}\n")
+    sys.stdout.flush()
 
 
 def open_page(page: FilePath) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour._text import to_line
+from armcontour.cli.console import say_at_once
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
@@ -73,8 +73,8 @@ def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], Non
 
 def _announce(address: str, open_page: bool) -> None:
     """Print the address, and open it in a browser."""
-    print(to_line(f"Studio: {address}"), flush=True)
-    print("The address holds a key: give it to nobody. Ctrl+C ends the Studio.", flush=True)
+    say_at_once(f"Studio: {address}")
+    say_at_once("The address holds a key: give it to nobody. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser
