@@ -171,9 +171,11 @@ class Previewer:
         """
         job = planned.job
         (own,) = job.runs
-        found = job.start is not None or not isinstance(job.arm, SerialArm)
+        searches = isinstance(job.arm, SerialArm) and job.start is None
+        if searches or CONFIGURATION in planned.differs:
+            return False
         few = planned.trajectory.duration <= MOST_SET_POINTS * own.period
-        return bool(planned.differs) and found and few
+        return bool(planned.differs) and few
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
         """Stay in a configuration from now on.
