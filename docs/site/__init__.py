@@ -1,0 +1,1 @@
+"""What the site needs beside Sphinx: pages of the reference, links of files, equations."""

@@ -1,0 +1,48 @@
+"""Links between pages, and to files of the repository that are no pages."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from docs.site.reference import PROJECT
+
+DOCS = Path(__file__).parents[1]
+ROOT = DOCS.parent
+# Links of Markdown and their texts.
+LINK = re.compile(r"(?P<mark>!?)\[(?P<text>[^\]]*)\]\((?P<target>[^)#\s:]+)(?P<anchor>#[^)\s]*)?\)")
+# Files that the site itself has, as pages or to load.
+OWN = (".md", ".json", ".svg", ".png")
+PROJECT_PAGES = DOCS / "reference" / "pages" / "project"
+
+
+def mend(app: Any, name: str, source: list[str]) -> None:
+    """Have links of a page lead to pages of the site, or into the repository if it is known.
+
+    Args:
+        app: Sphinx.
+        name: Name of the page.
+        source: Its text, which is changed.
+    """
+    page = DOCS / f"{name}.md"
+    # Texts of the repository keep their links, which go out from its root.
+    folder = ROOT if page.parent == PROJECT_PAGES else page.parent
+
+    def mended(found: re.Match[str]) -> str:
+        target = (folder / found["target"]).resolve()
+        if not target.is_relative_to(ROOT) or not target.exists():
+            return found[0]
+        place, anchor = target.relative_to(ROOT).as_posix(), found["anchor"] or ""
+        if place in PROJECT:
+            target = PROJECT_PAGES / f"{PROJECT[place]}.md"
+        elif not (target.is_relative_to(DOCS) and target.suffix in OWN):
+            if not app.config.repository:
+                return found["text"]
+            kind = "tree" if target.is_dir() else "blob"
+            return f"[{found['text']}]({app.config.repository}/{kind}/main/{place}{anchor})"
+        to = Path(os.path.relpath(target, page.parent)).as_posix()
+        return f"{found['mark']}[{found['text']}]({to}{anchor})"
+
+    source[0] = LINK.sub(mended, source[0])
