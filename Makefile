@@ -10,12 +10,15 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 # The files of compiled functions, and the list of what they are called with.
 COMPILED := $(shell find src/armcontour -name '_*.py') src/armcontour/_kernels.txt
 
+# Where the site is built.
+SITE := docs/_build/html
+
 # What developers of the Studio's page need of node: bundles, and types.
 TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check page soak bench figures schema kernels vendor clean
+.PHONY: help demo test check docs links page soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -64,6 +67,14 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
+docs: $(VENV)/docs  ## Build the documentation as a site; run the code on it, and check its links
+	$(BIN)/python -m sphinx -b html -E -j auto -W --keep-going -q docs $(SITE)
+	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_code.py tests/test_docs_links.py tests/test_docs_site.py
+	@echo "The documentation is built: file://$(CURDIR)/$(SITE)/index.html"
+
+links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
+	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links
+
 figures: $(VENV)/dev  ## Redraw the figures in docs/
 	$(BIN)/python -m docs.figures
 
@@ -77,8 +88,8 @@ vendor:  ## Bundle what the Studio's page takes from others (needs node)
 	npm --prefix $(TOOLS) ci
 	node $(TOOLS)/build.mjs
 
-clean:  ## Remove the environment and the demo's results
-	rm -rf $(VENV) demo
+clean:  ## Remove the environment, the demo's results and the site
+	rm -rf $(VENV) demo docs/_build docs/reference/pages
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11, 3.12 or 3.13 with its venv module; none was found." >&2; exit 1; }
@@ -103,6 +114,10 @@ $(VENV)/test-all: $(VENV)/test $(COMPILED)
 
 $(VENV)/bench: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[bench]'
+	@touch $@
+
+$(VENV)/docs: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test,docs]'
 	@touch $@
 
 $(VENV)/dev: pyproject.toml | $(VENV)/bin/python

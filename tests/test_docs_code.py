@@ -34,14 +34,14 @@ from armcontour.io.drawings.read import READERS
 from armcontour.io.limits_file import read_limits
 
 ROOT = Path(__file__).parents[1]
-PAGES = {
-    x.relative_to(ROOT).as_posix(): x
-    for x in [
-        *ROOT.glob("*.md"),
-        *sorted((ROOT / "docs").rglob("*.md")),
-        *sorted((ROOT / "examples").rglob("*.md")),
-    ]
-}
+# Where `make docs` writes pages: what it copies is judged here as it stands in the repository.
+BUILT = ("docs/_build/", "docs/reference/pages/")
+FOUND = [
+    *ROOT.glob("*.md"),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").rglob("*.md")),
+]
+PAGES = {place: x for x in FOUND if not (place := x.relative_to(ROOT).as_posix()).startswith(BUILT)}
 MARK = re.compile(r"<!-- (file|not run): (.+?) -->|<!-- (continues) (.+?) -->")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?(armcontour .*)$", re.MULTILINE)
 SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding="utf-8"))

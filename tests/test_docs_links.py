@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from pathlib import Path
 
@@ -11,17 +12,21 @@ from markdown_it.token import Token
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+# Where `make docs` writes: the site is judged by docs/site/test_built.py.
+BUILT = (DOCS / "_build", DOCS / "reference" / "pages")
+FILES = [x for x in sorted(DOCS.rglob("*")) if x.is_file() and not set(BUILT) & set(x.parents)]
 PAGES = [
     *sorted(ROOT.glob("*.md")),
-    *sorted(DOCS.rglob("*.md")),
+    *(x for x in FILES if x.suffix == ".md"),
     *sorted((ROOT / "examples").rglob("*.md")),
 ]
-# Code that draws the figures is no page.
-CODE = (".py",)
+# Code that draws the figures, and makes the site, is no page.
+CODE = (".py", ".css", ".js")
 ELSEWHERE = re.compile(r"https://[\w.-]+/|mailto:")
 page_of = pytest.mark.parametrize("page", PAGES, ids=lambda x: x.relative_to(ROOT).as_posix())
 
 
+@functools.cache
 def parsed(page: Path) -> list[Token]:
     return MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
 
@@ -34,6 +39,7 @@ def links(page: Path) -> list[str]:
     return [str(x) for x in found]
 
 
+@functools.cache
 def anchors(page: Path) -> set[str]:
     """Anchors of the headings, as code hosts and site builders make them."""
     tokens = parsed(page)
@@ -87,8 +93,7 @@ def test_every_file_of_the_docs_is_found_from_the_first_page() -> None:
         if page.suffix == ".md":
             files = (x.partition("#")[0] for x in links(page) if not ELSEWHERE.match(x))
             todo += [(page.parent / x).resolve() for x in files if x]
-    files = {x for x in DOCS.rglob("*") if x.is_file() and x.suffix not in CODE}
-    files = {x for x in files if "__pycache__" not in x.parts}
+    files = {x for x in FILES if x.suffix not in CODE and "__pycache__" not in x.parts}
     assert sorted(x.relative_to(ROOT).as_posix() for x in files - seen) == []
     # From the README all of it is found too.
     assert "docs/index.md" in {x.partition("#")[0] for x in links(ROOT / "README.md")}

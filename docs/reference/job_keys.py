@@ -1,7 +1,6 @@
 """Write what is published of the keys of job files: `python -m docs.reference.job_keys`.
 
-The JSON Schema goes to docs/reference/job.schema.json, tables of all keys to docs/guides/job.md,
-between the two comments that START and END are.
+The JSON Schema goes to docs/reference/job.schema.json, tables of all keys to job_keys.md beside it.
 """
 
 from __future__ import annotations
@@ -11,11 +10,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from armcontour import _quantities
 from armcontour.io import json_schema
 
-DOCS = Path(__file__).parents[1]
-SCHEMA, GUIDE = DOCS / "reference" / "job.schema.json", DOCS / "guides" / "job.md"
-START, END = "<!-- keys: make schema writes what follows -->", "<!-- end of the keys -->"
+HERE = Path(__file__).parent
+SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
+HEAD = """<!-- `make schema` writes this page from the fields that keys belong to. -->
+
+# Keys of job files
+
+All keys of a [job file](../guides/job.md), from the outside in; editors take them from the
+[JSON Schema](job.schema.json). A quantity is a plain number in the unit given here, or text with
+a unit, such as the example; the unit 1 is that of a share, which may be in percent. "keys" means a
+mapping, whose keys have a table of their own. What is neither needed nor has a default may be left
+out. `NAME` stands for a name of your own.
+"""
+# The unit of SI for each example of a quantity. Quantities with one example have one unit.
+UNITS = {
+    x.example: x.unit
+    for kind in vars(_quantities).values()
+    for x in (kind, *getattr(kind, "__metadata__", ()))
+    if isinstance(x, _quantities.Quantity)
+} | {"10 deg": "rad, m"}
 WORDS = {
     "boolean": "true or false",
     "integer": "whole number",
@@ -27,47 +43,49 @@ WORDS = {
 def published() -> dict[Path, str]:
     """The text of every file that is published of the keys."""
     schema = json_schema()
-    page = GUIDE.read_text(encoding="utf-8")
-    before, _, rest = page.partition(START)
-    _, _, after = rest.partition(END)
     tables = "\n\n".join(_tables(schema))
-    return {
-        SCHEMA: json.dumps(schema, indent=2) + "\n",
-        GUIDE: f"{before}{START}\n\n{tables}\n\n{END}{after}",
-    }
+    return {SCHEMA: json.dumps(schema, indent=2) + "\n", PAGE: f"{HEAD}\n{tables}\n"}
 
 
 def _tables(schema: dict[str, Any]) -> Iterator[str]:
     """A table per mapping of keys, from the outside in, under the place where it first stands."""
-    left, seen = [("", schema)], [schema.get("title")]
-    while left:
-        place, kind = left.pop(0)
-        if place:
-            yield f"### `{place}`"
-        yield kind["description"]
-        rows = ["| key | value | default | what it holds |", "|---|---|---|---|"]
-        for key, value in kind["properties"].items():
-            inner_kinds = list(_inside(value, f"{place}.{key}" if place else key))
+    places = _places(schema)
+    for kind, place in {"": "", **places}.items():
+        mapping = schema["$defs"][kind] if kind else schema
+        rows = ["| key | value | unit | default | what it holds |", "|---|---|---|---|---|"]
+        for key, value in mapping["properties"].items():
             # What says no more than the description of its keys is left out of the schema.
-            texts = [schema["$defs"][x]["description"] for _, x in inner_kinds]
+            texts = [schema["$defs"][x]["description"] for _, x in _inside(value, "")]
             cells = (
                 f"`{key}`",
-                " or ".join(dict.fromkeys(_values(value))).replace(" or list", ", or list"),
-                "needed" if key in kind.get("required", ()) else _default(value),
+                " or ".join(dict.fromkeys(_values(value, places))).replace(" or list", ", or list"),
+                " or ".join(dict.fromkeys(UNITS[x] for x in _examples(value))),
+                "needed" if key in mapping.get("required", ()) else _default(value),
                 value.get("description") or texts[0],
             )
             rows.append(f"| {' | '.join(cells)} |")
-            for name, inner in inner_kinds:
-                if inner not in seen:
-                    seen.append(inner)
+        title = [f"## `{place}`"] if place else []
+        yield "\n\n".join([*title, mapping["description"], "\n".join(rows)])
+
+
+def _places(schema: dict[str, Any]) -> dict[str, str]:
+    """Where each mapping of keys first stands, from the outside in, by its name in the schema."""
+    left, places = [("", schema)], dict[str, str]()
+    while left:
+        place, kind = left.pop(0)
+        for key, value in kind["properties"].items():
+            for name, inner in _inside(value, f"{place}.{key}" if place else key):
+                if inner not in places and inner != schema.get("title"):
+                    places[inner] = name
                     left.append((name, schema["$defs"][inner]))
-        yield "\n".join(rows)
+    return places
 
 
-def _values(kind: dict[str, Any]) -> Iterator[str]:
-    """What a key may hold, in words."""
+def _values(kind: dict[str, Any], places: dict[str, str]) -> Iterator[str]:
+    """What a key may hold, in words; "keys" leads to their table."""
     if "$ref" in kind:
-        yield "keys"
+        place = places[_name_of(kind)]
+        yield f"[keys](#{place.lower().replace('.', '')})"
     elif "enum" in kind or "const" in kind:
         yield from (f"`{x}`" for x in kind.get("enum", [kind.get("const")]))
     elif "examples" in kind:
@@ -75,15 +93,31 @@ def _values(kind: dict[str, Any]) -> Iterator[str]:
         yield f"`{kind['examples'][0]}`"
     elif "anyOf" in kind:
         for x in kind["anyOf"]:
-            yield from _values(x)
+            yield from _values(x, places)
     elif kind.get("type") == "array":
         number = kind.get("minItems")
         many = f"{number} " if number and number == kind.get("maxItems") else ""
-        yield f"list of {many}{' or '.join(dict.fromkeys(_values(kind['items'])))}"
+        yield f"list of {many}{' or '.join(dict.fromkeys(_values(kind['items'], places)))}"
     elif kind.get("type") == "object":
-        yield f"by name: {' or '.join(dict.fromkeys(_values(_named(kind))))}"
+        yield f"by name: {' or '.join(dict.fromkeys(_values(_named(kind), places)))}"
     elif kind.get("type") in WORDS:
         yield WORDS[kind["type"]]
+
+
+def _examples(kind: Any) -> Iterator[str]:
+    """The first example of each quantity that a key may hold, not those of keys inside it."""
+    if isinstance(kind, dict):
+        yield from kind.get("examples", ())[:1]
+        for x in kind.values():
+            yield from _examples(x)
+    elif isinstance(kind, list):
+        for x in kind:
+            yield from _examples(x)
+
+
+def _name_of(reference: dict[str, Any]) -> str:
+    """The name in the schema of what a reference refers to."""
+    return str(reference["$ref"]).rpartition("/")[2]
 
 
 def _named(kind: dict[str, Any]) -> Any:
@@ -102,7 +136,7 @@ def _default(kind: dict[str, Any]) -> str:
 def _inside(kind: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
     """The mappings of keys in a key, each with its place and its name in the schema."""
     if "$ref" in kind:
-        yield place, kind["$ref"].rpartition("/")[2]
+        yield place, _name_of(kind)
     for x in kind.get("anyOf", ()):
         yield from _inside(x, place)
     if "items" in kind:
@@ -114,4 +148,4 @@ def _inside(kind: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
 if __name__ == "__main__":
     for file, text in published().items():
         file.write_text(text, encoding="utf-8")
-        print(file.relative_to(DOCS.parent))
+        print(file.relative_to(HERE.parents[1]))

@@ -1,1 +1,1 @@
-"""What the site needs beside Sphinx: pages of the reference, links of files, equations."""
+"""What the site needs beside Sphinx: pages written from the code, links to files, equations."""

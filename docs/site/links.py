@@ -7,15 +7,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-from docs.site.reference import PROJECT
+from docs.site.pages import DOCS, FOLDER, ROOT, SHOWN
 
-DOCS = Path(__file__).parents[1]
-ROOT = DOCS.parent
 # Links of Markdown and their texts.
 LINK = re.compile(r"(?P<mark>!?)\[(?P<text>[^\]]*)\]\((?P<target>[^)#\s:]+)(?P<anchor>#[^)\s]*)?\)")
 # Files that the site itself has, as pages or to load.
-OWN = (".md", ".json", ".svg", ".png")
-PROJECT_PAGES = DOCS / "reference" / "pages" / "project"
+OWN = (".md", ".json", ".svg", ".png", ".webp", ".gif")
 
 
 def mend(app: Any, name: str, source: list[str]) -> None:
@@ -28,15 +25,15 @@ def mend(app: Any, name: str, source: list[str]) -> None:
     """
     page = DOCS / f"{name}.md"
     # Texts of the repository keep their links, which go out from its root.
-    folder = ROOT if page.parent == PROJECT_PAGES else page.parent
+    folder = ROOT if page.parent == FOLDER / "project" else page.parent
 
     def mended(found: re.Match[str]) -> str:
         target = (folder / found["target"]).resolve()
         if not target.is_relative_to(ROOT) or not target.exists():
             return found[0]
         place, anchor = target.relative_to(ROOT).as_posix(), found["anchor"] or ""
-        if place in PROJECT:
-            target = PROJECT_PAGES / f"{PROJECT[place]}.md"
+        if place in SHOWN:
+            target = SHOWN[place]
         elif not (target.is_relative_to(DOCS) and target.suffix in OWN):
             if not app.config.repository:
                 return found["text"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -305,19 +307,22 @@ def test_an_arm_file_is_found_beside_the_job(tmp_path: FilePath) -> None:
 
 def test_what_is_published_of_the_keys_is_what_is_in_use() -> None:
     found = published()
-    assert {x.name for x in found} == {"job.schema.json", "job.md"}
+    assert {x.name for x in found} == {"job.schema.json", "job_keys.md"}
     for file, text in found.items():
         assert file.read_text(encoding="utf-8") == text, f"make schema rewrites {file.name}"
 
 
-def test_every_key_stands_in_the_guide_with_what_it_holds() -> None:
-    guide = next(text for file, text in published().items() if file.name == "job.md")
-    rows = [x.strip("| ").split(" | ") for x in guide.splitlines() if x.startswith("| `")]
-    described = {x[0].strip("`"): x[-1] for x in rows}
+def test_every_key_has_a_line_with_value_unit_and_what_it_holds() -> None:
+    page = next(text for file, text in published().items() if file.name == "job_keys.md")
+    rows = [x.strip("|").split(" | ") for x in page.splitlines() if x.startswith("| `")]
+    assert {len(x) for x in rows} == {5}
+    lines = Counter(x[0].strip(" `") for x in rows)
     kinds = [json_schema(), *json_schema()["$defs"].values()]
-    keys = {key for kind in kinds for key in kind.get("properties", {})}
-    assert len(keys) > 80 and keys <= set(described)
-    assert [key for key in keys if len(described[key].split()) < 2] == []
+    keys = Counter(key for kind in kinds for key in kind.get("properties", {}))
+    assert len(keys) > 80 and lines == keys
+    assert [key for key, value, _, _, text in rows if not value or len(text.split()) < 2] == []
+    quantities = [x for x in rows if re.search(r"`-?[\d.e]+ \S+`", x[1])]
+    assert len(quantities) > 60 and [key for key, _, unit, *_ in quantities if not unit] == []
 
 
 def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key() -> None:

@@ -1,6 +1,6 @@
 """A server that is attacked: by other pages of the web, and by a page that has the token.
 
-The numbers S1 to S14 are those of the list in docs/develop/studio.md.
+The numbers S1 to S14 are those of the list in docs/reference/studio.md.
 """
 
 from __future__ import annotations

@@ -1,0 +1,116 @@
+"""Pages of the reference of the command line, from the commands."""
+
+from __future__ import annotations
+
+import enum
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+import typer.main
+from docs.site.tables import cell, contents, table
+from soak.number_cases import FORMS
+
+from armcontour.cli.commands import app
+
+HEAD = """# Command line
+
+`armcontour --help` lists the commands, `armcontour COMMAND --help` the options of one. A *quantity*
+is text with a unit, such as `5 mm`; text without a unit is refused. In brackets stands the unit of
+SI that it is turned into. An option without a default leaves what the job says.
+
+"""
+HELP = "| `-h`<br>`--help` | | | Show a help text and exit. |"
+
+
+def write_commands() -> Iterator[tuple[str, str]]:
+    """A page for each command with its arguments and options, and one that lists them."""
+    group: Any = typer.main.get_command(app)
+    rows = []
+    for name, command in group.commands.items():
+        yield f"commands/{name}.md", _page(name, command)
+        rows.append(f"| [{name}]({name}.md) | {cell(command.help.strip().splitlines()[0])} |")
+    yield (
+        "commands/index.md",
+        HEAD
+        + table("command", "what it does", rows=rows)
+        + f"\n## Options of armcontour itself\n\n{_options(group, _kinds(group))}"
+        + "\n[Errors](../../errors.md) lists the exit codes, what each means, and what mends it.\n"
+        + contents(group.commands),
+    )
+
+
+def _page(name: str, command: Any) -> str:
+    """The page of a command."""
+    kinds = _kinds(command)
+    arguments = [x for x in command.params if x.param_type_name == "argument"]
+    words = [_named(x) if x.required else f"[{_named(x)}]" for x in arguments]
+    usage = " ".join(["armcontour", name, *words, "[OPTIONS]"])
+    parts = [f"# armcontour {name}", command.help.strip(), f"```text\n{usage}\n```"]
+    if arguments:
+        rows = [_row(f"`{_named(x)}`", x, kinds) for x in arguments]
+        parts.append(table("argument", "value", "default", "what it is", rows=rows).rstrip())
+    return "\n\n".join([*parts, _options(command, kinds)])
+
+
+def _kinds(command: Any) -> dict[str, Any]:
+    """The type of each parameter of a command, by its name; bool for those of typer's own."""
+    callback = inspect.unwrap(command.callback, stop=lambda x: hasattr(x, "__signature__"))
+    taken = inspect.signature(callback, eval_str=True).parameters
+    own = {k: x.annotation for k, x in taken.items()}
+    return {x.name: get_args(own[x.name])[0] if x.name in own else bool for x in command.params}
+
+
+def _options(command: Any, kinds: dict[str, Any]) -> str:
+    """The table of the options of a command."""
+    rows = [
+        _row("<br>".join(f"`{y}`" for y in (*x.opts, *x.secondary_opts)), x, kinds)
+        for x in command.params
+        if x.param_type_name == "option" and not x.hidden
+    ]
+    return table("option", "value", "default", "what it does", rows=[*rows, HELP])
+
+
+def _named(argument: Any) -> str:
+    """How an argument is called."""
+    return str(argument.metavar or argument.name.upper())
+
+
+def _row(name: str, parameter: Any, kinds: dict[str, Any]) -> str:
+    """The line of an argument or option."""
+    value = _value(parameter, kinds[parameter.name])
+    return f"| {name} | {value} | {_default(parameter)} | {cell(parameter.help)} |"
+
+
+def _value(parameter: Any, kind: Any) -> str:
+    """What an argument or option takes, in words."""
+    while isinstance(kind, type) is False or get_origin(kind) is list:
+        # None stands for an option that is not given, and a list for one that may be repeated.
+        kind = next(x for x in get_args(kind) if x is not type(None))
+    if kind is bool:
+        return ""
+    if kind is Path:
+        return "file or folder"
+    if kind in (int, float):
+        words = "whole number" if kind is int else "number"
+        ends = (("at least", parameter.min), ("at most", parameter.max))
+        return ", ".join([words, *(f"{word} {x:g}" for word, x in ends if x is not None)])
+    if issubclass(kind, enum.Enum):
+        return " or ".join(f"`{x.value}`" for x in kind)
+    form = FORMS.get(parameter.opts[0], ("",))[0]
+    if not form.startswith("# "):
+        return "text"
+    unit, *others = form[2:].split(",")
+    return f"{'quantities' if others else 'quantity'} [{unit}]"
+
+
+def _default(parameter: Any) -> str:
+    """What holds without an argument or option."""
+    if parameter.required:
+        return "needed"
+    value = parameter.default
+    if getattr(parameter, "is_flag", False):
+        names = (parameter.secondary_opts, parameter.opts)[bool(value)]
+        return f"`{names[0]}`" if parameter.secondary_opts else ""
+    return "" if value is None else f"`{getattr(value, 'value', value)}`"

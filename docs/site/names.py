@@ -1,0 +1,112 @@
+"""Pages of the reference of Python, from the docstrings."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from typing import Any
+
+from docs.site.tables import contents, table
+
+import armcontour as ac
+
+# Rooms that are used by commands, not by programs.
+NO_LIBRARY = ("cli", "studio")
+HEAD = """# Python
+
+Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
+room has, such as `armcontour.robustness.Box`, may move between versions. What takes or gives a
+quantity does so in [SI units and radians](../../../conventions.md); arrays are time first.
+`armcontour.__version__` is the version.
+
+"""
+
+
+def write_names() -> Iterator[tuple[str, str]]:
+    """A page for each room with its public names, and one that lists them all."""
+    rows = []
+    for room, own in by_room().items():
+        what = _first_line(importlib.import_module(f"armcontour.{room}"))
+        yield f"api/{room}.rst", _page(f"armcontour.{room}", what, own)
+        at_top = ", ".join(f"[`{x[11:]}`](#{x})" for x, _ in own if x.count(".") == 1)
+        rows.append(f"| [{room}]({room}.rst) | {what} | {at_top} |")
+    lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
+    yield "api/index.md", HEAD + lists + contents(by_room())
+
+
+def _page(title: str, what: str, own: list[tuple[str, Any]]) -> str:
+    """The page of a room: what `armcontour` itself has of it, and what it alone has."""
+    top = [x for x in own if x[0].count(".") == 1]
+    lines = [title, "=" * len(title), "", what, ""]
+    for head, part in (
+        ("In armcontour itself", top),
+        (f"In {title} alone", [x for x in own if x not in top]),
+    ):
+        if part:
+            lines += [head, "-" * len(head), ""]
+            lines += [line for name, value in part for line in _entry(name, value)]
+    return "\n".join(lines)
+
+
+@functools.cache
+def by_room() -> dict[str, list[tuple[str, Any]]]:
+    """Public classes and functions of each room; what two rooms have is of the first one."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    known = set[int]()
+    for module in pkgutil.iter_modules(ac.__path__):
+        if module.name.startswith("_") or module.name in NO_LIBRARY:
+            continue
+        own = [(name, x) for name, x in public_of(module.name) if id(x) not in known]
+        known.update(id(x) for _, x in own)
+        if own:
+            found[module.name] = own
+    return found
+
+
+def public_of(room: str) -> list[tuple[str, Any]]:
+    """Public names of a room with what they name; those of the package itself under its name.
+
+    Args:
+        room: Name of the room.
+    """
+    module = importlib.import_module(f"armcontour.{room}")
+    own = getattr(module, "__all__", None) or [
+        name
+        for name, x in vars(module).items()
+        if not name.startswith("_") and getattr(x, "__module__", "") == module.__name__
+    ]
+    found = {name: getattr(module, name) for name in own}
+    # Some names of the package are of a module inside a room.
+    for name in ac.__all__:
+        value = getattr(ac, name)
+        if getattr(value, "__module__", "").split(".")[1:2] == [room]:
+            found[name] = value
+    at_top = {name for name in ac.__all__ if getattr(ac, name) is found.get(name)}
+    return [
+        (f"armcontour.{name}" if name in at_top else f"armcontour.{room}.{name}", value)
+        for name, value in found.items()
+        if inspect.isclass(value) or inspect.isfunction(value)
+    ]
+
+
+def _entry(name: str, value: Any) -> list[str]:
+    """The lines with which Sphinx makes the entry of a name."""
+    if not inspect.isclass(value):
+        return [f".. autofunction:: {name}", ""]
+    # What a class has of a base without an entry of its own stands at the class.
+    elsewhere = [x for own in by_room().values() for _, x in own]
+    bases = [x for x in value.__mro__[1:] if x in elsewhere or not _is_ours(x)]
+    without = ", ".join(dict.fromkeys(x.__name__ for x in bases))
+    return [f".. autoclass:: {name}", "   :members:", f"   :inherited-members: {without}", ""]
+
+
+def _is_ours(value: Any) -> bool:
+    return str(value.__module__).startswith("armcontour")
+
+
+def _first_line(module: Any) -> str:
+    """What a module is, in one line."""
+    return (module.__doc__ or "").strip().splitlines()[0]

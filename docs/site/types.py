@@ -1,0 +1,100 @@
+"""Types of arguments and results in the reference of Python, as the code writes them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from docs.site.names import by_room
+
+from armcontour import _quantities
+
+# Kinds of quantities are numbers, or arrays of them: their units stand in the descriptions.
+KINDS = {
+    name: "float" if kind.__origin__ is float else "FloatArray"
+    for name, kind in vars(_quantities).items()
+    if isinstance(getattr(kind, "__metadata__", (None,))[0], _quantities.Quantity)
+}
+WORDS = {
+    "npt.ArrayLike": "ArrayLike",
+    "FilePath": "pathlib.Path",
+    "npt.NDArray": "NDArray",
+    "np.object_": "object",
+}
+ENTRY = re.compile(r"    (\*{0,2}\w+): ")
+NAME = re.compile(r"[A-Za-z_][\w.]*")
+
+
+def add_types(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Write the type of each argument, and of the result, into a docstring before it is read.
+
+    Args:
+        app: Sphinx.
+        what: What is described, such as "class".
+        name: Its full name.
+        obj: What it is.
+        options: Options of its entry.
+        lines: The docstring, which is changed.
+    """
+    types = _types(obj)
+    inside = False
+    for i, line in enumerate(lines):
+        if line and not line.startswith(" "):
+            inside = line in ("Args:", "Attributes:")
+        found = ENTRY.match(line) if inside else None
+        if found and (of := types.get(found[1].lstrip("*"))):
+            lines[i] = f"    {found[1]} ({of}): {line[found.end() :]}"
+    result = types.get("return", "None")
+    if what in ("function", "method", "property") and result != "None":
+        lines += ["", f":rtype: {result}"]
+
+
+def _types(obj: Any) -> dict[str, str]:
+    """The types that the code states of what an object takes and gives, by name."""
+    if inspect.isclass(obj):
+        obj = obj.__init__
+    obj = getattr(obj, "fget", None) or getattr(obj, "func", None) or obj
+    obj = inspect.unwrap(obj)
+    known = vars(inspect.getmodule(obj)) if inspect.isfunction(obj) else {}
+    stated = getattr(obj, "__annotations__", {})
+    return {name: _shown(kind, known) for name, kind in stated.items()}
+
+
+def _shown(kind: Any, known: Mapping[str, Any]) -> str:
+    """A type in short; what has an entry of its own is a link to it.
+
+    Args:
+        kind: The type, as it is stated.
+        known: What names mean where it is stated.
+    """
+    text = kind if isinstance(kind, str) else getattr(kind, "__name__", str(kind))
+    return NAME.sub(lambda x: _named(x[0], known), _without_metadata(text))
+
+
+def _named(name: str, known: Mapping[str, Any]) -> str:
+    """One name of a type."""
+    if name in KINDS or name in WORDS:
+        return KINDS.get(name) or WORDS[name]
+    name = name.rpartition(".")[2]
+    entries = {entry: x for own in by_room().values() for entry, x in own}
+    same = [x for x in entries if x.rpartition(".")[2] == name]
+    # Names that are imported for types only are not known; most of them mean one thing.
+    meant = [x for x in same if entries[x] is known.get(name)] or same
+    return f"~{meant[0]}" if len(meant) == 1 else name
+
+
+def _without_metadata(text: str) -> str:
+    """A type without what `Annotated` says of it."""
+    begin = text.find("Annotated[")
+    if begin < 0:
+        return text
+    depth, comma, at = 0, 0, begin + len("Annotated[")
+    start = at
+    while depth >= 0:
+        depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[at], 0)
+        if text[at] == "," and not depth and not comma:
+            comma = at
+        at += 1
+    return _without_metadata(text[:begin] + text[start:comma] + text[at:])
