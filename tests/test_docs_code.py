@@ -138,6 +138,8 @@ def test_python_runs(
     if page == "README.md":
         printed = [float(x) for x in capsys.readouterr().out.split()]
         assert printed == [names["result"].duration, *vars_of(names["result"].contour_error)]
+    if page == "docs/guides/controllers/index.md":
+        assert "`" + capsys.readouterr().out.splitlines()[0] + "`" in PAGES[page].read_text("utf-8")
     if page == "docs/guides/identify.md":
         assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 
