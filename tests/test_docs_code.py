@@ -177,7 +177,7 @@ def test_a_command_line_parses(page: str, line: str) -> None:
 
 
 # Pages whose own file is what their first command runs.
-FIRST = ["docs/guides/gcode.md", "docs/guides/waypoints.md", "docs/guides/job.md"]
+FIRST = [f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")]
 
 
 @pytest.mark.parametrize("page", FIRST)
