@@ -66,9 +66,9 @@ plt.rcParams.update(
 )
 
 
-def save(figure: Figure, name: str, *, dpi: int = 160) -> Path:
+def save(figure: Figure, name: str, *, dpi: int = 160, folder: Path = FOLDER) -> Path:
     """Write a figure as SVG, or as PNG if the SVG is large; the same bytes every time."""
-    vector = FOLDER / f"{name}.svg"
+    vector = folder / f"{name}.svg"
     figure.savefig(vector, metadata={"Date": None, "Creator": None})
     # Trailing blanks would trouble a text file under version control.
     text = "\n".join(line.rstrip() for line in vector.read_text("utf-8").splitlines()) + "\n"
@@ -76,12 +76,12 @@ def save(figure: Figure, name: str, *, dpi: int = 160) -> Path:
     if vector.stat().st_size <= LARGEST_SVG:
         return vector
     vector.unlink()
-    return save_png(figure, name, dpi=dpi)
+    return save_png(figure, name, dpi=dpi, folder=folder)
 
 
-def save_png(figure: Figure, name: str, *, dpi: int = 160) -> Path:
+def save_png(figure: Figure, name: str, *, dpi: int = 160, folder: Path = FOLDER) -> Path:
     """Write a figure as PNG; the same bytes every time."""
-    image = FOLDER / f"{name}.png"
+    image = folder / f"{name}.png"
     figure.savefig(image, dpi=dpi, metadata={"Software": None})
     return image
 
