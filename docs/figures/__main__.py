@@ -23,7 +23,6 @@ NAMES = (
     "overview",
     "poles",
     "shaping",
-    "space",
 )
 
 
