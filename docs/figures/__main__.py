@@ -23,6 +23,7 @@ NAMES = (
     "overview",
     "poles",
     "shaping",
+    "space",
 )
 
 

@@ -66,9 +66,9 @@ plt.rcParams.update(
 )
 
 
-def save(figure: Figure, name: str, *, dpi: int = 160, folder: Path = FOLDER) -> Path:
+def save(figure: Figure, name: str, *, dpi: int = 160) -> Path:
     """Write a figure as SVG, or as PNG if the SVG is large; the same bytes every time."""
-    vector = folder / f"{name}.svg"
+    vector = FOLDER / f"{name}.svg"
     figure.savefig(vector, metadata={"Date": None, "Creator": None})
     # Trailing blanks would trouble a text file under version control.
     text = "\n".join(line.rstrip() for line in vector.read_text("utf-8").splitlines()) + "\n"
@@ -76,12 +76,12 @@ def save(figure: Figure, name: str, *, dpi: int = 160, folder: Path = FOLDER) ->
     if vector.stat().st_size <= LARGEST_SVG:
         return vector
     vector.unlink()
-    return save_png(figure, name, dpi=dpi, folder=folder)
+    return save_png(figure, name, dpi=dpi)
 
 
-def save_png(figure: Figure, name: str, *, dpi: int = 160, folder: Path = FOLDER) -> Path:
+def save_png(figure: Figure, name: str, *, dpi: int = 160) -> Path:
     """Write a figure as PNG; the same bytes every time."""
-    image = folder / f"{name}.png"
+    image = FOLDER / f"{name}.png"
     figure.savefig(image, dpi=dpi, metadata={"Software": None})
     return image
 

@@ -23,7 +23,8 @@ def main(names: list[str]) -> int:
         with redirect_stdout(printed):
             found = runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
         figure = getattr(pictures, f"draw_{name[:2]}")(found)
-        print(style.save(figure, name, folder=pages.FOLDER).name)
+        # A path from the folder of the figures.
+        print(style.save(figure, f"../{pages.FOLDER.name}/{name}").name)
         plt.close(figure)
         text = pages.page_of(name, printed.getvalue())
         (pages.FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
