@@ -33,7 +33,7 @@ def draw() -> Figure:
     why = explain(plan, job.ARM, job.LIMITS)
     figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
 
-    s, ceiling, most = _ceiling_and_backward_pass(joint_path)
+    s, ceiling, most = ceiling_and_backward_pass(joint_path)
     rows[0].plot(*_steps(s, ceiling), color=style.BLACK, lw=0.9, ls="--", label="ceiling")
     rows[0].plot(
         1e3 * s, 1e3 * np.sqrt(most), color=style.GREY, lw=1.2, ls=":", label="backward pass"
@@ -58,7 +58,7 @@ def draw() -> Figure:
     return figure
 
 
-def _ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
+def ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
     """Grid points [m]; ceiling of ds on every interval [mm/s]; largest x that leads to rest."""
     grid = place_grid(joint_path)
     active = constraints_of(joint_path, job.ARM, job.LIMITS)
