@@ -14,7 +14,7 @@ MATH = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", re.DOTALL)
 COMMAND = re.compile(r"\\([a-zA-Z]+|.)")
 # Letters, and what both MathJax and latex2mathml draw.
 KNOWN = set(
-    "alpha beta delta Delta theta kappa lambda pi sigma tau varphi varepsilon omega "
+    "alpha beta delta Delta theta kappa lambda mu pi sigma tau varphi varepsilon omega "
     "dot ddot dddot tilde hat bar frac sqrt left right lvert rvert text mathrm "
     "sin cos tan sinh cosh tanh arcsin arctan max min sum int partial cdot times pm sim top "
     "lt gt le ge ne quad qquad ldots".split()
