@@ -12,7 +12,7 @@ from docutils import nodes
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from docs.site import links, mathml, pages, types  # noqa: E402
+from docs.site import links, mathml, types, written  # noqa: E402
 
 from armcontour._version import __version__  # noqa: E402
 
@@ -36,7 +36,7 @@ smartquotes = False
 # Code in docstrings is a link where it is the name of something.
 default_role = "py:obj"
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "tasklist"]
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
@@ -66,7 +66,7 @@ def setup(app: Any) -> None:
     # Address of the repository, for links to files that are no pages; empty makes them plain text.
     app.add_config_value("repository", os.environ.get("ARMCONTOUR_REPOSITORY", ""), "env")
     app.add_html_math_renderer("mathml", (mathml.inline, None), (mathml.block, None))
-    app.connect("builder-inited", lambda app: pages.write())
+    app.connect("builder-inited", lambda app: written.write())
     app.connect("source-read", links.mend)
     # Before napoleon reads docstrings, whose priority is 500.
     app.connect("autodoc-process-docstring", types.add_types, priority=400)

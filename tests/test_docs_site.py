@@ -19,7 +19,7 @@ import typer
 import yaml
 from docs.site import links
 from docs.site.names import NO_LIBRARY
-from docs.site.pages import written
+from docs.site.written import written
 from markdown_it import MarkdownIt
 
 import armcontour as ac

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from docs.site.pages import DOCS, FOLDER, ROOT, SHOWN
+from docs.site.written import DOCS, FOLDER, ROOT, SHOWN
 
 # Links of Markdown and their texts.
 LINK = re.compile(r"(?P<mark>!?)\[(?P<text>[^\]]*)\]\((?P<target>[^)#\s:]+)(?P<anchor>#[^)\s]*)?\)")
