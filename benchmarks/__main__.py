@@ -79,7 +79,7 @@ def _update(given: argparse.Namespace, lines: list[Line], sessions: Sequence[Ses
         measured = replace(new, lines={name: Known.of(x) for name, x in found.items()})
         baseline.write(given.baseline, baseline.updated(sessions, measured))
 
-    _, failed = _measured(lines, {}, given.times, keep)
+    _, failed = _measured(lines, baseline.known(sessions), given.times, keep)
     print(f"Written: {given.baseline}")
     return int(failed)
 
@@ -92,7 +92,8 @@ def _measured(
 ) -> tuple[Found, bool]:
     """Measure, and say what was found; answers that, and whether a line failed."""
     busy, begin = _busy(), time.perf_counter()
-    found, trouble = measure_all(lines, known, times, keep)
+    # What goes into the baseline is not judged by the one before.
+    found, trouble = measure_all(lines, {} if keep else known, times, keep)
     best = [_judged(x) for x in found.values()]
     _print_table(best, known)
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")

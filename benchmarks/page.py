@@ -102,14 +102,17 @@ def _plain(text: str) -> str:
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 
-def _sessions(sessions: Iterable[Session]) -> str:
+def _sessions(sessions: Sequence[Session]) -> str:
     rows = ["| measured | commit | machine and versions | lines |", "|---|---|---|---|"]
+    everything = baseline.known(sessions)
     for x in sessions:
-        names = f"all {len(x.lines)}" if len(list(sessions)) == 1 else _beginnings(x.lines)
+        names = f"all {len(x.lines)}" if len(sessions) == 1 else _names(x, everything)
         rows.append(f"| {x.date} | {x.commit} | {_plain(x.machine)} | {names} |")
     return "\n".join(rows)
 
 
-def _beginnings(names: Iterable[str]) -> str:
-    """The first parts of names, each once."""
-    return ", ".join(dict.fromkeys(f"`{x.partition('/')[0]}`" for x in sorted(names)))
+def _names(session: Session, everything: Iterable[str]) -> str:
+    """Names of lines; for those with the same first part that alone, if all are of the session."""
+    elsewhere = {x.partition("/")[0] for x in everything if x not in session.lines}
+    parts = [(x.partition("/")[0], x) for x in sorted(session.lines)]
+    return ", ".join(dict.fromkeys(f"`{x if part in elsewhere else part}`" for part, x in parts))

@@ -175,11 +175,13 @@ def test_a_page_is_written_from_the_baseline_between_its_marks():
 def test_a_page_says_which_lines_were_measured_when():
     sessions = [
         Session("2026-01-31", "abc", "x", {"plan/b": FULL, "plan/a": FULL, "loop": FULL}),
-        Session("2026-02-01", "def", "x", {"new": FULL}),
+        Session("2026-02-01", "def", "x", {"new/a": FULL}),
+        Session("2026-02-01", "def", "y", {"new/b": FULL}),
     ]
     rows = page.filled(PAGE, ON_THE_PAGE, sessions).splitlines()
     assert "| 2026-01-31 | abc | x | `loop`, `plan` |" in rows
-    assert "| 2026-02-01 | def | x | `new` |" in rows
+    assert "| 2026-02-01 | def | x | `new/a` |" in rows
+    assert "| 2026-02-01 | def | y | `new/b` |" in rows
 
 
 @pytest.mark.parametrize("mark", ["<!-- lines: plam -->", "<!-- ratio: plam -->"])
