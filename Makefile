@@ -73,8 +73,9 @@ bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmar
 	$(BIN)/python -m benchmarks
 
 docs: $(VENV)/docs  ## Build the documentation as a site; run the code on it, and check its links
+	rm -rf $(SITE)
 	$(BIN)/python -m sphinx -b html -E -j auto -W --keep-going -q docs $(SITE)
-	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_code.py tests/test_docs_links.py tests/test_docs_site.py
+	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py
 	@echo "The documentation is built: file://$(CURDIR)/$(SITE)/index.html"
 
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere

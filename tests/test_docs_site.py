@@ -140,10 +140,11 @@ def test_every_message_and_frame_of_the_studio_is_named() -> None:
     assert sorted({*ACTS, *EDITS, *frames} - named) == []
 
 
+# The items of the list; the paragraph after it is none.
 QUESTIONS = [
     (token.children or [])
     for token in MarkdownIt().parse(read("index.md").split("\n## Questions\n")[1].split("\n## ")[0])
-    if token.type == "inline"
+    if token.type == "inline" and token.level > 1
 ]
 
 

@@ -30,11 +30,10 @@ AXE = ROOT / "tests" / "browser" / "axe" / "axe.min.js"
 # One page of each kind.
 KINDS = (
     "index",
-    "questions",
+    "tutorials/dxf_to_ur5e",
+    "gallery/index",
     "concepts/compensation",
-    "guides/export",
     "reference/job_keys",
-    "reference/pages/api/index",
     "reference/pages/api/timing",
     "reference/pages/commands/run",
     "search",
