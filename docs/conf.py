@@ -29,6 +29,8 @@ extensions = [
 ]
 root_doc = "index"
 exclude_patterns = ["_build", "site"]
+# Blocks without a language are commands and outputs, not Python.
+highlight_language = "none"
 # A warning says which one it is, so that it can be looked up.
 show_warning_types = True
 # Two dashes are an option, and quotes belong to code.

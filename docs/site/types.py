@@ -23,7 +23,7 @@ WORDS = {
     "npt.NDArray": "NDArray",
     "np.object_": "object",
 }
-ENTRY = re.compile(r"    (\*{0,2}\w+): ")
+ENTRY = re.compile(r"    (\*{0,2}\w+(?:, \*{0,2}\w+)*): ")
 NAME = re.compile(r"[A-Za-z_][\w.]*")
 
 
@@ -44,8 +44,9 @@ def add_types(app: Any, what: str, name: str, obj: Any, options: Any, lines: lis
         if line and not line.startswith(" "):
             inside = line in ("Args:", "Attributes:")
         found = ENTRY.match(line) if inside else None
-        if found and (of := types.get(found[1].lstrip("*"))):
-            lines[i] = f"    {found[1]} ({of}): {line[found.end() :]}"
+        of = {types.get(x, "") for x in found[1].replace("*", "").split(", ")} if found else {""}
+        if found and len(of) == 1 and any(of):
+            lines[i] = f"    {found[1]} ({of.pop()}): {line[found.end() :]}"
     result = types.get("return", "None")
     if what in ("function", "method", "property") and result != "None":
         lines += ["", f":rtype: {result}"]

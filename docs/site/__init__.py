@@ -1,1 +1,0 @@
-"""What the site needs beside Sphinx: pages written from the code, links to files, equations."""
