@@ -17,7 +17,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "src/armcontour/"
 # Of the repository, but of no use to who has a source archive.
 NOT_IN_SOURCES = (".ci/", ".github/")
@@ -33,10 +33,15 @@ LICENCES = (
 def main() -> None:
     """Try the archives of a folder, and print what was found."""
     folder = Path(sys.argv[1])
-    known = set(run("git", "-C", str(ROOT), "ls-files", "-z").split("\0")) - {""}
     (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
-    try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
-    try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
+    if (ROOT / ".git").exists():
+        # The folder may belong to somebody else, as in a container.
+        git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
+        known = set(run(*git, "ls-files", "-z").split("\0")) - {""}
+        try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
+        try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
+    else:
+        print("There is no git here: the files of the archives were not compared with its own.")
     with tempfile.TemporaryDirectory() as place:
         try_install(wheel.resolve(), Path(place))
 
