@@ -28,8 +28,8 @@ LICENCES = (
     PACKAGE + "io/robots/library/hulls/NOTICE-franka.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
-# Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a hundredth,
-# which is less than a wrong method makes of them, and more than a library's rounding.
+# Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a
+# hundredth, which is less than a fault makes of them, and more than the rounding of a library.
 PROPOSED = (5.327, 2.28e-6)
 
 
