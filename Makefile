@@ -72,7 +72,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
-docs: $(VENV)/docs  ## Build the documentation as a site; run the code on it, and check its links
+docs: $(VENV)/test-all $(VENV)/docs  ## Build the documentation as a site; run the code on it, and check its links
 	rm -rf $(SITE)
 	$(BIN)/python -m sphinx -b html -E -j auto -W --keep-going -q docs $(SITE)
 	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py

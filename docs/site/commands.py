@@ -6,7 +6,7 @@ import enum
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, get_args
 
 import typer.main
 from docs.site.tables import cell, contents, table
@@ -56,8 +56,7 @@ def _page(name: str, command: Any) -> str:
 
 def _kinds(command: Any) -> dict[str, Any]:
     """The type of each parameter of a command, by its name; bool for those of typer's own."""
-    callback = inspect.unwrap(command.callback, stop=lambda x: hasattr(x, "__signature__"))
-    taken = inspect.signature(callback, eval_str=True).parameters
+    taken = inspect.signature(command.callback, eval_str=True).parameters
     own = {k: x.annotation for k, x in taken.items()}
     return {x.name: get_args(own[x.name])[0] if x.name in own else bool for x in command.params}
 
@@ -85,7 +84,7 @@ def _row(name: str, parameter: Any, kinds: dict[str, Any]) -> str:
 
 def _value(parameter: Any, kind: Any) -> str:
     """What an argument or option takes, in words."""
-    while isinstance(kind, type) is False or get_origin(kind) is list:
+    while not isinstance(kind, type):
         # None stands for an option that is not given, and a list for one that may be repeated.
         kind = next(x for x in get_args(kind) if x is not type(None))
     if kind is bool:
@@ -98,11 +97,11 @@ def _value(parameter: Any, kind: Any) -> str:
         return ", ".join([words, *(f"{word} {x:g}" for word, x in ends if x is not None)])
     if issubclass(kind, enum.Enum):
         return " or ".join(f"`{x.value}`" for x in kind)
-    form = FORMS.get(parameter.opts[0], ("",))[0]
-    if not form.startswith("# "):
+    forms = FORMS.get(parameter.opts[0], ("",))
+    if not forms[0].startswith("# "):
         return "text"
-    unit, *others = form[2:].split(",")
-    return f"{'quantities' if others else 'quantity'} [{unit}]"
+    unit = forms[0][2:].partition(",")[0]
+    return f"{'quantities' if any(',' in x for x in forms) else 'quantity'} [{unit}]"
 
 
 def _default(parameter: Any) -> str:

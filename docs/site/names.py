@@ -20,6 +20,7 @@ HEAD = """# Python
 Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
 room has, such as `armcontour.robustness.Box`, may move between versions. What takes or gives a
 quantity does so in [SI units and radians](../../../conventions.md); arrays are time first.
+`FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
 
 """
@@ -31,7 +32,7 @@ def write_names() -> Iterator[tuple[str, str]]:
     for room, own in by_room().items():
         what = _first_line(importlib.import_module(f"armcontour.{room}"))
         yield f"api/{room}.rst", _page(f"armcontour.{room}", what, own)
-        at_top = ", ".join(f"[`{x[11:]}`](#{x})" for x, _ in own if x.count(".") == 1)
+        at_top = ", ".join(f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in own if x.count(".") == 1)
         rows.append(f"| [{room}]({room}.rst) | {what} | {at_top} |")
     lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
     yield "api/index.md", HEAD + lists + contents(by_room())
