@@ -12,6 +12,7 @@ import pytest
 from soak.studio_page import SQUARE
 
 from armcontour._yaml import load
+from armcontour.studio import screen
 from armcontour.studio.preview import Planned, Previewer
 from armcontour.studio.view import View
 
@@ -26,6 +27,12 @@ class Flat:
     origin = np.array([0.01, 0.02, 0.0])
     x = np.array([1.0, 0.0, 0.0])
     y = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture
+def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans are quick however busy the machine is."""
+    monkeypatch.setattr(screen, "QUICK", 1e6)
 
 
 @pytest.fixture

@@ -30,7 +30,8 @@ def test_a_page_talks_with_the_session(file: Path) -> None:
         page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
         assert other.hear("document").header["undo_label"] == "set tolerance"
         assert studio.desk.session is not None
-        number = studio.desk.session.keep_file("a b.html", "text/html", b"x")
+        tabs = studio.desk.session.display.tabs
+        number = tabs.keep_file("a b.html", "text/html", b"x")
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from tests.studio.serving import JOB, NoLane
 
-from armcontour.errors import InvalidInput
 from armcontour.studio import screen
 from armcontour.studio.document import Document
 from armcontour.studio.opening import open_session
 from armcontour.studio.preview import Previewer
-from armcontour.studio.session import Session, refuse_new_xacro
+from armcontour.studio.session import Session
 from armcontour.studio.wire import Frame
 
+pytestmark = pytest.mark.usefixtures("no_hurry")
 NEVER = 1e6
 MOVE = {"do": "move_waypoint", "index": 1, "to": [0.4, 0.16]}
 
@@ -89,12 +89,6 @@ def session_of(file: Path, fast: Any = AtOnce, rest: float = NEVER) -> Session:
     return Session(document, Previewer(document.folder), fast=fast, slow=NoLane, rest=rest)
 
 
-@pytest.fixture(autouse=True)
-def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plans are quick however busy the machine is."""
-    monkeypatch.setattr(screen, "QUICK", NEVER)
-
-
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     place = tmp_path / "job.yaml"
@@ -161,8 +155,8 @@ def test_a_slow_plan_is_executed_when_nothing_moves(
     monkeypatch.setattr(screen, "QUICK", 0.0)
     assert kinds(tab.edit(MOVE)) == ["document", "picture"]
     before = len(tab.frames)
-    session.screen.rest()
-    session.screen.rest()
+    session.display.screen.rest()
+    session.display.screen.rest()
     assert kinds(tab.frames[before:]) == ["executed"]
 
 
@@ -411,7 +405,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path: Path, monkeypatch: Any) ->
         session.begin()
         assert tab.last("document")["run"] == "optimal"
         (heard,) = tab.say("save")
-        file = session.files[heard.header["file"]]
+        file = session.display.tabs.files[heard.header["file"]]
         assert heard.header["name"] == file.name == "paper.yaml"
         assert file.data.decode() == session.document.text
     finally:
@@ -443,10 +437,10 @@ CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 def test_a_drawing_takes_the_place_of_the_path(session: Session, tab: Tab) -> None:
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
-    assert "picture" in kinds(tab.frames[-2:]) and not list(session.folder.glob("*.csv"))
+    assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
     tab.say("undo")
     assert session.document.text == JOB
-    (session.folder / "part.csv").write_bytes(CSV)
+    (session.editor.folder / "part.csv").write_bytes(CSV)
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["file"] == "part.csv"
 
@@ -479,7 +473,9 @@ def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
     tab.say("pin")
     figures = {"id": id, "run": "slow", "duration": 12.5, "rms": 1e-4}
     lane.deliver(Frame("figures", figures))
-    assert tab.last("figures")["duration"] == 12.5 and tab.last("figures")["rev"] == session.rev
+    assert (
+        tab.last("figures")["duration"] == 12.5 and tab.last("figures")["rev"] == session.editor.rev
+    )
     tab.say("pin", name="again")
     assert [x["duration"] for x in tab.last("document")["pins"]] == [12.5, 12.5]
     tab.edit(MOVE)
@@ -521,7 +517,10 @@ def test_tasks_run_are_cancelled_and_give_files(session: Session, tab: Tab) -> N
     header = {"id": "t1", "name": "a.html", "type": "text/html"}
     lane.deliver(Frame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
     told = tab.last("result")
-    assert session.files[told["file"]].data == b"<html>" and tab.last("progress")["share"] == 0.5
+    assert (
+        session.display.tabs.files[told["file"]].data == b"<html>"
+        and tab.last("progress")["share"] == 0.5
+    )
     tab.say("task", id="t1", task="check")
     assert len(lane.given) == 2
 
@@ -547,20 +546,3 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) ->
     assert kinds(heard) == ["document", "arm", "picture", "executed"]
     assert tab.last("document")["sentence"] is None
     session.close()
-
-
-@pytest.mark.parametrize("arm", ["b.xacro", "b.yaml", "B.XACRO", {"file": "sub/a.xacro"}])
-def test_programs_that_the_user_has_not_named_are_refused(tmp_path: Path, arm: Any) -> None:
-    with pytest.raises(InvalidInput, match="--trust-xacro"):
-        refuse_new_xacro({"arm": arm}, tmp_path, [tmp_path / "a.xacro"])
-
-
-@pytest.mark.parametrize("arm", ["a.xacro", "./a.xacro", {"file": "a.xacro"}, "ur5e", "b.urdf"])
-def test_programs_that_the_user_has_named_are_not(tmp_path: Path, arm: Any) -> None:
-    refuse_new_xacro({"arm": arm}, tmp_path, [tmp_path / "a.xacro"])
-
-
-def test_without_any_trust_an_arm_file_is_read_as_elsewhere(tmp_path: Path) -> None:
-    refuse_new_xacro({"arm": "b.yaml"}, tmp_path, [])
-    with pytest.raises(InvalidInput, match="is a program"):
-        refuse_new_xacro({"arm": "a.xacro"}, tmp_path, [])

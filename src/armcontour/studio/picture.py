@@ -51,16 +51,12 @@ KINDS = {
 }
 
 
-def picture_frame(
-    planned: Planned, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
-) -> Frame:
+def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     """The picture of a plan.
 
     Args:
         planned: The plan.
         view: How points get on the screen.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
         of: "live", or "compare" for a plan to compare with.
     """
     line = Line.of(planned)
@@ -70,7 +66,7 @@ def picture_frame(
     kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_SEGMENT * segments))
     points, s = line.points[kept], line.s[kept]
     header = {
-        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
+        **{"run": planned.run.name, "of": of},
         "duration": planned.trajectory.duration,
         **view.header,
         "contours": _contours(planned.path, line.ends, kept),
@@ -102,22 +98,18 @@ def picture_frame(
     )
 
 
-def drawing_frame(
-    program: Program, view: View, *, seq: int | None = None, rev: int = 0, run: str = ""
-) -> Frame:
+def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
         program: The program.
         view: How points get on the screen.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
         run: Name of the run that is shown.
     """
     points, first = _outline(program)
     arrays = _thinned_outline(points, first, view)
     header = {
-        **{"seq": seq, "rev": rev, "run": run, "of": "live", "duration": None},
+        **{"run": run, "of": "live", "duration": None},
         **view.header,
         "contours": [],
         "limits": [],
@@ -133,16 +125,12 @@ def drawing_frame(
     return Frame("picture", header, arrays)
 
 
-def executed_frame(
-    executed: Executed, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
-) -> Frame:
+def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame:
     """The picture of an execution: how far the tool is from the path, and what the joints need.
 
     Args:
         executed: The execution.
         view: As in `picture_frame`.
-        seq: As in `picture_frame`.
-        rev: As in `picture_frame`.
         of: As in `picture_frame`.
     """
     planned, execution, errors = executed.planned, executed.execution, executed.errors
@@ -162,7 +150,7 @@ def executed_frame(
     at = which[kept]
     worst = int(np.argmax(distance))
     header = {
-        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
+        **{"run": planned.run.name, "of": of},
         "rms": errors.rms,
         "max": errors.max,
         "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from threading import Event, Lock
 from typing import Any
 
@@ -256,8 +256,3 @@ def _refusal(
         waypoints=shown.waypoints,
     )
     return Frame("refusal", {**header, "of": of})
-
-
-def stamped(frame: Frame, **facts: Any) -> Frame:
-    """The same frame with some more facts."""
-    return replace(frame, header={**frame.header, **facts})

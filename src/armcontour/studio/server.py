@@ -202,7 +202,7 @@ class Server:
     async def _give_file(self, number: str, send: Send) -> None:
         """Send what was made for the page to save."""
         session = self.desk.session
-        file = None if session is None else session.files.get(number)
+        file = None if session is None else session.display.tabs.files.get(number)
         if file is None:
             raise Refused(404, "This file is not kept any more: make it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
