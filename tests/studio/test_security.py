@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from armcontour.errors import InvalidInput
 from armcontour.studio import guard, server
 from armcontour.studio.guard import LARGEST_UPLOAD
-from armcontour.studio.tasks import do
+from armcontour.studio.tasks.working import do
 
 SECRET = "the-secret"
 

@@ -16,7 +16,7 @@ from armcontour.studio.exact import Asked, Exact, MakeLane
 from armcontour.studio.lanes import FastLane
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.tabs import Tab, Tabs
-from armcontour.studio.tasks import SAME
+from armcontour.studio.tasks.figures import SAME
 from armcontour.studio.variants import Variants
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
