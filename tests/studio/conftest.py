@@ -13,7 +13,8 @@ from soak.studio_page import SQUARE
 
 from armcontour._yaml import load
 from armcontour.studio import screen
-from armcontour.studio.preview import Planned, Previewer
+from armcontour.studio.preview import Previewer
+from armcontour.studio.previewed import Planned
 from armcontour.studio.view import View
 
 ROOT = Path(__file__).parents[2]

@@ -39,7 +39,8 @@ def arm_frame(job: Job) -> Message:
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     lower, upper = arm.limits.joint_range(arm.dof)
     header = {
-        **{"name": arm.name, "planar": isinstance(arm, PlanarTwoLink)},
+        "name": arm.name,
+        "planar": isinstance(arm, PlanarTwoLink),
         "joints": [
             {
                 "name": name,

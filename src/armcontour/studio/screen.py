@@ -13,14 +13,12 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
-from armcontour.studio.picture import (
-    drawing_frame,
-    executed_frame,
-    picture_frame,
-    refusal_header,
-)
-from armcontour.studio.preview import Executed, Planned, Previewer
+from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.preview import Previewer
+from armcontour.studio.previewed import Executed, Planned
+from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame

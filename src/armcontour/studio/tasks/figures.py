@@ -20,7 +20,7 @@ def figures(x: Request) -> Frame:
 
     Options: `start`, joint positions at the start of the preview, to say where they differ.
     """
-    from armcontour.studio.picture import refusal_header
+    from armcontour.studio.refusals import refusal_header
 
     try:
         result = x.result
