@@ -12,8 +12,9 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from armcontour.studio.desk import Desk
 from armcontour.studio.opening import open_session
-from armcontour.studio.server import Desk, serve
+from armcontour.studio.server import serve
 from armcontour.studio.wire import Frame
 
 JOB = """\

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import socket
 import threading
 from pathlib import Path
@@ -13,7 +12,7 @@ from tests.studio.serving import JOB, running
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.server import Tab, listen, require_server, serve
+from armcontour.studio.server import listen, require_server, serve
 
 
 @pytest.fixture(scope="module")
@@ -115,36 +114,6 @@ def test_missing_libraries_are_named_with_the_extra(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(server, "NEEDED", ("uvicorn", "no_such_library"))
     with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
         require_server()
-
-
-def test_a_page_that_reads_slowly_gets_the_newest() -> None:
-    async def talk() -> list[bytes]:
-        tab, sent = Tab(), list[bytes]()
-        for k in range(100):
-            tab.send(b"%d" % k, "picture")
-        tab.send(b"notice")
-        tab.send(b"again", "picture")
-
-        async def send(message: Any) -> None:
-            sent.append(message["bytes"])
-
-        writing = asyncio.create_task(tab.write(send))
-        while len(sent) < 2:
-            await asyncio.sleep(0)
-        writing.cancel()
-        return sent
-
-    assert asyncio.run(talk()) == [b"notice", b"again"]
-
-
-def test_a_page_that_never_reads_is_let_go() -> None:
-    async def talk() -> None:
-        tab = Tab()
-        for _ in range(server.MOST_WAITING + 1):
-            tab.send(b"")
-        await tab.write(lambda message: asyncio.sleep(0))
-
-    asyncio.run(asyncio.wait_for(talk(), 20))
 
 
 def test_a_connection_that_says_nothing_costs_nothing(file: Path) -> None:

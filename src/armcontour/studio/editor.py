@@ -70,7 +70,7 @@ class Editor:
         self.rev, self.run = 1, ""
         self.seen = Seen({}, None, None)
         self._renew()
-        self.draft = None if document.file is None else Document.draft_of(document.file)
+        self.draft = document.earlier_draft()
 
     @property
     def folder(self) -> FilePath:
