@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from soak.studio_page import SQUARE
+from tests.studio.talking import JOB, Tab, session_of
 
 from armcontour._yaml import load
 from armcontour.studio import screen
 from armcontour.studio.preview import Previewer
 from armcontour.studio.previewed import Planned
+from armcontour.studio.session import Session
 from armcontour.studio.view import View
 
 ROOT = Path(__file__).parents[2]
@@ -74,3 +77,23 @@ def gasket_plan(previewer_of_plans: Previewer) -> Planned:
     """The plan of a drawing of several contours, with an arm in space."""
     drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     return previewer_of_plans.plan(SQUARE_DATA | {"path": drawing})
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    place = tmp_path / "job.yaml"
+    place.write_text(JOB)
+    return place
+
+
+@pytest.fixture
+def session(file: Path) -> Iterator[Session]:
+    found = session_of(file)
+    found.begin()
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def tab(session: Session) -> Tab:
+    return Tab(session)

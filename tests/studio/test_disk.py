@@ -7,20 +7,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.studio.serving import JOB
 
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.document import Document
 
 FASTER = [Change(("limits", "speed"), "0.2 m/s")]
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    file = tmp_path / "job.yaml"
-    file.write_text(JOB)
-    return file
 
 
 def test_a_link_to_a_job_file_stays_a_link(file: Path, tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.studio.serving import JOB, Running, running
+from tests.studio.serving import Running, running
+from tests.studio.talking import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.errors import InvalidInput

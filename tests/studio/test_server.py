@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.studio.serving import JOB, running
+from tests.studio.serving import running
+from tests.studio.talking import JOB
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
@@ -66,7 +67,8 @@ def test_a_page_that_comes_while_it_starts_waits(
 
 
 def test_the_end_after_the_last_page(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tests.studio.serving import NoLane, Running
+    from tests.studio.serving import Running
+    from tests.studio.talking import NoLane
 
     from armcontour.studio.opening import open_session
 
