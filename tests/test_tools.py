@@ -1,4 +1,4 @@
-"""What pages say of tests and sizes is what the tools find."""
+"""What pages say of tests, sizes and the version is what tools and sources find."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import re
 from importlib.metadata import distribution
 from pathlib import Path
 
+import yaml
 from tools import count_tests, install_size
+
+import armcontour as ac
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "testing.md").read_text(encoding="utf-8")
@@ -40,3 +43,12 @@ def test_sizes_are_those_of_the_files_and_brought_packages_are_found() -> None:
     table = install_size.table(packages, "jinja2")
     total = sum(install_size.size_of(x) for x in packages.values())
     assert table[-1] == f"| **together** | | **{total:.0f}** | |"
+
+
+def test_the_version_is_the_newest_of_the_changelog_and_that_to_cite() -> None:
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, newest = re.findall(r"^## (.+)$", changelog, re.MULTILINE)[:2]
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert unreleased == "Unreleased"
+    assert newest == f"{ac.__version__} - {cited['date-released']}"
+    assert cited["version"] == ac.__version__
