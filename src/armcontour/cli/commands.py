@@ -111,9 +111,9 @@ def run(
 @app.command()
 def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
     """Run the built-in job: the paper's contouring job on the PMK-3s."""
-    from armcontour.cli.running import built_in_job, run_job
+    from armcontour.cli.running import run_demo
 
-    run_job(lambda progress: built_in_job(), out, force=force, open_report=open_report)
+    run_demo(out, force=force, open_report=open_report)
 
 
 @app.command()
