@@ -156,8 +156,14 @@ RUN = "--no-simulation --out out"
 REFUSED = {
     "1.D1": ("run stiff.yaml --out out", "kv must be from 0.001 to 1e+06 1/s"),
     "1.D2-turn": (f"run lines.dxf --cell ur5e --turn '0,0,90' {RUN}", "'90 deg'"),
-    "1.D2-at": (f"run lines.dxf --cell ur5e --at '380,-70,50' {RUN}", "'380 mm'"),
-    "1.D2-speed": (f"run lines.dxf --cell ur5e --speed 5 {RUN}", "'5 m/s'"),
+    "1.D2-at": (
+        f"run lines.dxf --cell ur5e --at '380,-70,50' {RUN}",
+        "'380' has no unit: write one, as in '5 mm'",
+    ),
+    "1.D2-speed": (
+        f"run lines.dxf --cell ur5e --speed 5 {RUN}",
+        "'5' has no unit: write one, as in '0.15 m/s'",
+    ),
     "1.D5": ("certify lines.dxf", "--cell"),
     "1.D8-G41": ("show comp.ngc --skip-unknown", "line 3: G41"),
     "1.D8-M98": ("show m98.ngc", "line 3: a call of 100"),
@@ -174,7 +180,7 @@ REFUSED = {
     ),
     "1.D16-dwg": ("show old.dwg", "save it as DXF"),
     "1.D16-check": ("check two.csv --arm ur5e", "two.csv has positions of 2 joints"),
-    "1.D16-from": ("identify two.csv --from 0.5", "'0.5 s'"),
+    "1.D16-from": ("identify two.csv --from 0.5", "'0.5' has no unit: write one, as in '2 s'"),
     "3.W3": ("show g55.ngc --skip-unknown", "line 6: a coordinate X in the coordinate system G54"),
     "3.4.4": ("check two.csv --arm hand.URDF", "no robot description hand.URDF"),
     "3.5-probe": ("show probe.ngc", "line 2"),
