@@ -62,7 +62,10 @@ def clearance(study: Study) -> Section | None:
         notes=tuple(
             x
             for x in (
-                *(x.clearance_note or f"Run {name}: {x.clearance}" for name, x in runs.items()),
+                *(
+                    x.clearance_note or f"Run {name}: {x.clearance.sentence}"
+                    for name, x in runs.items()
+                ),
                 f"Pairs that are not looked at: {left}." if reasons else None,
             )
             if x is not None
