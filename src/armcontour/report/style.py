@@ -78,11 +78,14 @@ def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
 def finish(figure: Any, *, title: str, height: int = 460) -> Any:
     """Apply the layout of all figures."""
     figure.update_layout(
-        title={"text": title, "x": 0, "xanchor": "left", "font": {"size": 16}},
+        title=title,
         height=height,
         font={"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
-        margin={"l": 70, "r": 20, "t": 70, "b": 60},
-        legend={"orientation": "h", "yref": "container", "yanchor": "bottom", "y": 0, "x": 0},
+        margin={"l": 70, "r": 20, "t": 30, "b": 60},
+        legend={
+            **{"orientation": "h", "xref": "container", "x": 0},
+            **{"yref": "container", "yanchor": "bottom", "y": 0},
+        },
         hovermode="closest",
     )
     axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
@@ -129,19 +132,32 @@ def shade(
     spans: Iterable[tuple[float, float]],
     row: int,
     colour: str = SATURATION_COLOUR,
+    *,
+    ends: tuple[float, float] = (0.0, 1.0),
+    opacity: float = 1.0,
 ) -> None:
-    """Shade intervals of time in one row of subplots."""
+    """Shade intervals of time in one row of subplots.
+
+    Args:
+        figure: The figure.
+        spans: The intervals [s].
+        row: The row, from 1.
+        colour: The colour.
+        ends: Where the shade starts and ends, as shares of the height.
+        opacity: How opaque it is.
+    """
     axis = "" if row == 1 else str(row)
     figure.add_shapes(
         {
             "type": "rect",
             "x0": start,
             "x1": end,
-            "y0": 0,
-            "y1": 1,
+            "y0": ends[0],
+            "y1": ends[1],
             "xref": f"x{axis}",
             "yref": f"y{axis} domain",
             "fillcolor": colour,
+            "opacity": opacity,
             "line": {"width": 0},
             "layer": "below",
         }
