@@ -97,3 +97,17 @@ def test_json_cannot_end_a_script() -> None:
     text = to_json(Node({"name": "</script><b>", "y": [1.0, np.nan, np.inf]}))
     assert not set("<>/") & set(text)
     assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
+
+
+@pytest.mark.parametrize(
+    ("values", "ticks"),
+    [([0.1, 2.0], {"tickformat": "~g", "dtick": "D2"}), ([1e-6, 5.0, 0.0], {"dtick": 1})],
+)
+def test_a_short_logarithmic_axis_has_numbers_between_powers_of_ten(
+    values: list[float], ticks: dict[str, Any]
+) -> None:
+    figure = Figure(make_trace("scatter", x=[1, 2, 3], y=values))
+    figure.update_yaxes(type="log")
+    found = finish(figure, title="").layout
+    assert {x: found.yaxis[x] for x in ("tickformat", "dtick") if x in found.yaxis} == ticks
+    assert "dtick" not in found.xaxis

@@ -102,8 +102,8 @@ class Sweep:
 
     def __str__(self) -> str:
         """A row for every point."""
-        rows = [("tolerance", "speed", "corners", "optimum", "certified", "contour error")]
-        rows += [x.cells for x in (*self.tolerances, *self.speeds)]
+        header = ("tolerance", "speed", "corners", "optimum", "certified", "contour error")
+        rows = [header, *(x.cells for x in (*self.tolerances, *self.speeds))]
         return line_up(f"Sweep of {self.job.title}, run {self.run.name}", rows, columns=">")
 
     def __repr__(self) -> str:

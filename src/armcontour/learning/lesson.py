@@ -63,8 +63,9 @@ class LearnedRun:
 
     def __str__(self) -> str:
         """Errors of the run, and what was predicted."""
-        of_path = self.contour_rms is not None and self.contour_max is not None
-        contour = f"{mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest" if of_path else ""
+        contour = ""
+        if self.contour_rms is not None and self.contour_max is not None:
+            contour = f"{mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest"
         expected = "" if self.predicted is None else f"{mm(self.predicted)} RMS"
         return line_up(
             f"Learned run from {self.source}",

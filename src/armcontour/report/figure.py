@@ -28,7 +28,7 @@ TYPES = {
 }
 # Characters that could end a script, as they are written in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
-CONFIG = {"displaylogo": False, "responsive": True}
+CONFIG = {"displaylogo": False}
 # How hard plotly.js is packed: more takes twice as long and saves 0.2 %.
 PACKED = 6
 # Least width of a plot of several in a row [pixels].

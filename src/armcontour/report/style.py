@@ -21,6 +21,8 @@ EXPERIMENT_COLOUR = "#009E73"
 EXPERIMENT_DASH = "dot"
 RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
+# A logarithmic axis that is longer than this has numbers at powers of ten only.
+DECADES = 1e3
 # Largest number of points in one curve; more points are not visible.
 MOST_POINTS = 3000
 # Largest number of sentences of one kind.
@@ -92,7 +94,19 @@ def finish(figure: Any, *, title: str, height: int = 460) -> Any:
     # Ticks such as 100µ on an axis in mm would be read as µm.
     figure.update_xaxes(**axes, exponentformat="power")
     figure.update_yaxes(**axes, exponentformat="power")
+    for letter in "xy":
+        axis = figure.layout[f"{letter}axis"]
+        if axis.type == "log":
+            shown = [np.asarray(x[letter], dtype=np.float64).ravel() for x in figure.data]
+            axis.merge(_log_ticks(np.concatenate(shown)))
     return figure
+
+
+def _log_ticks(values: FloatArray) -> dict[str, Any]:
+    """Ticks of a logarithmic axis: at 1, 2 and 5, on a long one at powers of ten."""
+    found = values[np.isfinite(values) & (values > 0)]
+    wide = len(found) > 0 and found.max() > DECADES * found.min()
+    return {"dtick": 1} if wide else {"tickformat": "~g", "dtick": "D2"}
 
 
 def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:

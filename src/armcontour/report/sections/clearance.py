@@ -65,15 +65,18 @@ def clearance(study: Study) -> Section | None:
         notes=tuple(
             x
             for x in (
-                *(
-                    x.clearance_note or f"Run {name}: {x.clearance.sentence}"
-                    for name, x in runs.items()
-                ),
+                *(_note(name, x) for name, x in runs.items()),
                 f"Pairs that are not looked at: {left}." if reasons else None,
             )
             if x is not None
         ),
     )
+
+
+def _note(name: str, result: RunResult) -> str:
+    """How near a run comes to anything, as a sentence."""
+    assert result.clearance is not None
+    return result.clearance_note or f"Run {name}: {result.clearance.sentence}"
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:

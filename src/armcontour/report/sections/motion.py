@@ -144,7 +144,7 @@ def contour_error(study: Study) -> Section:
             values = np.maximum(values, SMALLEST_ERROR)
             figure.add_trace(line(t, values, label, colours[name], **look))
     figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="contour error [mm]", type="log", exponentformat="power")
+    figure.update_yaxes(title="contour error [mm]", type="log")
     text = "Distance from the executed tool to the path of its run, on a logarithmic scale."
     notes: tuple[str, ...] = ()
     if any(x.experiment is not None for x in study.runs.values()):

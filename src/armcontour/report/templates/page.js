@@ -28,7 +28,7 @@ function draw(key, data, layout, config, frames) {
     if (place.clientWidth < 600) layout.font.size = 11;
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     await Plotly.newPlot(place, data, layout, config);
-    await fit(place);
+    if (place.clientWidth) await fit(place);
     if (frames.length) await Plotly.addFrames(place, frames);
   }));
 }
@@ -36,7 +36,6 @@ function draw(key, data, layout, config, frames) {
 // A scene is as large as its figure is high: on narrow pages it would be cut off at the sides. And
 // a legend of many lines takes no height of the plots above it.
 async function fit(place) {
-  if (!place.clientWidth) return;
   let height = place.fullHeight;
   const entries = place.querySelector(".legend .scrollbox");
   const below = entries && place.layout.legend.orientation === "h";
@@ -47,12 +46,19 @@ async function fit(place) {
   await Plotly.relayout(place, { height: height });
 }
 
-function fitAll() {
-  document.querySelectorAll(".js-plotly-plot").forEach(fit);
+// Fits everything that is seen to the present width of the page.
+async function fitPage() {
+  const seen = [...document.querySelectorAll(".js-plotly-plot")].filter((x) => x.clientWidth);
+  await Promise.all(seen.map(Plotly.Plots.resize));
+  await Promise.all(seen.map(fit));
+  fitBoxes();
+}
+
+// Only what goes on at the side says so, and is a stop of the Tab key.
+function fitBoxes() {
   for (const box of document.querySelectorAll(".scroll")) {
     const wide = box.scrollWidth > box.clientWidth + 1;
     box.classList.toggle("wide", wide);
-    // Only what goes on at the side is a stop of the Tab key.
     if (wide) box.tabIndex = 0;
     else box.removeAttribute("tabindex");
   }
@@ -62,9 +68,8 @@ function fitAll() {
 function choose(selector) {
   selector.closest("section").querySelectorAll(".choice").forEach(function (group, i) {
     group.hidden = i !== selector.selectedIndex;
-    if (!group.hidden) group.querySelectorAll(".js-plotly-plot").forEach(Plotly.Plots.resize);
-    fitAll();
   });
+  fitPage();
 }
 
 // Paper is narrower than most windows, and what is not shown is not printed.
@@ -83,11 +88,15 @@ function loadAgain() {
 
 window.addEventListener("load", async function () {
   loadAgain();
-  fitAll();
+  fitBoxes();
   await Promise.allSettled(figures);
-  fitAll();
+  fitBoxes();
   document.body.dataset.drawn = "true";
 });
-window.addEventListener("resize", fitAll);
+let resized = 0;
+window.addEventListener("resize", function () {
+  clearTimeout(resized);
+  resized = setTimeout(fitPage, 100);
+});
 window.addEventListener("beforeprint", () => resizeForPaper(true));
 window.addEventListener("afterprint", () => resizeForPaper(false));
