@@ -27,8 +27,8 @@ from armcontour.timing import Explanation
 
 # About the largest number of points of a path, and of times of a chart or an execution.
 MOST_POINTS, MOST_TIMES, MOST_SAMPLES = 20_000, 2_000, 4_000
-# A path of few segments needs fewer, with so many more for each segment.
-LEAST_POINTS, PER_SEGMENT = 1_200, 8
+# A short path needs fewer, with so many more for each place that makes its curves look smooth.
+LEAST_POINTS, PER_PLACE = 1_200, 8
 # Charts have at least so many times.
 FEWEST_TIMES = 200
 # Points of a drawn rapid.
@@ -66,8 +66,8 @@ def picture_frame(
     line = Line.of(planned)
     limits = _limits(planned.explanation)
     binding = line.binding(planned.explanation, limits)
-    segments = sum(len(x.path) for x in planned.path.contours)
-    kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_SEGMENT * segments))
+    places = sum(len(places_of(x.path)) for x in planned.path.contours)
+    kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_PLACE * places))
     points, s = line.points[kept], line.s[kept]
     header = {
         **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
