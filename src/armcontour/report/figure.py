@@ -163,7 +163,7 @@ class Figure:
         label = f'aria-labelledby="{key}-title"'
         return (
             f'<figure><figcaption id="{key}-title">{escape(title)}</figcaption>'
-            f'<div class="scroll" role="region" {label}>'
+            f'<div class="scroll" role="group" {label}>'
             f'<div id="{key}" class="plotly-graph-div" style="{size}"></div></div>'
             f"{HINT}<script>draw({given});</script></figure>"
         )
