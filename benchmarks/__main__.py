@@ -8,19 +8,22 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import date
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TypeAlias
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import baseline
+from benchmarks import baseline, page
 from benchmarks.baseline import Known, Session
 from benchmarks.measured import Line, Measured, Missing, in_words, measure
 
+ROOT = Path(__file__).parents[1]
 MODULES = (
     *("start_up", "optimal", "torque", "square", "kinematics", "polyline", "projection"),
     *("paper", "certify", "learning", "spread", "shaping", "jerk", "commands", "studio"),
@@ -35,6 +38,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 BUSY = 0.5
 # How often a line is measured that seems slower than the baseline, and one for the baseline.
 AGAIN, TIMES = 2, 3
+# Measurements of lines by their names.
+Found: TypeAlias = dict[str, list[Measured]]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,28 +48,64 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # It is read when numpy is imported, by the modules.
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    lines, busy = chosen(all_lines(), given.only, given.full), _busy()
+    everything = all_lines()
+    lines = chosen(everything, given.only, given.full)
     if given.list:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
-    begin, sessions = time.perf_counter(), baseline.read(given.baseline)
-    commit = _commit()
-    known = {} if given.update else baseline.known(sessions)
-    found, trouble = measure_all(lines, known, given.times if given.update else 1)
+    if given.page:
+        _write_pages(everything, given.baseline)
+        return 0
+    sessions = baseline.read(given.baseline)
+    if given.update or given.resume:
+        code = _update(given, lines, sessions)
+        _write_pages(everything, given.baseline)
+        return code
+    known = baseline.known(sessions)
+    found, failed = _measured(lines, known, 1)
     best = [_judged(x) for x in found.values()]
-    _print_table(best, baseline.known(sessions))
+    print(*baseline.sentences(best, known), sep="\n")
+    return int(failed or any(baseline.is_slower(x, known) for x in best))
+
+
+def _update(given: argparse.Namespace, lines: list[Line], sessions: Sequence[Session]) -> int:
+    """Measure for the baseline, which has every line as soon as it is measured."""
+    new = Session(date.today().isoformat(), _commit(), _machine(), {})
+    if given.resume:
+        there = baseline.done(sessions, new)
+        lines = [x for x in lines if x.name not in there]
+
+    def keep(found: Found) -> None:
+        measured = replace(new, lines={name: Known.of(x) for name, x in found.items()})
+        baseline.write(given.baseline, baseline.updated(sessions, measured))
+
+    _, failed = _measured(lines, baseline.known(sessions), given.times, keep)
+    print(f"Written: {given.baseline}")
+    return int(failed)
+
+
+def _measured(
+    lines: Sequence[Line],
+    known: Mapping[str, Known],
+    times: int,
+    keep: Callable[[Found], None] | None = None,
+) -> tuple[Found, bool]:
+    """Measure, and say what was found; answers that, and whether a line failed."""
+    busy, begin = _busy(), time.perf_counter()
+    # What goes into the baseline is not judged by the one before.
+    found, trouble = measure_all(lines, {} if keep else known, times, keep)
+    best = [_judged(x) for x in found.values()]
+    _print_table(best, known)
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
     minutes = (time.perf_counter() - begin) / 60
     print(f"\n{len(best)} lines in {minutes:.1f} min.", *busy, *trouble, sep="\n")
-    failed = any(x.startswith("Failed") for x in trouble)
-    if given.update:
-        ratios = {name: Known.of(x) for name, x in found.items()}
-        new = Session(date.today().isoformat(), commit, _machine(), ratios)
-        baseline.write(given.baseline, baseline.updated(sessions, new))
-        print(f"Written: {given.baseline}")
-        return int(failed)
-    print(*baseline.sentences(best, known), sep="\n")
-    return int(failed or any(baseline.is_slower(x, known) for x in best))
+    return found, any(x.startswith("Failed") for x in trouble)
+
+
+def _write_pages(lines: Sequence[Line], file: Path) -> None:
+    """Write the pages that show the baseline of this project; another one has no pages."""
+    if file == baseline.FILE:
+        print(*(f"Written: {x}" for x in page.write(lines, baseline.read(file))), sep="\n")
 
 
 def all_lines() -> list[Line]:
@@ -92,16 +133,35 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--full", action="store_true", help="the longest lines, too")
     parser.add_argument("--list", action="store_true", help="print the names of the lines")
     parser.add_argument("--update", action="store_true", help="write what is found as the baseline")
+    parser.add_argument(
+        "--continue",
+        dest="resume",
+        action="store_true",
+        help="--update, without the lines that it has of this commit and machine",
+    )
+    parser.add_argument(
+        "--page", action="store_true", help="only write the pages that show the baseline"
+    )
     parser.add_argument("--times", type=int, default=TIMES, help="so often for it, by default 3")
     parser.add_argument("--baseline", type=Path, default=baseline.FILE, help="its file")
     return parser
 
 
 def measure_all(
-    lines: Sequence[Line], known: Mapping[str, Known], times: int
-) -> tuple[dict[str, list[Measured]], list[str]]:
-    """All measurements by name, and sentences on lines without any."""
-    found: dict[str, list[Measured]] = {}
+    lines: Sequence[Line],
+    known: Mapping[str, Known],
+    times: int,
+    keep: Callable[[Found], None] | None = None,
+) -> tuple[Found, list[str]]:
+    """All measurements by name, and sentences on lines without any.
+
+    Args:
+        lines: What is measured.
+        known: The baseline that tells which lines seem slower.
+        times: How often each line is measured.
+        keep: Called with all that was measured so far, after each line.
+    """
+    found: Found = {}
     trouble: list[str] = []
     for k, line in enumerate(lines):
         print(f"{k + 1}/{len(lines)} {line.name}", end=": ", flush=True)
@@ -119,6 +179,8 @@ def measure_all(
             trouble.append(f"Failed: {line.name}: {type(error).__name__}: {error}")
         else:
             _print_row(found[line.name][-1], known)
+            if keep is not None:
+                keep(found)
     # Noise is not blamed on a line: it is slower only if it is so whenever it is measured.
     for _ in range(AGAIN):
         for line in lines:
@@ -173,12 +235,19 @@ def _busy() -> list[str]:
 
 
 def _commit() -> str:
-    root = Path(__file__).parents[1]
-    call = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
+    """The commit, and whether something is changed but what a measurement itself writes."""
+    written = (f":(exclude){x.relative_to(ROOT)}" for x in (baseline.FILE, *page.FILES))
     try:
-        return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
+        commit = _git("rev-parse", "--short", "HEAD")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ".", *written)
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
+    return f"{commit}-dirty" if changed else commit
+
+
+def _git(*words: str) -> str:
+    call = ["git", "-C", str(ROOT), *words]
+    return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def _machine() -> str:

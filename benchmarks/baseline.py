@@ -1,12 +1,13 @@
-"""The baseline: ratios measured before, kept in a file, and what became slower than they are."""
+"""The baseline: what was measured before, kept in a file, and what became slower than that."""
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from statistics import median
+from typing import Any
 
 from benchmarks.measured import Measured
 
@@ -24,20 +25,45 @@ class Known:
         runs: How many.
         spread: How much larger the largest of them was than the smallest, as a share.
         peer: What the ratio is to, in words; that to another peer is another line.
+        ours: Our least time in the measurement that is the median [s].
+        theirs: The peer's [s].
+        of_bar: What that measurement has of what the bar limits, in words.
+        missed: Whether it misses its bar.
+        notes: Sentences on what was computed.
     """
 
     ratio: float
     runs: int
     spread: float
     peer: str
+    ours: float | None = None
+    theirs: float | None = None
+    of_bar: str = "-"
+    missed: bool = False
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, found: Sequence[Measured]) -> Known:
         """What some measurements of a line come to."""
-        ratios = [x.ratio for x in found]
-        spread = max(ratios) / min(ratios) - 1
-        ratio = float(f"{median(ratios):.4g}")
-        return cls(ratio, len(ratios), round(spread, 3), found[0].line.peer)
+        ordered = sorted(found, key=lambda x: x.ratio)
+        middle = ordered[(len(found) - 1) // 2]
+        ours, theirs = (_rounded(x) for x in middle.least)
+        return cls(
+            ratio=_rounded(middle.ratio),
+            runs=len(found),
+            spread=round(ordered[-1].ratio / ordered[0].ratio - 1, 3),
+            peer=middle.line.peer,
+            ours=ours,
+            theirs=theirs,
+            of_bar=middle.of_bar,
+            missed=middle.missed,
+            notes=middle.notes,
+        )
+
+
+def _rounded(value: float) -> float:
+    """Four digits of a measured value."""
+    return float(f"{value:.4g}")
 
 
 @dataclass(frozen=True)
@@ -56,6 +82,10 @@ class Session:
     machine: str
     lines: dict[str, Known]
 
+    def is_like(self, other: Session) -> bool:
+        """Whether it was measured on the same day, of the same commit, on the same machine."""
+        return replace(self, lines={}) == replace(other, lines={})
+
 
 def read(file: Path) -> list[Session]:
     """The sessions of a baseline; none if there is no file."""
@@ -63,21 +93,29 @@ def read(file: Path) -> list[Session]:
         return []
     sessions = json.loads(file.read_text(encoding="utf-8"))["sessions"]
     return [
-        Session(**{**x, "lines": {name: Known(**y) for name, y in x["lines"].items()}})
-        for x in sessions
+        Session(**{**x, "lines": {k: _line(y) for k, y in x["lines"].items()}}) for x in sessions
     ]
 
 
+def _line(fields: Mapping[str, Any]) -> Known:
+    return Known(**{**fields, "notes": tuple(fields.get("notes", ()))})
+
+
 def write(file: Path, sessions: Iterable[Session]) -> None:
-    """Write a baseline, a line of text for each of its lines."""
+    """Write a baseline, a line of text for each of its lines, whole or not at all."""
     texts = []
     for x in sessions:
         head = {key: value for key, value in asdict(x).items() if key != "lines"}
-        rows = [f"    {json.dumps(k)}: {json.dumps(asdict(v))}" for k, v in sorted(x.lines.items())]
+        rows = [
+            f"    {json.dumps(k)}: {json.dumps(asdict(v), ensure_ascii=False)}"
+            for k, v in sorted(x.lines.items())
+        ]
         body = json.dumps(head, ensure_ascii=False)[1:-1].replace('", "', '",\n   "')
         texts.append(f'  {{{body},\n   "lines": {{\n' + ",\n".join(rows) + "\n   }}")
     whole = '{"sessions": [\n' + ",\n".join(texts) + "\n]}\n"
-    file.write_text(whole, encoding="utf-8")
+    fresh = file.with_suffix(".new")
+    fresh.write_text(whole, encoding="utf-8")
+    os.replace(fresh, file)
 
 
 def known(sessions: Iterable[Session]) -> dict[str, Known]:
@@ -87,12 +125,20 @@ def known(sessions: Iterable[Session]) -> dict[str, Known]:
 
 def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
     """A baseline with lines measured anew, which leave the session that they were of."""
-    kept = []
+    kept, lines = [], dict(new.lines)
     for x in sessions:
-        lines = {name: line for name, line in x.lines.items() if name not in new.lines}
-        if lines:
-            kept.append(Session(x.date, x.commit, x.machine, lines))
-    return [*kept, new]
+        rest = {name: line for name, line in x.lines.items() if name not in new.lines}
+        if x.is_like(new):
+            lines |= rest
+        elif rest:
+            kept.append(replace(x, lines=rest))
+    return [*kept, replace(new, lines=lines)]
+
+
+def done(sessions: Iterable[Session], new: Session) -> set[str]:
+    """Names of the lines that were measured of the same commit on the same machine."""
+    same = [x for x in sessions if (x.commit, x.machine) == (new.commit, new.machine)]
+    return {name for x in same for name in x.lines}
 
 
 def change(found: Measured, lines: Mapping[str, Known]) -> float | None:

@@ -12,21 +12,12 @@ from importlib.resources import files
 from itertools import count
 from typing import Any
 
+from soak.studio_page import SQUARE
+
 from armcontour._yaml import load
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 
-SQUARE = """
-name: square
-arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
-path:
-  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
-  orientation: {axis: [0, 0, -1]}
-limits: {speed: 0.25}
-corners: {tolerance: 1 mm}
-servo: {kp: 25, kv: 150}
-runs: {optimal: {}}
-"""
 # A waypoint moves by so much from one call to the next, in so many steps [m].
 STEP, STEPS = 1e-5, 1000
 

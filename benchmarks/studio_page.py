@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from soak.studio_page import Studio, browsing, serving, write_job
+from soak.studio_page import SQUARE, Studio, browsing, serving, write_job
 
 from benchmarks.commands import gcode
 
@@ -32,18 +32,6 @@ if TYPE_CHECKING:
 # How long each motion of the mouse lasts [s], and how often it moves [Hz].
 SECONDS, RATE = 5.0, 60.0
 LINES, SEGMENTS = 150_000, 10_000
-SQUARE = """
-name: square
-arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
-path:
-  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
-  orientation: {axis: [0, 0, -1]}
-limits: {speed: 0.25}
-corners: {tolerance: 1 mm}
-servo: {kp: 25, kv: 150}
-command_interval: 4 ms
-runs: {optimal: {}}
-"""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A weld seam all around a tube, the torch pointing at its axis: possible only as it may turn."""
+"""A weld seam all around a tube: the torch points at its axis, and gets round as it may turn."""
 
 import math
 

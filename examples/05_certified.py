@@ -1,4 +1,4 @@
-"""The fastest plan whose executed tool stays within 0.01 mm, on a controller 40 ms late."""
+"""A certified plan: the fastest whose executed tool stays within 0.01 mm, 40 ms late or not."""
 
 import armcontour as ac
 from armcontour.jobs import Rounding, Run

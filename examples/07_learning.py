@@ -1,4 +1,4 @@
-"""Learning on a simulated robot with load, friction and gains that nobody knows of."""
+"""Learning from run to run: a simulated robot with load, friction and gains that nobody knows."""
 
 import armcontour as ac
 from armcontour.arms import Payload
@@ -19,10 +19,12 @@ loaded = arm.with_dynamics(
 real = servo.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
 
 taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+errors = []
 for run in range(1, 4):
     robot = ac.RigidBodyPlant(loaded, real, known=arm, noise=1e-5, seed=run)
     executed = ac.execute(taught, robot)
     error = ac.evaluate(executed, path).contour_error
+    errors.append(error)
     print(
         f"run {run}: contour error {error.rms * 1e3:.3f} mm RMS, {error.max * 1e3:.3f} mm at most"
     )

@@ -29,10 +29,12 @@ def write_log(file: Path, executed: ac.Execution, seed: int) -> None:
 
 
 robot = ac.RigidBodyPlant(arm, servo.replace(kp=[25.0, 24.0]))
+errors = []
 with tempfile.TemporaryDirectory() as folder:
     for run in range(1, 4):
         executed = ac.execute(taught, robot)
         error = ac.evaluate(executed, path).contour_error
+        errors.append(error)
         print(f"run {run}: {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")
         log = Path(folder) / f"run{run}.csv"
         write_log(log, executed, run)

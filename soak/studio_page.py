@@ -25,6 +25,19 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # How long the page may take to show something [ms], on a machine that others use as well.
 PATIENCE = 60_000
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/#[0-9a-f]{32}")
+# A square on a UR5e, whose joint torques are limits; its only run is `optimal`.
+SQUARE = """
+name: square
+arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
+path:
+  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 0.25}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+command_interval: 4 ms
+runs: {optimal: {}}
+"""
 
 
 def find_browser() -> str | None:

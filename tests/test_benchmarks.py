@@ -7,8 +7,8 @@ import math
 import sys
 
 import pytest
-from benchmarks import baseline
-from benchmarks.__main__ import chosen, main, measure_all
+from benchmarks import baseline, page
+from benchmarks.__main__ import all_lines, chosen, main, measure_all
 from benchmarks.baseline import Known, Session
 from benchmarks.measured import Bar, Line, Measured, Missing, Pair, Taken, measure, spawned
 
@@ -25,6 +25,7 @@ def found(ratio: float, of: Line | None = None, seconds: float = 1.0) -> Measure
 
 
 KNOWN = {"plan": Known(ratio=0.5, runs=3, spread=0.02, peer="toppra")}
+FULL = Known(0.031, 3, 0.1, "toppra", 0.56e-3, 18e-3, "0.031", False, ("10.3 s; none < 1e-9", "|"))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,15 @@ def test_a_ratio_to_another_peer_is_another_line():
 
 def test_a_line_of_the_baseline_is_the_median_of_its_measurements():
     known = Known.of([found(x) for x in (0.52, 0.5, 0.6)])
-    assert known == Known(ratio=0.52, runs=3, spread=0.2, peer="toppra")
+    assert known == Known(0.52, 3, 0.2, "toppra", ours=1.0, theirs=1.923)
+
+
+def test_a_line_of_the_baseline_has_its_times_its_bar_and_what_was_computed():
+    of = line(bar=Bar(ratio=0.4, seconds=2.0))
+    known = Known.of([dataclasses.replace(found(0.5, of), notes=("0.7 s", "no violation"))])
+    assert (known.ours, known.theirs) == (1.0, 2.0)
+    assert known.of_bar == "0.5, 1 s" and known.missed
+    assert known.notes == ("0.7 s", "no violation")
 
 
 def test_a_baseline_is_read_as_it_was_written(tmp_path):
@@ -74,7 +83,7 @@ def test_a_baseline_is_read_as_it_was_written(tmp_path):
     assert baseline.read(file) == []
     sessions = [
         Session("2026-01-31", "abc", "a machine, 2 cores", KNOWN),
-        Session("2026-02-01", "def", "a “machine”", {"loop": KNOWN["plan"], "a": KNOWN["plan"]}),
+        Session("2026-02-01", "def", "a “machine”", {"loop": KNOWN["plan"], "a": FULL}),
     ]
     baseline.write(file, sessions)
     assert baseline.read(file) == sessions
@@ -88,6 +97,106 @@ def test_lines_measured_anew_leave_their_old_session():
     assert kept.lines.keys() == {"loop"} and kept.commit == "abc" and latest == new
     # A session without lines is gone.
     assert baseline.updated([kept], Session("2026-02-02", "ghi", "x", old.lines))[0].commit == "ghi"
+
+
+def test_lines_of_one_day_commit_and_machine_are_one_session():
+    old = Session("2026-02-01", "abc", "x", {**KNOWN, "loop": KNOWN["plan"]})
+    new = dataclasses.replace(old, lines={"plan": FULL})
+    (joined,) = baseline.updated([old], new)
+    assert joined.lines == {"plan": FULL, "loop": KNOWN["plan"]}
+
+
+def test_what_was_measured_of_a_commit_on_a_machine_is_known():
+    sessions = [
+        Session("2026-01-31", "abc", "x", {"plan": FULL}),
+        Session("2026-02-01", "abc", "x", {"loop": FULL}),
+        Session("2026-02-01", "abc", "another", {"last": FULL}),
+    ]
+    assert baseline.done(sessions, Session("2026-02-02", "abc", "x", {})) == {"plan", "loop"}
+    assert baseline.done(sessions, Session("2026-02-02", "def", "x", {})) == set()
+
+
+PAGE = """\
+Before.
+
+<!-- sessions: all -->
+old
+<!-- end -->
+
+<!-- lines: plan -->
+<!-- end -->
+
+Ours takes <!-- ours: plan -->1 s<!-- end -->, <!-- ratio: plan -->9 %<!-- end --> of
+<!-- theirs: plan -->11 s<!-- end -->; <!-- ratio: new -->1 %<!-- end -->.
+"""
+FILLED = """\
+Before.
+
+<!-- sessions: all -->
+
+| measured | commit | machine and versions | lines |
+|---|---|---|---|
+| 2026-01-31 | abc | a machine, 2 cores | all 2 |
+
+<!-- end -->
+
+<!-- lines: plan -->
+
+| line | what | ours | against | its time | ratio | bar |
+| --- | --- | --: | --- | --: | --: | --- |
+| `plan` | a plan | 560 µs | toppra | 18 ms | 0.031 | 0.02 (0.031) |
+| `plan/old` | a plan | - | toppra | - | 0.5 | - |
+| `plan/full` | a plan | not measured yet (only if asked for) | IPOPT | - | - | - |
+
+What was computed:
+
+- `plan`: 10.3 s; none &lt; 1e-9; \\|
+
+<!-- end -->
+
+Ours takes <!-- ours: plan -->560 µs<!-- end -->, <!-- ratio: plan -->3.1 %<!-- end --> of
+<!-- theirs: plan -->18 ms<!-- end -->; <!-- ratio: new -->not measured yet<!-- end -->.
+"""
+ON_THE_PAGE = [
+    line(bar=Bar(ratio=0.02)),
+    line("plan/old"),
+    dataclasses.replace(line("plan/full", "IPOPT"), full=True),
+    line("new"),
+]
+
+
+def test_a_page_is_written_from_the_baseline_between_its_marks():
+    known = {"plan": FULL, "plan/old": KNOWN["plan"]}
+    sessions = [Session("2026-01-31", "abc", "a machine, 2 cores", known)]
+    assert page.filled(PAGE, ON_THE_PAGE, sessions) == FILLED
+    assert page.filled(FILLED, ON_THE_PAGE, sessions) == FILLED
+
+
+def test_a_page_says_which_lines_were_measured_when():
+    sessions = [
+        Session("2026-01-31", "abc", "x", {"plan/b": FULL, "plan/a": FULL, "loop": FULL}),
+        Session("2026-02-01", "def", "x", {"new/a": FULL}),
+        Session("2026-02-01", "def", "y", {"new/b": FULL}),
+    ]
+    rows = page.filled(PAGE, ON_THE_PAGE, sessions).splitlines()
+    assert "| 2026-01-31 | abc | x | `loop`, `plan` |" in rows
+    assert "| 2026-02-01 | def | x | `new/a` |" in rows
+    assert "| 2026-02-01 | def | y | `new/b` |" in rows
+
+
+@pytest.mark.parametrize("mark", ["<!-- lines: plam -->", "<!-- ratio: plam -->"])
+def test_a_mark_of_no_line_is_refused(mark):
+    with pytest.raises(KeyError, match="plam"):
+        page.filled(f"{mark}<!-- end -->", ON_THE_PAGE, [])
+
+
+def test_the_pages_show_the_baseline_and_every_line_once():
+    lines, sessions = all_lines(), baseline.read(baseline.FILE)
+    texts = [x.read_text(encoding="utf-8") for x in page.FILES]
+    for text in texts:
+        assert page.filled(text, lines, sessions) == text, "Run `python -m benchmarks --page`."
+    begins = [x for text in texts for x in page.named(text)]
+    assert [sum(x.name.startswith(y) for y in begins) for x in lines] == [1] * len(lines)
 
 
 def steady(*seconds: float):
@@ -195,6 +304,8 @@ def run(monkeypatch, tmp_path, capsys):
     def run(ratios: dict[str, list[float]], *arguments: str) -> tuple[int, str]:
         def line_of(name: str, left: list[float]) -> Line:
             def prepare() -> Pair:
+                if name == "killed":
+                    raise SystemExit
                 if not left:
                     raise Missing("no peer is installed")
                 # Long work, of which one measurement is one round.
@@ -213,8 +324,20 @@ def run(monkeypatch, tmp_path, capsys):
 def test_the_baseline_has_medians_of_three(run, tmp_path):
     code, _ = run({"plan": [0.5, 0.7, 0.4], "loop": []}, "--update")
     (session,) = baseline.read(tmp_path / "baseline.json")
-    assert code == 0 and session.lines == {"plan": Known(4.5, 3, 0.75, "toppra")}
+    assert code == 0 and list(session.lines) == ["plan"]
+    plan = session.lines["plan"]
+    assert (plan.ratio, plan.runs, plan.spread, plan.ours) == (4.5, 3, 0.75, 4.5)
     assert "Python" in session.machine
+
+
+def test_a_baseline_has_every_line_as_soon_as_it_is_measured(run, tmp_path):
+    with pytest.raises(SystemExit):
+        run({"plan": [0.5] * 3, "killed": [], "loop": [0.5] * 3}, "--update")
+    (session,) = baseline.read(tmp_path / "baseline.json")
+    assert list(session.lines) == ["plan"]
+    _, said = run({"plan": [0.5] * 3, "loop": [0.6] * 3}, "--continue")
+    (session,) = baseline.read(tmp_path / "baseline.json")
+    assert sorted(session.lines) == ["loop", "plan"] and "1/1 loop" in said
 
 
 def test_what_is_slower_once_is_measured_again(run):

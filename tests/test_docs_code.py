@@ -13,6 +13,7 @@ import json
 import re
 import shlex
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from markdown_it import MarkdownIt
 from soak.joint import move
 
 import armcontour as ac
+from armcontour.cli import main
 from armcontour.cli.commands import app
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
@@ -138,6 +140,8 @@ def test_python_runs(
     if page == "README.md":
         printed = [float(x) for x in capsys.readouterr().out.split()]
         assert printed == [names["result"].duration, *vars_of(names["result"].contour_error)]
+    if page == "docs/guides/controllers/index.md":
+        assert "`" + capsys.readouterr().out.splitlines()[0] + "`" in PAGES[page].read_text("utf-8")
     if page == "docs/guides/identify.md":
         assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 
@@ -170,6 +174,22 @@ MENTIONED = sorted({(page, x) for page, x in spans() if x.startswith(("armcontou
 def test_a_command_line_parses(page: str, line: str) -> None:
     _, name, *arguments = shlex.split(line)
     GROUP.commands[name].make_context(name, arguments)
+
+
+# Pages whose own file is what their first command runs.
+FIRST = [f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")]
+
+
+@pytest.mark.parametrize("page", FIRST)
+def test_the_first_command_of_a_page_works(
+    page: str, folder: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder(page)
+    line = next(words for of, words in WHOLE if of == page)
+    monkeypatch.setattr(sys, "argv", [*shlex.split(line), "--no-simulation"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
 
 
 @pytest.mark.parametrize(("page", "words"), MENTIONED)

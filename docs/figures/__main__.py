@@ -9,7 +9,12 @@ import matplotlib.pyplot as plt
 from docs.figures import style
 
 NAMES = (
+    "bends",
+    "certificate",
+    "clearance",
     "drawings",
+    "evaluation",
+    "execution",
     "fig03_corner",
     "fig04_line",
     "fig05_passes",
@@ -19,11 +24,17 @@ NAMES = (
     "fig09_profiles",
     "fig10_results",
     "fig11_errors",
+    "identification",
+    "jerk",
+    "learning",
     "optimal",
     "overview",
     "poles",
+    "robustness",
     "shaping",
     "space",
+    "tracing",
+    "trust",
 )
 
 

@@ -14,7 +14,7 @@ from armcontour.timing._reach import reach
 from armcontour.timing.constraints import JointDerivatives
 from armcontour.timing.explanation import Explanation, explain
 from armcontour.timing.grid import place_grid
-from armcontour.timing.optimal import constraints_of
+from armcontour.timing.optimal import Problem, constraints_of
 
 FILE = "fig_optimal"
 
@@ -33,7 +33,7 @@ def draw() -> Figure:
     why = explain(plan, job.ARM, job.LIMITS)
     figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
 
-    s, ceiling, most = _ceiling_and_backward_pass(joint_path)
+    s, ceiling, most = ceiling_and_backward_pass(joint_path)
     rows[0].plot(*_steps(s, ceiling), color=style.BLACK, lw=0.9, ls="--", label="ceiling")
     rows[0].plot(
         1e3 * s, 1e3 * np.sqrt(most), color=style.GREY, lw=1.2, ls=":", label="backward pass"
@@ -58,38 +58,22 @@ def draw() -> Figure:
     return figure
 
 
-def _ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
+def ceiling_and_backward_pass(joint_path: JointPath) -> tuple[np.ndarray, ...]:
     """Grid points [m]; ceiling of ds on every interval [mm/s]; largest x that leads to rest."""
     grid = place_grid(joint_path)
-    path = JointDerivatives.on(grid)
-    n = len(grid)
-    ceiling = np.full((2, n), np.inf)
-    rows = None
-    for constraint in constraints_of(joint_path, job.ARM, job.LIMITS):
-        found = constraint.ceiling(grid, path, None)
-        if found is not None:
-            ceiling = np.minimum(ceiling, found.x)
-        rows = constraint.rows(grid, path, None) or rows
-    assert rows is not None
-    points = np.concatenate(
-        [ceiling[:1, 0], np.minimum(ceiling[1, :-1], ceiling[0, 1:]), ceiling[1, -1:]]
-    )
-    none = np.zeros((2, n))
+    active = constraints_of(joint_path, job.ARM, job.LIMITS)
+    problem = Problem(grid, JointDerivatives.on(grid), active)
     _, most, _ = reach(
         grid.width,
-        rows.a,
-        rows.b,
-        np.ascontiguousarray(rows.low),
-        np.ascontiguousarray(rows.high),
-        rows.margin,
-        points,
-        none,
-        np.full(n, np.inf),
-        np.zeros(n),
+        problem.packed,
+        problem.at_points,
+        problem.c,
+        problem.radius,
+        problem.shifts,
         0.0,
         0.0,
     )
-    return grid.s, 1e3 * np.sqrt(ceiling.min(axis=0)), most
+    return grid.s, 1e3 * np.sqrt(problem.ceiling.min(axis=0)), most
 
 
 def _steps(s: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

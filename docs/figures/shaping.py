@@ -15,7 +15,7 @@ FILE = "fig_shaping"
 
 TOLERANCE = 5e-3  # m
 VIEW = 22.0  # mm: half width of an enlarged corner
-PLACES = 3000
+PLACES = 1500
 TUBE = "#d5ecf8"
 
 
@@ -73,7 +73,7 @@ def draw() -> Figure:
 def _corner(axes: Axes, k: int, shaped: ac.Path) -> None:
     """A corner of the objective path, in its tolerance."""
     corner = 1e3 * job.OBJECTIVE.vertices[k + 1]
-    x, y = (corner[i] + VIEW * np.linspace(-1, 1, 400) for i in (0, 1))
+    x, y = (corner[i] + VIEW * np.linspace(-1, 1, 150) for i in (0, 1))
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     off = job.OBJECTIVE.project(grid.reshape(-1, 2) / 1e3).distance.reshape(grid.shape[:2])
     axes.contourf(x, y, off, levels=(0, TOLERANCE), colors=[TUBE], zorder=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import matplotlib
@@ -37,7 +38,9 @@ RULE_NAMES = {
     "corner": "corner, one speed",
 }
 
-LARGEST_SVG = 300_000  # bytes; a larger figure is saved as PNG
+LARGEST_SVG = 200_000  # bytes; a larger figure is saved as PNG
+CURVE = re.compile(r' d="[^"]*"')
+NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
 plt.rcParams.update(
     {
@@ -70,13 +73,19 @@ def save(figure: Figure, name: str, *, dpi: int = 160) -> Path:
     """Write a figure as SVG, or as PNG if the SVG is large; the same bytes every time."""
     vector = FOLDER / f"{name}.svg"
     figure.savefig(vector, metadata={"Date": None, "Creator": None})
-    # Trailing blanks would trouble a text file under version control.
-    text = "\n".join(line.rstrip() for line in vector.read_text("utf-8").splitlines()) + "\n"
+    # Trailing blanks would trouble a text file under version control; others are dead weight.
+    text = "\n".join(line.strip() for line in vector.read_text("utf-8").splitlines()) + "\n"
+    text = CURVE.sub(lambda d: NUMBER.sub(_shortened, d.group()), text)
     vector.write_text(text, "utf-8")
     if vector.stat().st_size <= LARGEST_SVG:
         return vector
     vector.unlink()
     return save_png(figure, name, dpi=dpi)
+
+
+def _shortened(number: re.Match[str]) -> str:
+    """A coordinate to a hundredth of a point."""
+    return f"{float(number.group()):.2f}".rstrip("0").rstrip(".")
 
 
 def save_png(figure: Figure, name: str, *, dpi: int = 160) -> Path:

@@ -14,25 +14,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from soak.studio import let_loose
-from soak.studio_page import Studio, serving, write_job
+from soak.studio_page import SQUARE, Studio, serving, write_job
 
 import armcontour as ac
 
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 EXACT = 1e-9
-SQUARE = """
-name: square
-arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
-path:
-  points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
-  orientation: {axis: [0, 0, -1]}
-limits: {speed: 0.25}
-corners: {tolerance: 1 mm}
-servo: {kp: 25, kv: 150}
-command_interval: 4 ms
-runs: {fast: {}}
-"""
 
 
 def agree(studio: Studio, found) -> None:
@@ -355,19 +343,19 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     (tmp_path / "square.yaml").write_text(SQUARE)
     with studio.changing():
         studio.open(tmp_path / "square.yaml")
-    free = judge(studio, "fast")
+    free = judge(studio, "optimal")
     agree(studio, free)
     # It lands in the middle of the view, and so on the part.
     with studio.renewing():
         studio.find("#add-obstacle").click()
     studio.wait("body", refused="true")
     with pytest.raises(ac.Collision) as refused:
-        judge(studio, "fast")
+        judge(studio, "optimal")
     assert studio.refusal == str(refused.value)
     box = studio.find("g.handle.obstacle")
     with studio.changing():
         studio.drag(box, (480, 0))
-    found = judge(studio, "fast")
+    found = judge(studio, "optimal")
     agree(studio, found)
     least = studio.figure("clearance")
     assert least == pytest.approx(found.clearance.least.high, abs=EXACT)

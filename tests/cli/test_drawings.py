@@ -148,7 +148,7 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
         ("two.csv --cell pmk3s --at 0.3m", ("--at", "2 or 3", "'0.3m'")),
         ("two.csv --cell pmk3s --at 0.3m,b", ("--at", "'b'")),
         ("two.csv --cell pmk3s --at 0.3m,0.1m,0.1m", ("path.frame", "z = 0")),
-        ("two.csv --cell pmk3s --at 380,-70,50", ("--at", "'380' has no unit", "'380 mm'")),
+        ("two.csv --cell pmk3s --at 380,-70,50", ("--at", "'380' has no unit", "'5 mm'")),
         ("two.csv --cell pmk3s --turn 0,0,90", ("--turn", "'90' has no unit", "'90 deg'")),
         ("two.csv --cell pmk3s --speed 5", ("--speed", "'5' has no unit")),
         ("two.csv --cell pmk3s --turn 90", ("--turn", "3 values", "'90'")),

@@ -62,7 +62,7 @@ def test_a_quantity_has_a_unit_unless_it_is_zero() -> None:
         ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
         ("0", "^--speed: must be above zero, but is 0 m/s.$"),
         ("1e300 m/s", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
-        ("5", "^--speed: '5' has no unit: write one, such as '5 m/s'.$"),
+        ("5", "^--speed: '5' has no unit: write one, as in '0.15 m/s'.$"),
         ("1e300", "^--speed: '1e300' has no unit"),
         ("-.5", "^--speed: '-.5' has no unit"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),

@@ -79,6 +79,12 @@ def test_units_order_comments_and_columns_that_are_not_needed(separator):
     np.testing.assert_allclose(np.degrees(log.measured[0, 1]), 93)
 
 
+def test_cells_may_be_separated_by_blanks():
+    # As the recorder of a UR's RTDE writes its logs.
+    log = parse_log(("t,u1,q1" + ROWS).replace(",", "  "))
+    np.testing.assert_array_equal(log.command, parse_log("t,u1,q1" + ROWS).command)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

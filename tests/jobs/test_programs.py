@@ -194,6 +194,18 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> N
     assert run(job(Process(), Contour(path=BEND))).runs["taught"].warnings == ()
 
 
+def test_says_where_no_lead_on_that_side_helps() -> None:
+    """From 50 mm/s the tool does not stop within 3 mm, however long the lead before them."""
+    line = Contour(path=Path.polyline([[0.3, 0.2], [0.303, 0.2]]))
+    lead = Lead(length=0.03)
+    (on,) = run(job(Process(lead_in=lead), line)).runs["taught"].warnings
+    assert "since it brakes for what follows on the contour: no lead makes it faster" in on
+    (off,) = run(job(Process(lead_out=lead), line)).runs["taught"].warnings
+    assert "since it comes from what is before it on the contour" in off
+    # What the sentence says may help does.
+    assert run(job(Process(lead_in=lead, lead_out=lead), line)).runs["taught"].warnings == ()
+
+
 def test_runs_a_program_from_its_drawing_to_its_evaluation() -> None:
     told: list[Step] = []
     lead = Lead(length=0.01)

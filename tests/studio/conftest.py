@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from soak.studio_page import SQUARE
 
 from armcontour._yaml import load
 from armcontour.studio.preview import Planned, Previewer
@@ -16,20 +17,7 @@ from armcontour.studio.view import View
 
 ROOT = Path(__file__).parents[2]
 PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")
-SQUARE = load(
-    """
-    name: square
-    arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2]}}
-    path:
-      points: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]]
-      orientation: {axis: [0, 0, -1]}
-    limits: {speed: 0.25}
-    corners: {tolerance: 1 mm}
-    servo: {kp: 25, kv: 150}
-    runs: {fast: {}}
-    """,
-    "square",
-)
+SQUARE_DATA = load(SQUARE, "square")
 
 
 class Flat:
@@ -47,7 +35,7 @@ def paper() -> dict[str, Any]:
 
 @pytest.fixture
 def square() -> dict[str, Any]:
-    return copy.deepcopy(SQUARE)
+    return copy.deepcopy(SQUARE_DATA)
 
 
 @pytest.fixture(scope="session")
@@ -77,4 +65,4 @@ def plans(previewer_of_plans: Previewer) -> dict[str, Planned]:
 def gasket_plan(previewer_of_plans: Previewer) -> Planned:
     """The plan of a drawing of several contours, with an arm in space."""
     drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
-    return previewer_of_plans.plan(SQUARE | {"path": drawing})
+    return previewer_of_plans.plan(SQUARE_DATA | {"path": drawing})

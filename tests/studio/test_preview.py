@@ -156,5 +156,5 @@ class TestDifferences:
     def test_what_no_configuration_reaches_is_refused(self, previewer, square):
         previewer.plan(square)
         path = square["path"] | {"points": [[0, 0, 0], [2, 0, 0]]}
-        with pytest.raises(Unreachable, match="Run fast: "):
+        with pytest.raises(Unreachable, match="Run optimal: "):
             previewer.plan(square | {"path": path})

@@ -53,10 +53,12 @@ def showing(previewer: Previewer) -> Iterator[tuple[Screen, Heard]]:
         screen.close()
 
 
-def shown(previewer: Previewer, data: Mapping[str, Any], run: str) -> Shown:
+def shown(
+    previewer: Previewer, data: Mapping[str, Any], run: str, *, moving: bool = False
+) -> Shown:
     handles = handles_of(previewer.job(data, run), data)
     view = View(handles.plane, handles.centre)
-    return Shown(data=data, run=run, view=view, rev=0, answers={})
+    return Shown(data=data, run=run, view=view, rev=0, answers={}, moving=moving)
 
 
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
@@ -72,6 +74,23 @@ def test_at_rest_the_picture_is_that_of_a_full_run(run: str) -> None:
         heard.wait(lambda frames: len(heard.of("picture", state)) == 2)
         assert heard.of("picture", state)[-1].header["duration"] == want.duration
         heard.wait(lambda frames: frames[-1][0].header.get("rms") == want.contour_error.rms)
+
+
+def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests() -> None:
+    data, previewer = load(PAPER.replace("interval: 0.2 ms", "interval: 4 ms"), "job"), Previewer()
+    fine = previewer.plan(data, "optimal").trajectory
+    with showing(previewer) as (screen, heard):
+        state = shown(previewer, data, "optimal", moving=True)
+        screen.show(state)
+        heard.wait(lambda frames: bool(heard.of("executed", state)))
+        (coarse,) = heard.of("picture", state)
+        assert coarse.header["duration"] == pytest.approx(fine.duration, rel=1e-3)
+        assert coarse.header["duration"] != fine.duration
+        assert any("600 intervals" in x for x in coarse.header["notes"])
+        screen.rest()
+        heard.wait(lambda frames: len(heard.of("executed", state)) == 2)
+        assert heard.of("picture", state)[-1].header["duration"] == fine.duration
+        assert not heard.of("picture", state)[-1].header["notes"]
 
 
 def test_what_changes_ends_the_search_for_the_picture_of_a_full_run() -> None:

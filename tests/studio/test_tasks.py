@@ -98,7 +98,7 @@ class TestFigures:
         box = {"name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
         square["scene"] = {"boxes": [box | {"fixed_to": "part"}]}
         square["start"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
-        frame = ask("figures", square, "fast", drawings)
+        frame = ask("figures", square, "optimal", drawings)
         assert (frame.kind, frame.header["tier"]) == ("refusal", 3)
         assert frame.header["error"] == "Collision" and frame.header["exit"] == 8
         assert "post" in frame.header["sentence"]
@@ -107,13 +107,13 @@ class TestFigures:
 
     def test_data_that_make_no_job_are_refused(self, square, drawings):
         del square["servo"]
-        frame = ask("figures", square, "fast", drawings)
+        frame = ask("figures", square, "optimal", drawings)
         assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
 
     def test_another_configuration_is_said(self, line, drawings):
-        start = np.array(ask("figures", line, "fast", drawings).header["start"])
+        start = np.array(ask("figures", line, "optimal", drawings).header["start"])
         for more, says in ((0.0, False), (0.5, True)):
-            found = ask("figures", line, "fast", drawings, start=(start + more).tolist())
+            found = ask("figures", line, "optimal", drawings, start=(start + more).tolist())
             assert (OTHER_CONFIGURATION in found.header["notes"]) is says
 
 
@@ -155,7 +155,7 @@ class TestAnswers:
         assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
 
     def test_clearance_over_time_is_not_below_what_is_proven(self, square, drawings):
-        found = ask("clearance", square, "fast", drawings)
+        found = ask("clearance", square, "optimal", drawings)
         assert found.header["kept"]
         least = min(x["least"] for x in found.header["nearest"])
         assert found.header["kinds"] == ["own"]
@@ -183,20 +183,20 @@ class TestFiles:
         ],
     )
     def test_every_format_is_exported(self, line, drawings, options, ending, begins):
-        found = ask("export", line, "fast", drawings, **options)
+        found = ask("export", line, "optimal", drawings, **options)
         content = found.arrays["content"].tobytes()
-        assert found.header["name"] == f"square-fast{ending}"
+        assert found.header["name"] == f"square-optimal{ending}"
         assert found.header["bytes"] == len(content) > 100
         assert begins in content[:100]
 
     def test_a_bag_is_an_archive_of_its_folder(self, line, drawings):
-        found = ask("export", line, "fast", drawings, format="mcap")
+        found = ask("export", line, "optimal", drawings, format="mcap")
         with zipfile.ZipFile(BytesIO(found.arrays["content"].tobytes())) as archive:
             assert any(x.endswith(".mcap") for x in archive.namelist())
 
     def test_files_of_templates_are_not_read(self, line, drawings):
         with pytest.raises(ac.InvalidInput, match="There is no template '/etc/passwd'"):
-            ask("export", line, "fast", drawings, format="template", template="/etc/passwd")
+            ask("export", line, "optimal", drawings, format="template", template="/etc/passwd")
 
     def test_a_report_is_a_page(self, short, drawings):
         found = ask("report", short, "optimal", drawings)

@@ -20,6 +20,7 @@ from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.cell import cell_data
 from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.job_edits import meet
 from armcontour.io.job_file import job_on, job_text, parts_of, read_model
 from armcontour.io.job_model import JobModel
 from armcontour.io.keys import Keys, read_keys
@@ -301,7 +302,7 @@ class Identity:
         self._own = [k for k, parts in enumerate(keys) if parts[0] in WITH_FILES]
         self._known: dict[str, str] = {}
         self._order = sorted(range(len(keys)), key=lambda k: keys[k])
-        fixed = sorted(x for x in flatten(base.data) if not any(_meet(x[0], y) for y in keys))
+        fixed = sorted(x for x in flatten(base.data) if not any(meet(x[0], y) for y in keys))
         head = [f"armcontour {__version__}", *asked, *(f"file {x}" for x in base.files)]
         # Between the values of two parameters stand the leaves between their keys.
         ends = [sum(x[0] < keys[k] for x in fixed) for k in self._order]
@@ -349,9 +350,3 @@ class Identity:
 def _line(leaf: Leaf) -> str:
     """A leaf as a line."""
     return f"{_text(leaf[0])} {leaf[1]}\n"
-
-
-def _meet(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    """Whether one of two places in data lies inside the other, or they are the same."""
-    shared = min(len(one), len(other))
-    return one[:shared] == other[:shared]

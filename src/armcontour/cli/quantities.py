@@ -55,8 +55,10 @@ def _read(option: str, text: str, kind: Any) -> float:
     plain = text.strip()
     number = plain_number(plain)
     if number:
-        unit = quantity.example.partition(" ")[2]
-        raise InvalidInput(f"{option}: {plain!r} has no unit: write one, such as '{plain} {unit}'.")
+        # Not the number with a unit: the unit that was meant is not known.
+        raise InvalidInput(
+            f"{option}: {plain!r} has no unit: write one, as in '{quantity.example}'."
+        )
     try:
         return read_quantity(plain if number is None else number, quantity)
     except ValueError as error:

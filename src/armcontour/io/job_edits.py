@@ -211,8 +211,8 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
     """The changes in groups whose places in the text do not depend on each other."""
     group: list[Change] = []
     for x in changes:
-        alone = x.insert or x.value is REMOVE or not _has(data, x.keys)
-        if group and (alone or any(_meet(x.keys, y.keys) for y in group)):
+        alone = x.insert or x.value is REMOVE or value_at(data, x.keys, REMOVE) is REMOVE
+        if group and (alone or any(meet(x.keys, y.keys) for y in group)):
             yield group
             group = []
         data = change_data(data, [x])
@@ -224,19 +224,25 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
         yield group
 
 
-def _has(data: Any, keys: Keys) -> bool:
-    """Whether data have a value there."""
+def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
+    """The value of data at some keys.
+
+    Args:
+        data: Data as parsed.
+        keys: The keys, from the outside in.
+        default: What is returned if there is none.
+    """
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
-        elif isinstance(data, dict) and key in data:
+        elif isinstance(data, Mapping) and key in data:
             data = data[key]
         else:
-            return False
-    return True
+            return default
+    return data
 
 
-def _meet(one: Keys, other: Keys) -> bool:
+def meet(one: Keys, other: Keys) -> bool:
     """Whether one of two places in data lies inside the other, or they are the same."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]

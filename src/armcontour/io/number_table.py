@@ -100,7 +100,9 @@ def last_digit(columns: Sequence[Digits]) -> float:
 
 
 def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
-    """The table in CSV text with commas, semicolons or tabs; lines that start with # are comments.
+    """The table in CSV text with commas, semicolons, tabs or blanks between cells.
+
+    Lines that start with # are comments.
 
     Args:
         text: The text.
@@ -122,7 +124,11 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
     if not kept:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
     header, first = kept[0]
-    separator = next((x for x in ";\t" if x in first), ",")
+    separator = next((x for x in ";\t," if x in first), ",")
+    if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
+        # As the recorder of a UR's RTDE writes it.
+        kept = [(number, "\t".join(line.split())) for number, line in kept]
+        first, separator = kept[0][1], "\t"
     names, named = tuple(_split(first, separator)), True
     if columns is not None:
         given = tuple(x.strip() for x in columns.split(","))
@@ -142,6 +148,12 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         lines=[line for _, line in kept[named:]],
         numbers=[number for number, _ in kept[named:]],
     )
+
+
+def _is_blank_separated(lines: Sequence[str]) -> bool:
+    """Whether the cells of the first lines are separated by blanks, and by nothing else."""
+    words = [len(x.split()) for x in lines]
+    return min(words) == max(words) > 1 and not any("," in x for x in lines)
 
 
 def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, list[Digits]]:

@@ -18,6 +18,8 @@ from armcontour.program import Contour, Program, contour_called
 SAME_SPEED = 1e-3
 # An arc is the cause if the speed is at least this share of the largest speed on the arc.
 ON_THE_ARC = 0.98
+# Share of the contour's length by which is looked into it, for whether the tool gets faster there.
+INTO = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +32,8 @@ class SlowEnd:
         speed: Speed of the tool there [m/s].
         assigned: Assigned velocity there [m/s].
         lead: Length of the lead [m].
-        cause: "lead" for the arc of the lead, "contour" for an arc of the contour, else "length".
+        cause: "lead" for the arc of the lead, "contour" for an arc of the contour, "beyond" for
+            what is farther on the contour, else "length".
         radius: Radius of that arc [m]; infinite without one.
     """
 
@@ -83,6 +86,9 @@ def _find(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowE
                 float(x.path.curvatures[x.path.locate(s, side=y)]) for y in (inside, outside)
             )
             cause, radius = _find_cause(bend, of_lead, speed, this)
+            step = INTO * (end - start) * (1 if word == "on" else -1)
+            if cause == "length" and span.trajectory.speed_at(s + step) <= speed:
+                cause = "beyond"
             yield SlowEnd(
                 contour=contour_called(x, i),
                 word=word,
@@ -123,6 +129,12 @@ def _warn(of: list[SlowEnd], acceleration: float) -> str:
             f"{text}, since {arc} the lead's arc with a radius of {worst.radius * 1e3:.3g} mm: "
             f"with {enough * 1e3:.3g} mm in place of {worst.lead * 1e3:.3g} mm the lead's arc "
             "allows it."
+        )
+    if worst.cause == "beyond":
+        why = "brakes for what follows" if worst.word == "on" else "comes from what is before it"
+        return (
+            f"{text}, since it {why} on the contour: no lead makes it faster there; a lead at the "
+            "contour's other end, a wider corner or more acceleration may."
         )
     return (
         f"{text}, with a lead of {worst.lead * 1e3:.3g} mm: a longer lead reaches more. A lead "

@@ -16,7 +16,7 @@ from armcontour._quantities import Quantity
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, quaternions, to_rpy
-from armcontour.io.job_edits import Change, Key, Keys
+from armcontour.io.job_edits import Change, Key, Keys, value_at
 from armcontour.io.job_file import COMPENSATION_OPTIONS, TIMING_OPTIONS
 from armcontour.io.job_model import FrameModel, JobModel
 from armcontour.io.si_data import in_si, quantity_of
@@ -143,18 +143,6 @@ def _with_positions(parts: Sequence[Key], data: Any) -> Keys:
             inside = isinstance(key, int) and 0 <= key < len(data)
         data = data[key] if inside else None
     return tuple(found)
-
-
-def value_at(data: Any, keys: Keys) -> Any:
-    """The value of data at some keys; None if there is none."""
-    for key in keys:
-        if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
-            data = data[key]
-        elif isinstance(data, Mapping) and key in data:
-            data = data[key]
-        else:
-            return None
-    return data
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:

@@ -2,7 +2,8 @@
 
 A preview differs from a run where waiting for it would take too long, and its notes say so:
 set-points are not closer than `PERIOD`, an arm in space keeps the configuration of the last plan,
-and corners of the shape free have arcs. Nothing is checked for collisions.
+corners of the shape free have arcs, and while a handle moves the timing is found on a coarser grid.
+Nothing is checked for collisions.
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ from armcontour.jobs.programs import (
 )
 from armcontour.jobs.study import TimedRun
 from armcontour.jobs.weak_points import INVERSE_DYNAMICS
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, Method, TaughtData
 from armcontour.program import Program
 from armcontour.scene import Scene
-from armcontour.timing import Explanation
+from armcontour.timing import Explanation, intervals_of
 from armcontour.timing.program_tracing import ends_of
 
 T = TypeVar("T")
@@ -56,6 +57,9 @@ MOST_SET_POINTS = 200_000
 KEPT = 4
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
+# Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
+# differ by less than a thousandth, and nothing needs half as long.
+MOVING_INTERVALS = 600
 ARCS = (
     "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
     "at rest."
@@ -221,6 +225,7 @@ class Previewer:
         run: str | None = None,
         *,
         period: float | None = None,
+        moving: bool = False,
         exact: bool = False,
         progress: Progress | None = None,
     ) -> Planned:
@@ -230,6 +235,7 @@ class Previewer:
             data: The job file as parsed.
             run: Name of the run; by default the first one.
             period: Command interval [s]; by default that of a preview.
+            moving: Whether the next plan is wanted soon, so that a coarser grid is enough.
             exact: Whether to plan as `run` does, in whatever time that takes.
             progress: As of `run`.
 
@@ -240,7 +246,7 @@ class Previewer:
             job, path = self._job_and_path(data, run)
             (own,) = job.runs
             with locate_errors(f"Run {own.name}"):
-                this, differs = (own, ()) if exact else _coarser(job, own, period)
+                this, differs = (own, ()) if exact else _coarser(job, own, period, moving)
                 found = self._plan(job, path, this, exact, progress)
         return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
 
@@ -419,7 +425,7 @@ def _without_experiment(model: JobModel, run: str) -> RunModel:
     return dataclasses.replace(found, compensation=fed)
 
 
-def _coarser(job: Job, own: Run, period: float | None) -> tuple[Run, tuple[str, ...]]:
+def _coarser(job: Job, own: Run, period: float | None, moving: bool) -> tuple[Run, tuple[str, ...]]:
     """The run of a preview, and sentences on what is different in it."""
     this, differs = own, []
     if period is None:
@@ -439,6 +445,11 @@ def _coarser(job: Job, own: Run, period: float | None) -> tuple[Run, tuple[str, 
     if this.rounding is not None and this.rounding.free:
         this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
         differs.append(ARCS)
+    if moving and this.timing == Method.OPTIMAL and "intervals" not in this.timing_options:
+        few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
+        options = {**this.timing_options, "intervals": few}
+        this = dataclasses.replace(this, timing_options=options)
+        differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
     return this, tuple(differs)
 
 

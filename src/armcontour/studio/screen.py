@@ -45,6 +45,7 @@ class Shown:
         answers: Number of the last message of each tab that is in it, by the tab's number.
         waypoints: Waypoints in the plane [m], (n, 2).
         told: A frame that follows, such as a refusal of the edit that led here.
+        moving: Whether a gesture goes on, so that the next state is wanted soon.
     """
 
     data: Mapping[str, Any]
@@ -54,6 +55,7 @@ class Shown:
     answers: Mapping[int, int]
     waypoints: FloatArray | None = None
     told: Frame | None = None
+    moving: bool = False
     # Whether its plan is drawn, nothing changes any more, and the execution waits for that.
     drawn: bool = field(default=False, init=False)
     rests: bool = field(default=False, init=False)
@@ -171,7 +173,8 @@ class Screen:
                 yield from self._when_at_rest(shown, stale)
                 return
             begin = time.perf_counter()
-            planned = self.previewer.plan(shown.data, shown.run)
+            moving = shown.moving and not shown.rests
+            planned = self.previewer.plan(shown.data, shown.run, moving=moving)
             took = time.perf_counter() - begin
             job = planned.job
             if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
@@ -179,7 +182,7 @@ class Screen:
                 yield arm_frame(job)
             self.planned = planned
             if not shown.drawn:
-                shown.drawn = True
+                shown.drawn = not moving
                 yield picture_frame(planned, view)
             if took > QUICK and self._may_wait(shown):
                 return
@@ -190,8 +193,8 @@ class Screen:
                 return
             self.executed = self.previewer.execute(planned)
             yield executed_frame(self.executed, view)
-            if exact and not stale() and not self._may_wait(shown):
-                yield from self._exact(shown, stale)
+            if (exact or moving) and not stale() and not self._may_wait(shown):
+                yield from self._live(shown, stale) if moving else self._exact(shown, stale)
         except Superseded:
             pass
         except ArmContourError as error:
@@ -225,7 +228,9 @@ class Screen:
     def _beside(self, shown: Shown, data: Mapping[str, Any] | None, run: str) -> Iterator[Frame]:
         """The plan that it is compared with; what is refused there is not drawn."""
         try:
-            planned = self.previewer.plan(shown.data if data is None else data, run)
+            moving = data is None and shown.moving and not shown.rests
+            data = shown.data if data is None else data
+            planned = self.previewer.plan(data, run, moving=moving)
             yield picture_frame(planned, shown.view, of="compare")
             executed = self.previewer.execute(planned)
             yield executed_frame(executed, shown.view, of="compare")

@@ -290,7 +290,7 @@ class Session:
             edits = _list_of_mappings(said, "edits")
             made = self._edited(edits)
             if not final:
-                self._show(made)
+                self._show(made, moving=True)
                 return
             self._commit(made, label_of(edits))
         finally:
@@ -588,7 +588,7 @@ class Session:
         refuse_new_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self._run_of(data) or None)
 
-    def _show(self, made: Made, told: Frame | None = None) -> None:
+    def _show(self, made: Made, told: Frame | None = None, *, moving: bool = False) -> None:
         """Show a state on all pages, and compute its exact figures when nothing changes."""
         self._made = made
         handles = self._seen.handles
@@ -607,6 +607,7 @@ class Session:
                 answers=answers,
                 waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
                 told=told,
+                moving=moving,
             )
         )
         self._timer.cancel()

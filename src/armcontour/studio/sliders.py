@@ -11,13 +11,13 @@ import numpy as np
 
 from armcontour._quantities import Quantity
 from armcontour.compensation import compensator
-from armcontour.io.job_edits import Keys
+from armcontour.io.job_edits import Keys, value_at
 from armcontour.io.job_model import JobModel
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import SHAPES
-from armcontour.studio.edits import SHARP, joint_values, place_of, run_of, value_at
+from armcontour.studio.edits import SHARP, joint_values, place_of, run_of
 from armcontour.timing import methods
 
 JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"

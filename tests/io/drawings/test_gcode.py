@@ -565,7 +565,7 @@ def test_the_guide_s_example_is_what_the_guide_says():
     assert contour.path.tolerances == pytest.approx([5e-4, 5e-4])
     assert contour.path.lengths[1] == pytest.approx(0.06 * math.pi / 2)
     assert [(x.name, x.value) for x in contour.events] == [("spindle", False)]
-    assert in_mm(program.moves[-1].path)[-1] == [350, 350]
+    assert in_mm(program.moves[-1].path)[-1] == [70, 150]
 
 
 def test_the_guide_quotes_a_refusal_as_it_is():

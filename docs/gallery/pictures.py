@@ -1,0 +1,272 @@
+"""Pictures of the examples: each is drawn from the names that its example leaves behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from docs.figures import style
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+import armcontour as ac
+
+# What an example's module has when it has run.
+Names = Mapping[str, Any]
+SIZE = (5.0, 3.4)  # inches
+PLACES = 1500
+COLOURS = (style.VERMILLION, style.BLUE, style.GREEN)
+ARM = {"color": style.GREY, "lw": 3, "solid_capstyle": "round", "marker": "o", "ms": 3}
+
+
+def draw_01(names: Names) -> Figure:
+    """The paper's path in the colours of its rules, and the objective path."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    axes.plot(*1e3 * names["objective"].vertices.T, color=style.GREY, ls="--", lw=1)
+    begin, seen = 0.0, set()
+    for stretch in names["planned"].stretches:
+        t = np.linspace(*stretch.t, 100)
+        tool = 1e3 * names["arm"].forward(names["planned"](t, side="left"))
+        label = None if stretch.kind in seen else style.RULE_NAMES[stretch.kind]
+        seen.add(stretch.kind)
+        axes.plot(*tool.T, color=style.RULES[stretch.kind], lw=3, label=label)
+        begin = stretch.t[1]
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.set_title(f"What holds the tool back, {begin:.2f} s")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def draw_02(names: Names) -> Figure:
+    """The error of both compensations over time."""
+    return _errors(names["errors"].items(), "Contour error of the slot")
+
+
+def draw_03(names: Names) -> Figure:
+    """The bead along the box, with the tool's axis and the arm."""
+    axes = _space("Tool axis and arm along the box")
+    path, plan, arm = names["rounded"], names["planned"], names["arm"]
+    _axes_along(axes, path, 0.05, 24)
+    axes.plot(*path(np.linspace(0, path.length, PLACES)).T, color=style.BLUE, lw=2)
+    for k, t in enumerate(np.linspace(0, plan.duration, 4)):
+        axes.plot(*arm.links(plan(t)).T, alpha=0.25 + 0.25 * k, **ARM)
+    axes.set_aspect("equal")
+    return axes.figure
+
+
+def draw_04(names: Names) -> Figure:
+    """The tube, its seam, and where the torch points."""
+    axes = _space("All around the tube, the torch to its axis")
+    path, plan, arm = names["free"], names["planned"], names["arm"]
+    turn, along = np.meshgrid(np.linspace(0, 2 * np.pi, 60), (-0.12, 0.12))
+    x, y, z = names["center"]
+    radius = names["radius"]
+    axes.plot_surface(
+        x + radius * np.sin(turn), y + along, z + radius * np.cos(turn), color=style.SKY, alpha=0.25
+    )
+    _axes_along(axes, path, 0.06, 24)
+    axes.plot(*path(np.linspace(0, path.length, PLACES)).T, color=style.BLUE, lw=2)
+    for k, t in enumerate(np.linspace(0, plan.duration, 4)[:-1]):
+        axes.plot(*arm.links(plan(t)).T, alpha=0.3 + 0.3 * k, **ARM)
+    axes.set_aspect("equal")
+    return axes.figure
+
+
+def draw_05(names: Names) -> Figure:
+    """A joint's set-points, ahead of the motion by the dead time and the servo's delay."""
+    found = names["found"]
+    figure, axes = plt.subplots(figsize=SIZE)
+    joint = 1
+    for label, t, q, look in (
+        ("set-points, every 4 ms", found.taught.t, found.taught.q, {"marker": ".", "lw": 0.6}),
+        ("executed", found.execution.t, found.execution.q, {"lw": 2.5}),
+    ):
+        part = t < 0.35
+        axes.plot(t[part], np.degrees(q[part, joint]), label=label, **look)
+    t = np.linspace(0, 0.35, 200)
+    planned = np.degrees(found.trajectory(t)[:, joint])
+    axes.plot(t, planned, color=style.BLACK, ls="--", lw=1, label="planned")
+    axes.set(xlabel="time [s]", ylabel=f"joint {joint + 1} [°]", xlim=(-0.06, 0.35))
+    axes.set_title("Set-points lead, so that the joint is on time")
+    axes.legend(loc="best")
+    return figure
+
+
+def draw_06(names: Names) -> Figure:
+    """The gasket: contours, leads and rapids, the laser on and off."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    plan, arm = names["taught"].trajectory, names["arm"]
+    program = ac.prepare(names["gasket"], names["process"])
+    for span in plan.spans:
+        if span.kind == "rapid":
+            tool = 1e3 * arm.forward(plan(np.linspace(*span.t, 60), side="left"))
+            axes.plot(*tool.T, color=style.GREY, lw=0.8, ls=(0, (4, 2)))
+    for x in program.contours:
+        whole = np.linspace(0, x.path.length, PLACES)
+        axes.plot(*1e3 * x.path(whole).T, color=style.ORANGE, lw=1.5)
+        axes.plot(*1e3 * x.path(np.linspace(*x.work, PLACES)).T, color=style.BLUE, lw=1.8)
+    for event in plan.events:
+        fill = style.GREEN if event.value is True else "white"
+        axes.plot(*1e3 * np.array(event.point), "o", ms=5, mec=style.BLACK, mfc=fill)
+    for label, look in (
+        ("contour", {"color": style.BLUE}),
+        ("lead", {"color": style.ORANGE}),
+        ("rapid", {"color": style.GREY, "ls": "--", "lw": 0.8}),
+        ("laser on", {"color": "none", "marker": "o", "mec": style.BLACK, "mfc": style.GREEN}),
+    ):
+        axes.plot([], [], label=label, **look)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.set_title(f"{program.source}: {len(program.contours)} contours")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def draw_07(names: Names) -> Figure:
+    """The error of every run over time."""
+    runs = ((f"run {k + 1}", x) for k, x in enumerate(names["errors"]))
+    return _errors(runs, "Contour error from run to run, unknown load")
+
+
+def draw_08(names: Names) -> Figure:
+    """The error of every run over time."""
+    runs = ((f"run {k + 1}", x) for k, x in enumerate(names["errors"]))
+    return _errors(runs, "Contour error from run to run, from log files")
+
+
+def draw_09(names: Names) -> Figure:
+    """The first corner: objective, arcs and the shaped path, in the tolerance."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    objective, shaped = names["objective"], names["planned"].path
+    corner, tolerance = 1e3 * objective.vertices[1], 5.0
+    x, y = corner[0] + np.linspace(-28, 12, 300), corner[1] + np.linspace(-14, 14, 300)
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    off = 1e3 * objective.project(grid / 1e3).distance.reshape(300, 300)
+    axes.contourf(x, y, off, levels=(0, tolerance), colors=[style.SKY], alpha=0.25)
+    arcs = ac.round_corners(objective, tolerance=tolerance / 1e3)
+    for label, path, look in (
+        ("drawn", objective, {"color": style.GREY, "lw": 3, "alpha": 0.5}),
+        ("arc", arcs, {"color": style.VERMILLION, "ls": "--"}),
+        ("fastest path", shaped, {"color": style.BLUE, "lw": 2}),
+    ):
+        points = 1e3 * path(np.union1d(np.linspace(0, path.length, 4 * PLACES), path.breaks))
+        axes.plot(*points.T, label=label, **look)
+    axes.set(xlim=x[[0, -1]], ylim=y[[0, -1]], aspect="equal")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", title="A corner, and 5 mm around it")
+    axes.legend(loc="lower left")
+    return figure
+
+
+def draw_10(names: Names) -> Figure:
+    """The acceleration of a joint without and with a limit of jerk."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    arm, limits = names["arm"], names["limits"]
+    for label, path, jerk, colour in (
+        ("arcs, no limit of jerk", names["arcs"], None, style.VERMILLION),
+        ("smooth corners, 7.2 rad/s³", names["smooth"], 7.2, style.BLUE),
+    ):
+        plan = ac.plan(path, arm, limits.replace(joint_jerk=jerk))
+        t = np.linspace(0, plan.duration, 4 * PLACES)
+        axes.plot(t, plan(t, 2)[:, 0], color=colour, lw=1.2, label=f"{label}: {t[-1]:.2f} s")
+    axes.set(xlabel="time [s]", ylabel="acceleration of joint 1 [rad/s²]", ylim=(-0.85, 1.15))
+    axes.set_title("Accelerations that do not jump")
+    axes.legend(loc="upper center", ncols=2, columnspacing=0.8)
+    return figure
+
+
+def draw_11(names: Names) -> Figure:
+    """The map of places: durations, bounds where nothing was planned, refusals."""
+    placed = names["placed"]
+    figure, axes = plt.subplots(figsize=SIZE)
+    x, y = (1e3 * a.values for a in placed.axes)
+    known = np.fmax(placed.values("duration"), placed.values("bound"))
+    refused = np.array([bool(v.refusal) for v in placed.verdicts]).reshape(placed.shape)
+    shown = np.where(refused, np.nan, known).T
+    image = axes.pcolormesh(x, y, shown, cmap="viridis_r", edgecolors="white", lw=1)
+    figure.colorbar(image, label="duration, or its lower bound [s]")
+    axes.set_facecolor("#d0d0d0")
+    for verdict, place in zip(placed.verdicts, np.ndindex(placed.shape), strict=True):
+        if verdict.planned:
+            axes.plot(x[place[0]], y[place[1]], ".", color="white", mec=style.BLACK, ms=9)
+    best = placed.best.values
+    axes.plot(1e3 * best["x"], 1e3 * best["y"], "*", ms=16, color=style.ORANGE, mec=style.BLACK)
+    axes.set(xlabel="part moved by x [mm]", ylabel="by y [mm]", aspect="equal")
+    axes.set_title("Best place; dots: planned; grey: out of reach")
+    axes.grid(visible=False)
+    return figure
+
+
+def draw_12(names: Names) -> Figure:
+    """The arm where it first touches the first post, and both posts."""
+    axes = _space("Where the arm would touch the post")
+    arm, plan, seam = names["arm"], names["planned"], names["seam"]
+    for x, colour in ((0.35, style.VERMILLION), (0.60, style.GREEN)):
+        post = names["cell"](x).obstacles[1]
+        axes.add_collection3d(Poly3DCollection(_box(post), color=colour, alpha=0.35))
+    (first, *_) = ac.check_clearance(plan, arm, names["cell"](0.35)).too_near
+    for t, alpha in ((0.0, 0.3), (first.first_time, 1.0)):
+        axes.plot(*arm.links(plan(t)).T, alpha=alpha, **ARM)
+    axes.plot(*seam.vertices.T, color=style.BLUE, lw=2)
+    axes.plot(*first.points[1], "x", color=style.BLACK, ms=9, mew=2, zorder=9)
+    axes.set_aspect("equal")
+    return axes.figure
+
+
+def draw_13(names: Names) -> Figure:
+    """Error over cycle time, a line for each compensation."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    axes.set_prop_cycle(color=COLOURS)
+    rows, key = names["rows"], "runs.only.compensation.method"
+    for method, marker in zip(dict.fromkeys(x[key] for x in rows), "os^", strict=True):
+        mine = [x for x in rows if x[key] == method]
+        error = [1e3 * x["contour_error.max"] for x in mine]
+        axes.semilogy([x["duration"] for x in mine], error, marker=marker, label=method)
+    axes.set(xlabel="cycle time [s]", ylabel="largest contour error [mm]")
+    axes.set_title(f"{len(rows)} jobs: what speed costs")
+    axes.legend()
+    return figure
+
+
+def draw_14(names: Names) -> Figure:
+    """The error with the gains of the data sheet and with those of the log."""
+    return _errors(names["errors"].items(), "Contour error, the same robot")
+
+
+def _errors(errors: Any, title: str) -> Figure:
+    """Errors over time by their names, on a logarithmic scale."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    axes.set_prop_cycle(color=COLOURS)
+    for name, error in errors:
+        axes.semilogy(error.t, np.maximum(1e3 * error.values, 1e-5), label=name, lw=1.2)
+    axes.set(xlabel="time [s]", ylabel="contour error [mm]", title=title)
+    axes.legend()
+    return figure
+
+
+def _space(title: str) -> Axes3D:
+    """Axes in space without a frame around them."""
+    figure = plt.figure(figsize=SIZE, layout="none")
+    axes = figure.add_axes((-0.05, -0.07, 1.1, 1.05), projection="3d")
+    figure.suptitle(title, fontsize=10, fontweight="bold")
+    axes.locator_params(nbins=4)
+    axes.tick_params(labelsize=7, pad=0)
+    axes.view_init(elev=24, azim=-58)
+    return axes
+
+
+def _axes_along(axes: Axes3D, path: ac.Path, length: float, count: int) -> None:
+    """Sticks that show the tool axis along a path."""
+    for s in np.linspace(0, path.length, count):
+        tip = path(s)
+        back = tip - length * path.orientation(s)[:, 2]
+        axes.plot(*np.stack([back, tip]).T, color=style.ORANGE, lw=1)
+
+
+def _box(obstacle: ac.Obstacle) -> np.ndarray:
+    """The six sides of a box, (6, 4, 3) [m]."""
+    half = np.array(obstacle.shape.size) / 2
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    sides = [np.insert(square, axis, sign, axis=1) for axis in range(3) for sign in (-1, 1)]
+    return obstacle.place.position + half * np.array(sides)

@@ -1,0 +1,37 @@
+"""Where on the table the cycle is the shortest: 24 places of a square before a UR5e."""
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.jobs import Rounding, Run
+
+arm = ac.load_arm("ur5e")
+square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
+path = ac.Path.polyline((0.40, -0.05, 0.20) + 0.1 * square).pointing((0.0, 0.0, -1.0))
+servo = ac.ServoModel(kp=25.0, kv=150.0)
+run = Run(
+    name="square",
+    timing="optimal",
+    compensation="inverse",
+    limits=arm.limits.replace(speed=0.25, joint_acceleration=8.0),
+    rounding=Rounding(tolerance=1e-3),
+    period=4e-3,
+)
+job = ac.Job(
+    name="square",
+    title="A square before a UR5e",
+    arm=arm,
+    path=path,
+    servo=servo,
+    plant_servo=servo,
+    runs=(run,),
+)
+
+# The part moves by so much from where it is [m]: first value, last value, number of values.
+placed = ac.place(job, over={"x": (-0.1, 0.4, 6), "y": (0.0, 0.3, 4)}, refined=False)
+print(f"here: {placed.own.duration:.3f} s")
+print(f"best of the grid: {placed.best}: {placed.best.verdict.duration:.3f} s")
+for kind, count in placed.refusals.items():
+    print(f"  {count} places refused: {kind}")
+print(f"{placed.planned} of {len(placed.verdicts)} places had to be planned")
+there = placed.placed()  # the job with its part in the best place, for `ac.run` and `ac.certify`

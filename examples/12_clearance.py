@@ -1,0 +1,29 @@
+"""A post beside a seam: does the arm touch it, when and where, or is it proven clear?"""
+
+import armcontour as ac
+from armcontour.scene import Box, HalfSpace
+
+arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.15)))
+seam = ac.Path.polyline([(0.45, -0.25, 0.10), (0.45, 0.25, 0.10)]).pointing((0.0, 0.0, -1.0))
+limits = arm.limits.replace(speed=0.2)
+planned = ac.plan(seam, arm, limits, start=(0.0, -1.2, -2.0, -1.5, 1.57, 0.0))
+
+
+def cell(x: float) -> ac.Scene:
+    """A table under the arm, and a post at x [m] beside the seam."""
+    table = ac.Obstacle(name="table", shape=HalfSpace(), place=ac.Frame(position=(0.0, 0.0, -0.02)))
+    post = ac.Obstacle(
+        name="post", shape=Box(size=(0.06, 0.06, 0.6)), place=ac.Frame(position=(x, 0.12, 0.3))
+    )
+    return ac.Scene(obstacles=(table, post))
+
+
+for x in (0.35, 0.60):
+    found = ac.check_clearance(planned, arm, cell(x))
+    print(f"post at x = {x:.2f} m: {'clear' if found.kept else 'too near'}")
+    for pair in found.nearest if found.kept else found.too_near[:1]:
+        names = f"{pair.first} and {pair.second}"
+        if pair.kept:
+            print(f"  {names}: {pair.low * 1e3:.1f} mm or more, at all times")
+        else:
+            print(f"  {names}: {pair.margin * 1e3:.0f} mm first at {pair.first_time:.3f} s")

@@ -1,0 +1,41 @@
+"""The servo from a log: a robot is shaken, its gains and dead time are told, and errors vanish."""
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.motion import Trajectory, stand_still
+
+arm = ac.load_arm("pmk3s")
+data_sheet = ac.ServoModel(kp=25.0, kv=150.0)
+# The robot as it is, which nobody knows.
+robot = ac.ServoPlant(arm, ac.ServoModel(kp=[23.0, 20.0], kv=[150.0, 120.0], dead_time=0.012))
+
+# Shake both joints by a few milliradians at many speeds for 12 s, 2 s of half a radian among them.
+t = np.arange(0.0, 12.0, 4e-3)
+frequencies = np.arange(0.5, 25.0, 1 / 12)  # Hz, lines one per duration apart
+phases = np.random.default_rng(1).uniform(0.0, 2 * np.pi, (2, len(frequencies)))
+u = np.cos(2 * np.pi * t[:, None, None] * frequencies + phases).sum(axis=2)
+u *= 5e-3 / np.abs(u).max()
+u[(t > 8.0) & (t < 10.0)] += 0.5
+u += (0.3, 1.2)
+rest = Trajectory(laws=(stand_still(u[0], t[-1]),), method="rest")
+shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking"), robot)
+noise = 1e-5 * np.random.default_rng(2).standard_normal(u.shape)
+q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
+
+found = ac.identify(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
+for joint in found.joints:
+    print(
+        f"{joint.name}: K_p {joint.kp.value:.2f} 1/s, K_v {joint.kv.value:.1f} 1/s, "
+        f"dead time {joint.dead_time.value * 1e3:.2f} ms"
+    )
+
+corner = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
+path = ac.round_corners(corner, tolerance=2e-3)
+limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.05)
+planned = ac.plan(path, arm, limits, reserve=0.1)
+errors = {}
+for name, servo in (("data sheet", data_sheet), ("identified", found.servo_model())):
+    taught = ac.compensate(planned, servo, method="inverse", period=4e-3)
+    error = errors[name] = ac.evaluate(ac.execute(taught, robot), path).contour_error
+    print(f"{name}: contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")

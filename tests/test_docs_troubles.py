@@ -1,0 +1,244 @@
+"""The page of troubles: each sentence on it is what the tool says when the trouble is provoked."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from markdown_it import MarkdownIt
+
+from armcontour._progress import tell_compiling
+from armcontour.cli import main
+from armcontour.cli.progress import compiling_said
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs/guides/troubles.md"
+GASKET = (ROOT / "examples/drawings/gasket.dxf").read_bytes()
+
+# A job without trouble, and one in space; troubles change single keys of them.
+BEND = {
+    "name": "bend",
+    "arm": "pmk3s",
+    "path": {"points": [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]},
+    "limits": {"speed": "0.1 m/s", "centripetal_acceleration": "0.09 m/s^2"},
+    "corners": {"tolerance": "2 mm"},
+    "servo": {"kp": "25 1/s", "kv": "150 1/s"},
+    "runs": {"only": {}},
+}
+SEAM = BEND | {
+    "arm": "ur5e",
+    "path": {
+        "points": [[0.4, -0.3, 0.2], [0.4, 0.3, 0.2]],
+        "orientation": {"axis": [0, 0, -1]},
+    },
+}
+GCODE = "G21 G90 F600\nG0 X0 Y0\nG1 X50 Y0\n{}\nG1 X50 Y40\nM2\n"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+RUN = "armcontour run job.yaml --out out --no-simulation"
+# A description as makers write it: six joints, no accelerations, and 0 for unknown torques.
+URDF = "".join(
+    f'<link name="l{k}"/><joint name="joint_{k + 1}" type="revolute"><parent link="l{k}"/>'
+    f'<child link="l{k + 1}"/><origin xyz="{place}"/><axis xyz="{axis}"/>'
+    '<limit lower="-3" upper="3" velocity="2" effort="0"/></joint>'
+    for k, (place, axis) in enumerate(
+        [
+            ("0 0 0.4", "0 0 1"),
+            ("0.1 0 0", "0 1 0"),
+            ("0 0 0.5", "0 1 0"),
+            ("0.05 0 0", "1 0 0"),
+            ("0.45 0 0", "0 1 0"),
+            ("0 0 0.1", "1 0 0"),
+        ]
+    )
+)
+
+
+@dataclass
+class Trouble:
+    """What provokes a trouble.
+
+    Args:
+        command: The command.
+        files: Files that it needs, beside a job, by their names.
+        job: The job.
+        changed: Keys of the job that differ.
+        without: Libraries that are not installed.
+    """
+
+    command: str = RUN
+    files: dict[str, str | bytes] = field(default_factory=dict)
+    job: dict[str, Any] = field(default_factory=lambda: BEND)
+    changed: dict[str, Any] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
+
+
+def drawn(words: str, more: str = "", cell: str = "pmk3s") -> Trouble:
+    """A program of G-code with one more line, on an arm."""
+    return Trouble(
+        f"armcontour run part.ngc --cell {cell} --out out --no-simulation {more}",
+        {"part.ngc": GCODE.format(words)},
+    )
+
+
+def changed(job: dict[str, Any] = BEND, **keys: Any) -> Trouble:
+    """A job with other keys."""
+    return Trouble(job=job, changed=keys)
+
+
+TROUBLES = {
+    "Out of reach": drawn("", "--at '1.2 m, 0 m, 100 mm'", "ur5e"),
+    "Out of reach by hundreds of metres": changed(path={"points": [[300, 200], [400, 200]]}),
+    "A joint at the end of its range": changed(
+        SEAM, limits={"joint_lower": -0.4, "joint_upper": 0.4}
+    ),
+    "A singularity": changed(path={"points": [[0.135, 0.3], [0.135, 0.465]]}),
+    "A collision": drawn("", "--at '350 mm, -100 mm, -50 mm'", "ur5e"),
+    "Not realizable": changed(
+        path={"points": [[-0.065, 0.30], [0.335, 0.30]]},
+        limits={"speed": "0.3 m/s"},
+        runs={"paper": {"timing": {"method": "mac"}}},
+    ),
+    "Limits of jerk with another method": changed(
+        limits={"joint_jerk": 10}, runs={"paper": {"timing": {"method": "mac"}}}
+    ),
+    "Nothing limits the acceleration": Trouble(
+        files={"robot.urdf": f'<robot name="robot">{URDF}<link name="l6"/></robot>'},
+        job=SEAM,
+        changed={"arm": {"file": "robot.urdf"}, "limits": {"speed": "0.1 m/s"}},
+    ),
+    "The tool stops on the way": changed(limits={"joint_jerk": 10}, corners="sharp"),
+    "A contour that is too short for its speed": changed(
+        path={"points": [[0.30, 0.20], [0.303, 0.20]]},
+        corners="sharp",
+        process={"lead_in": {"length": "30 mm"}, "switch": {"name": "laser"}},
+    ),
+    "An event before the motion": changed(
+        process={"switch": {"name": "laser", "on_lead": "200 ms"}}
+    ),
+    "Demand above the limit: the servo saturates": Trouble(
+        "armcontour run job.yaml --out out",
+        changed={
+            "limits": {"speed": "0.2 m/s", "centripetal_acceleration": "0.3 m/s^2"},
+            "command_interval": "20 ms",
+            "runs": {"only": {"compensation": {"method": "inverse"}}},
+        },
+    ),
+    "The certificate fails": Trouble("armcontour certify job.yaml --servo '0.01 um'"),
+    "A number without a unit": drawn("", "--speed 50"),
+    "A drawing without a unit": Trouble(
+        "armcontour show part.dxf", {"part.dxf": GASKET.replace(b"INSUNITS", b"INSUNITZ")}
+    ),
+    "A drawing that was cut off": Trouble("armcontour show part.dxf", {"part.dxf": GASKET[:14500]}),
+    "No contour on that layer": Trouble(
+        "armcontour run part.dxf --cell pmk3s --layer cut --out out", {"part.dxf": GASKET}
+    ),
+    "Words of G-code that are not read": drawn("G1 X50 Y40 A10"),
+    "Another coordinate system": drawn("G55"),
+    "A drawing in space, an arm in the plane": drawn("G1 Z-5"),
+    "An unknown key": changed(limits={"speed": "0.1 m/s", "centripetal": 0.09}),
+    "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
+    "Too much memory": Trouble(
+        "armcontour run job.yaml --out out", changed={"command_interval": "1 us"}
+    ),
+    "The folder is not empty": Trouble(files={"out/notes.txt": "mine"}),
+    "A xacro file is refused": Trouble(
+        files={"robot.xacro": "<robot/>"}, job=SEAM, changed={"arm": "robot.xacro"}
+    ),
+    "A library is missing": Trouble(
+        "armcontour show part.dxf", {"part.dxf": GASKET}, without=("ezdxf",)
+    ),
+    "An export that does not fit": Trouble(RUN + " --export urscript"),
+    "The Studio does not start": Trouble("armcontour studio --no-open --port 8765"),
+    "The servo is not determined": Trouble(
+        "armcontour identify log.csv",
+        {
+            "log.csv": "t,u1,q1\n"
+            + "".join(f"{k / 250},{k * 1e-4},{k // 2 * 2e-4}\n" for k in range(200))
+        },
+    ),
+    "Cannot tell": Trouble(
+        "armcontour check log.csv --arm pmk3s",
+        {
+            "log.csv": "t,q1,q2\n"
+            + "".join(f"{k / 250},{0.1 + k * 4e-4:.3f},1.0\n" for k in range(200))
+        },
+    ),
+}
+
+
+def sections() -> Iterator[tuple[str, str]]:
+    """Every heading with the sentence below it, on one line."""
+    heading = ""
+    tokens = MarkdownIt().parse(PAGE.read_text(encoding="utf-8"))
+    for i, token in enumerate(tokens):
+        if token.type == "heading_open":
+            heading = tokens[i + 1].content
+        elif token.type == "fence" and token.info == "text":
+            yield heading, " ".join(token.content.split())
+
+
+SAID = dict(sections()) if PAGE.exists() else {}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Trouble], None]:
+    """Makes the folder in which a trouble is provoked, and goes there."""
+
+    def make(x: Trouble) -> None:
+        monkeypatch.chdir(tmp_path)
+        for name, content in x.files.items():
+            file = tmp_path / name
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        Path("job.yaml").write_text(yaml.safe_dump(x.job | x.changed), encoding="utf-8")
+        for name in x.without:
+            monkeypatch.setitem(sys.modules, name, None)
+
+    return make
+
+
+@pytest.mark.parametrize("name", TROUBLES)
+def test_the_page_says_what_the_tool_says(
+    name: str,
+    folder: Callable[[Trouble], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder(TROUBLES[name])
+    monkeypatch.setattr(sys, "argv", shlex.split(TROUBLES[name].command))
+    monkeypatch.setenv("COLUMNS", "200")
+    with ExitStack() as held:
+        if "--port" in sys.argv:
+            taken = held.enter_context(socket.socket())
+            with suppress(OSError):  # If another program has it, it is taken as well.
+                taken.bind(("127.0.0.1", int(sys.argv[-1])))
+                taken.listen()
+        with pytest.raises(SystemExit):
+            main()
+    shown = capsys.readouterr()
+    told = " ".join((shown.out + shown.err).split())
+    words = NUMBER.split(SAID[name])
+    found = re.search(f"({NUMBER.pattern})".join(map(re.escape, words)), told)
+    assert found, told
+    # Last digits may differ from machine to machine.
+    expected = [float(x) for x in NUMBER.findall(SAID[name])]
+    assert [float(x) for x in found.groups()] == pytest.approx(expected, rel=0.01)
+
+
+def test_what_is_said_of_compiling(capsys: pytest.CaptureFixture[str]) -> None:
+    with compiling_said():
+        tell_compiling("armcontour.arms._newton.solve")
+    assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
+
+
+def test_every_sentence_on_the_page_is_provoked() -> None:
+    assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()
