@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from soak.studio_page import SQUARE
+from tests.studio.talking import JOB, Tab, session_of
 
 from armcontour._yaml import load
-from armcontour.studio.preview import Planned, Previewer
+from armcontour.studio import screen
+from armcontour.studio.preview import Previewer
+from armcontour.studio.previewed import Planned
+from armcontour.studio.session import Session
 from armcontour.studio.view import View
 
 ROOT = Path(__file__).parents[2]
@@ -26,6 +31,12 @@ class Flat:
     origin = np.array([0.01, 0.02, 0.0])
     x = np.array([1.0, 0.0, 0.0])
     y = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture
+def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans are quick however busy the machine is."""
+    monkeypatch.setattr(screen, "QUICK", 1e6)
 
 
 @pytest.fixture
@@ -66,3 +77,23 @@ def gasket_plan(previewer_of_plans: Previewer) -> Planned:
     """The plan of a drawing of several contours, with an arm in space."""
     drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     return previewer_of_plans.plan(SQUARE_DATA | {"path": drawing})
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    place = tmp_path / "job.yaml"
+    place.write_text(JOB)
+    return place
+
+
+@pytest.fixture
+def session(file: Path) -> Iterator[Session]:
+    found = session_of(file)
+    found.begin()
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def tab(session: Session) -> Tab:
+    return Tab(session)

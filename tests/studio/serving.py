@@ -5,50 +5,18 @@ from __future__ import annotations
 import http.client
 import json
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tests.studio.talking import NoLane
 from websockets.sync.client import ClientConnection, connect
 
+from armcontour.studio.desk import Desk
 from armcontour.studio.opening import open_session
-from armcontour.studio.server import Desk, serve
+from armcontour.studio.server import serve
 from armcontour.studio.wire import Frame
-
-JOB = """\
-name: small
-arm: pmk3s
-path:
-  points: [[350 mm, 100 mm], [410 mm, 150 mm], [280 mm, 300 mm]]   # from the paper
-limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
-corners: {tolerance: 5 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-runs:
-  slow: {limits: {speed: 50 mm/s}}
-  fast: {}
-"""
-
-
-class NoLane:
-    """A slow lane in which nothing happens; the last one that was made can be looked at."""
-
-    last: NoLane
-
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
-        NoLane.last = self
-        self.deliver = deliver
-        self.given: list[tuple[str, str, Mapping[str, Any]]] = []
-        self.cancelled: list[str] = []
-
-    def submit(self, id: str, task: str, request: Mapping[str, Any]) -> None:
-        self.given.append((id, task, request))
-
-    def cancel(self, id: str) -> None:
-        self.cancelled.append(id)
-
-    def close(self) -> None:
-        pass
 
 
 class Running:

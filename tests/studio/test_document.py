@@ -1,10 +1,9 @@
-"""The text of a job that is changed: undo, file, draft."""
+"""The text of a job that is changed: undo, and its file."""
 
 from __future__ import annotations
 
 import os
 import random
-import shutil
 from pathlib import Path
 
 import pytest
@@ -167,45 +166,6 @@ def test_reloading_takes_what_others_wrote_and_can_be_undone(file: Path) -> None
     assert "0.2 m/s" in document.text and document.dirty
     document.save()
     assert file.read_text() == document.text
-
-
-def test_a_link_to_a_job_file_stays_a_link(file: Path, tmp_path: Path) -> None:
-    link = tmp_path / "link.yaml"
-    link.symlink_to(file)
-    document = Document.open(link)
-    document.apply(FASTER, "speed")
-    document.save()
-    assert link.is_symlink() and file.read_text() == document.text
-
-
-def test_a_draft_survives_until_the_job_is_saved(file: Path) -> None:
-    document = Document.open(file)
-    assert Document.draft_of(file) is None
-    document.apply(FASTER, "speed")
-    assert Document.draft_of(file) == document.text
-    document.undo()
-    assert Document.draft_of(file) is None and not (file.parent / ".armcontour").exists()
-    document.redo()
-    # A draft that is older than the file is not offered.
-    os.utime(file.parent / ".armcontour" / "job.draft.yaml", (1, 1))
-    assert Document.draft_of(file) is None
-    document.undo()
-    document.redo()
-    again = Document.open(file)
-    again.replace(Document.draft_of(file) or "", "draft")
-    assert again.text == document.text
-    again.save()
-    assert Document.draft_of(file) is None and not (file.parent / ".armcontour").exists()
-
-
-def test_a_folder_that_cannot_be_written_to_has_no_draft(file: Path) -> None:
-    document = Document.open(file)
-    (file.parent / ".armcontour").write_text("no folder")
-    document.apply(FASTER, "speed")
-    assert document.can_undo and not document.write_draft()
-    shutil.rmtree(file.parent)
-    with pytest.raises(InvalidInput, match="job.yaml cannot be written: "):
-        document.save()
 
 
 def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from armcontour._process import ProcessEnded
 from armcontour.errors import Unreachable
 from armcontour.studio import lanes
 from armcontour.studio.lanes import FastLane, SlowLane
-from armcontour.studio.tasks import SMALL
+from armcontour.studio.tasks.working import SMALL
 from armcontour.studio.wire import Frame
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.studio.test_arithmetic import NODE, STATIC, compute
 
 from armcontour.frames import Frame as Pose
-from armcontour.studio.picture import executed_frame
+from armcontour.studio.executed import executed_frame
 from armcontour.studio.preview import Previewer
 from armcontour.studio.wire import Frame
 

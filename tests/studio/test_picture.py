@@ -1,41 +1,18 @@
-"""Results as frames for the screen."""
+"""Plans, and programs without one, as frames for the screen."""
 
 import numpy as np
 import pytest
+from tests.studio.drawn import packed, uv
 
-from armcontour.errors import ArmContourError, Collision, ExecutionError, Unreachable
-from armcontour.evaluation import check, evaluate
+from armcontour.evaluation import check
 from armcontour.studio.line import NOTHING
-from armcontour.studio.picture import (
-    MOST_POINTS,
-    drawing_frame,
-    executed_frame,
-    picture_frame,
-    refusal_header,
-)
+from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
 from armcontour.studio.preview import Previewer
-from armcontour.studio.wire import Frame
-
-
-def packed(frame):
-    """What the page gets."""
-    return Frame.unpack(frame.pack())
-
-
-def uv(view, points):
-    """Points in the plane by hand: this one is that of x and y."""
-    return points[..., :2] - view.plane.origin[:2]
 
 
 @pytest.fixture(scope="module")
 def shown(plans, view):
-    return plans["optimal"], packed(picture_frame(plans["optimal"], view, seq=5, rev=6))
-
-
-@pytest.fixture(scope="module")
-def done(previewer_of_plans, plans, view):
-    executed = previewer_of_plans.execute(plans["uncompensated"])
-    return executed, packed(executed_frame(executed, view))
+    return plans["optimal"], packed(picture_frame(plans["optimal"], view))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +36,6 @@ class TestPicture:
         np.testing.assert_allclose(a["speed"], trajectory.speed_at(inside), rtol=0, atol=2e-4)
         assert (a["assigned"] == np.float32(0.15)).all()
         assert frame.header["duration"] == trajectory.duration
-        assert (frame.header["seq"], frame.header["rev"]) == (5, 6)
         assert frame.header["plane"]["flat"] is True
 
     def test_colours_are_what_explain_says(self, shown):
@@ -145,40 +121,6 @@ class TestPicture:
         assert len(frame.arrays["t"]) >= 200
 
 
-class TestExecution:
-    def test_errors_are_those_of_an_evaluation(self, done):
-        executed, frame = done
-        e = evaluate(executed.execution, executed.planned.path).contour_error
-        assert frame.header["rms"] == pytest.approx(e.rms, rel=1e-12)
-        assert frame.header["max"] == pytest.approx(e.max, rel=1e-12)
-        assert frame.header["max_at"]["t"] == pytest.approx(e.t_max)
-        assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
-        assert frame.header["settled"] == executed.settled
-
-    def test_offsets_lead_from_the_path_to_the_tool(self, done, view):
-        executed, frame = done
-        a, path = frame.arrays, executed.planned.path.path
-        tool = a["xyz"][:, :2].astype(float)
-        found = a["base"] + view.centre + a["offset"]
-        np.testing.assert_allclose(found, uv(view, tool), rtol=0, atol=2e-7)
-        np.testing.assert_allclose(
-            np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
-        )
-        base = a["base"] + view.centre + view.plane.origin[:2]
-        assert path.project(base.astype(float)).distance.max() < 1e-7
-        # Small errors have as many digits as large ones.
-        t = a["t"].astype(float)
-        k = int(np.argmin(np.where((t > 1) & (t < 4), a["error"], 1)))
-        exact = executed.pieces[0].found.distance[np.abs(executed.execution.t - t[k]).argmin()]
-        assert a["error"][k] == pytest.approx(exact, rel=1e-4)
-
-    def test_demand_is_a_share_of_the_limits(self, done):
-        executed, frame = done
-        e = evaluate(executed.execution, executed.planned.path)
-        np.testing.assert_allclose(frame.header["demand"], e.demand_ratio, rtol=1e-12)
-        assert np.abs(frame.arrays["demand"]).max() <= e.demand_ratio.max() * (1 + 1e-6)
-
-
 class TestPrograms:
     def test_contours_are_parts_of_the_arrays(self, gasket, view):
         planned, frame = gasket
@@ -254,38 +196,3 @@ class TestLongPrograms:
             np.testing.assert_allclose(
                 extreme(points + view.centre, axis=0), extreme(given, axis=0), atol=1e-7
             )
-
-
-class TestRefusals:
-    def test_a_place_out_of_reach_is_where_it_is(self, paper, view):
-        path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
-        with pytest.raises(Unreachable) as caught:
-            Previewer().plan(paper | {"path": path}, "optimal")
-        error = caught.value
-        waypoints = uv(view, np.array(path["points"]))
-        told = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
-        assert told["sentence"] == str(error) and told["exit"] == 3
-        assert (told["error"], told["tier"], told["run"]) == ("Unreachable", 1, "optimal")
-        np.testing.assert_allclose(told["at"]["uv"], uv(view, np.array(error.point)))
-        packed(Frame("refusal", told))
-
-    def test_a_waypoint_is_named_where_the_error_is_at_one(self, view):
-        error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
-        waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
-        told = refusal_header(error, view, tier=1, waypoints=waypoints)
-        assert told["at"]["waypoint"] == 1
-        assert (told["at"]["s"], told["at"]["joint"]) == (0.3, 2)
-        away = refusal_header(error, view, tier=1, waypoints=waypoints[:1])
-        assert "waypoint" not in away["at"]
-
-    def test_a_time_has_the_place_of_the_plan(self, plans, view):
-        planned = plans["optimal"]
-        error = ExecutionError("It did not rest.", t=2.0, joint=1)
-        told = refusal_header(error, view, tier=2, planned=planned)
-        tool = planned.job.arm.forward(planned.trajectory(2.0))
-        np.testing.assert_allclose(told["at"]["uv"], uv(view, tool))
-
-    def test_errors_without_a_place_have_none(self, view):
-        told = refusal_header(Collision("Somewhere."), view, tier=3)
-        assert told["at"] == {} and told["exit"] == 8
-        assert issubclass(Collision, ArmContourError)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.errors import InvalidInput, Unreachable
+from armcontour.errors import Unreachable
 from armcontour.io import parse_job
 from armcontour.jobs import run
 from armcontour.studio import preview
-from armcontour.studio.preview import ARCS, CONFIGURATION
+from armcontour.studio.preview import CONFIGURATION
 
 
 def whole(data, name, period):
@@ -43,21 +43,9 @@ class TestResults:
     def test_experiments_are_left_out(self, previewer, paper):
         assert previewer.job(paper, "optimal").runs[0].experiment is None
 
-    @pytest.mark.parametrize("experiment", [None, {}, {"gravity_feedforward": False}, {"runs": []}])
-    def test_set_points_are_made_as_for_the_experiment(self, previewer, paper, experiment):
-        paper["experiment"] = experiment
-        name = "inverse-dynamics"
-        (own,) = (x for x in parse_job(yaml.safe_dump(paper)).runs if x.name == name)
-        (found,) = previewer.job(paper, name).runs
-        assert found.compensation_options == own.compensation_options
-
     def test_files_are_relative_to_the_folder(self, previewer, paper):
         paper["path"] = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
         assert len(previewer.drawn(paper).contours) > 3
-
-    def test_an_unknown_run_is_refused(self, previewer, paper):
-        with pytest.raises(InvalidInput, match="has no run other: it has conventional, uncomp"):
-            previewer.plan(paper, "other")
 
 
 class TestWhatIsDoneAgain:
@@ -110,21 +98,6 @@ class TestWhatIsDoneAgain:
 
 
 class TestDifferences:
-    def test_set_points_are_farther_apart(self, previewer, paper):
-        planned = previewer.plan(paper, "optimal")
-        assert planned.run.period == 4e-3
-        assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
-        assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
-
-    def test_gains_that_need_short_intervals_have_them(self, previewer, paper):
-        paper["servo"] = {"kp": 25, "kv": 300_000}
-        assert previewer.plan(paper, "optimal").run.period == 0.2e-3
-
-    def test_free_shapes_are_arcs(self, previewer, paper):
-        planned = previewer.plan(paper, "shaped")
-        assert ARCS in planned.differs
-        assert planned.path.path.corners.error.max() == pytest.approx(5e-3)
-
     def test_the_arm_stays_in_its_configuration(self, previewer, square):
         first = previewer.plan(square)
         assert CONFIGURATION not in first.differs

@@ -21,6 +21,7 @@ from armcontour.studio.wire import Frame
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 PATIENCE = 60.0
+pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
 class Heard:

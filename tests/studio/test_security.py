@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.studio.serving import JOB, Running, running
+from tests.studio.serving import Running, running
+from tests.studio.talking import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import guard, server
 from armcontour.studio.guard import LARGEST_UPLOAD
-from armcontour.studio.tasks import do
+from armcontour.studio.tasks.working import do
 
 SECRET = "the-secret"
 

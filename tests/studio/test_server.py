@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import socket
 import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.studio.serving import JOB, running
+from tests.studio.serving import running
+from tests.studio.talking import JOB
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.server import Tab, listen, require_server, serve
+from armcontour.studio.server import listen, require_server, serve
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,8 @@ def test_a_page_talks_with_the_session(file: Path) -> None:
         page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
         assert other.hear("document").header["undo_label"] == "set tolerance"
         assert studio.desk.session is not None
-        number = studio.desk.session.keep_file("a b.html", "text/html", b"x")
+        tabs = studio.desk.session.display.tabs
+        number = tabs.keep_file("a b.html", "text/html", b"x")
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"
@@ -66,7 +67,8 @@ def test_a_page_that_comes_while_it_starts_waits(
 
 
 def test_the_end_after_the_last_page(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tests.studio.serving import NoLane, Running
+    from tests.studio.serving import Running
+    from tests.studio.talking import NoLane
 
     from armcontour.studio.opening import open_session
 
@@ -114,36 +116,6 @@ def test_missing_libraries_are_named_with_the_extra(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(server, "NEEDED", ("uvicorn", "no_such_library"))
     with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
         require_server()
-
-
-def test_a_page_that_reads_slowly_gets_the_newest() -> None:
-    async def talk() -> list[bytes]:
-        tab, sent = Tab(), list[bytes]()
-        for k in range(100):
-            tab.send(b"%d" % k, "picture")
-        tab.send(b"notice")
-        tab.send(b"again", "picture")
-
-        async def send(message: Any) -> None:
-            sent.append(message["bytes"])
-
-        writing = asyncio.create_task(tab.write(send))
-        while len(sent) < 2:
-            await asyncio.sleep(0)
-        writing.cancel()
-        return sent
-
-    assert asyncio.run(talk()) == [b"notice", b"again"]
-
-
-def test_a_page_that_never_reads_is_let_go() -> None:
-    async def talk() -> None:
-        tab = Tab()
-        for _ in range(server.MOST_WAITING + 1):
-            tab.send(b"")
-        await tab.write(lambda message: asyncio.sleep(0))
-
-    asyncio.run(asyncio.wait_for(talk(), 20))
 
 
 def test_a_connection_that_says_nothing_costs_nothing(file: Path) -> None:

@@ -49,15 +49,14 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
 
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
     """Read a log."""
-    from armcontour._quantities import Moment
-    from armcontour.cli.quantities import read_option
+    from armcontour.cli.quantities import read_window
     from armcontour.io.log_file import read_log
 
-    start, end = read_option("--from", x.start, Moment), read_option("--to", x.end, Moment)
+    start, end = read_window(x.start, x.end)
     return read_log(
         log,
-        start=-math.inf if start is None else start,
-        end=math.inf if end is None else end,
+        start=start,
+        end=end,
         unwrap=x.unwrap,
         columns=x.columns,
         topic=x.topic,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path as FilePath
@@ -12,7 +11,7 @@ from armcontour._progress import Progress, Step, under
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.opening import open_job
 from armcontour.cli.progress import search_progress
-from armcontour.cli.quantities import read_option
+from armcontour.cli.quantities import read_window
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, LearnOptions
@@ -43,7 +42,7 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
     from armcontour.io.learning import learning_json
 
     _refuse_mixed(x)
-    window = _read_window(x)
+    window = read_window(x.start, x.end)
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress("learning") as progress:
             found = _learn(file, job_options, x, window, progress)
@@ -81,14 +80,6 @@ def _refuse_mixed(x: LearnOptions) -> None:
         )
     if x.out is None:
         raise InvalidInput("learn needs --out, the folder for the taught data of the next run.")
-
-
-def _read_window(x: LearnOptions) -> tuple[float, float]:
-    """First and last time of the log to use [s]."""
-    from armcontour._quantities import Moment
-
-    start, end = read_option("--from", x.start, Moment), read_option("--to", x.end, Moment)
-    return -math.inf if start is None else start, math.inf if end is None else end
 
 
 def _learn(

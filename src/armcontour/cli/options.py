@@ -43,6 +43,15 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 Out = Annotated[FilePath, typer.Option("--out", "-o", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+ForceFile = Annotated[bool, typer.Option("--force", help="Replace a file of that name.")]
+CellOfDrawing = Annotated[
+    str | None,
+    typer.Option(
+        "--cell",
+        help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
+        "without a path.",
+    ),
+]
 Memory = Annotated[
     str | None, typer.Option("--memory", help="Largest memory of the program, such as '4 GB'.")
 ]
@@ -135,14 +144,7 @@ class DrawingOptions:
 class JobOptions(DrawingOptions):
     """Options that replace values of a job, and that place a drawing."""
 
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell",
-            help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
-            "without a path.",
-        ),
-    ] = None
+    cell: CellOfDrawing = None
     at: Annotated[
         str | None,
         typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
@@ -210,7 +212,7 @@ class ShowOptions:
     out: Annotated[
         FilePath | None, typer.Option("--out", "-o", help="HTML file for a preview; else none.")
     ] = None
-    force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False
+    force: ForceFile = False
     open_page: Annotated[bool, typer.Option("--open", help="Open the preview in a browser.")] = (
         False
     )
@@ -221,14 +223,7 @@ class ShowOptions:
 class StudioOptions:
     """Options of the command `studio`."""
 
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell",
-            help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
-            "without a path.",
-        ),
-    ] = None
+    cell: CellOfDrawing = None
     open_page: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
     ] = True
@@ -317,7 +312,7 @@ class StoredExportOptions:
         typer.Option("--job", help="Job file (YAML) whose arm gives tool points."),
     ] = None
     trust_xacro: TrustXacro = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False
+    force: ForceFile = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, get_args
 
 
@@ -43,6 +44,22 @@ def read_option_list(
         wanted = " or ".join(str(n) for n in counts)
         raise InvalidInput(f"{option} takes {wanted} values, such as '{example}', not {text!r}.")
     return tuple(_read(option, part, kind) for part in parts)
+
+
+def read_window(start: str | None, end: str | None) -> tuple[float, float]:
+    """First and last time of a log to use [s]; infinite without the option.
+
+    Args:
+        start: The option --from.
+        end: The option --to.
+
+    Raises:
+        InvalidInput: One of them is no time.
+    """
+    from armcontour._quantities import Moment
+
+    first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
+    return -math.inf if first is None else first, math.inf if last is None else last
 
 
 def _read(option: str, text: str, kind: Any) -> float:

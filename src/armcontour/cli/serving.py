@@ -10,7 +10,7 @@ from armcontour.cli.console import say_at_once
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
-    from armcontour.studio.server import Desk
+    from armcontour.studio.desk import Desk
     from armcontour.studio.session import Session
 
 # A job may have one of these endings, or none.

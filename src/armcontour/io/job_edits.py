@@ -16,7 +16,8 @@ from armcontour._yaml import Loader, load_with_node
 from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import ARM_FILES
 from armcontour.io.problems import place
-from armcontour.io.yaml_text import Shared, Splice, YamlText, flow_text, same
+from armcontour.io.yaml_text import Shared, Splice, YamlText, same
+from armcontour.io.yaml_values import flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]

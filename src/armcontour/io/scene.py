@@ -61,9 +61,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         InvalidInput: Values that make no body, or a file that is not there or wrong.
     """
     obstacles = []
-    for key, x in _bodies(model):
-        where = f"scene.{key}: {x.name}"
-        _refuse_keys(where, x, OF_LINKS, "shapes of links")
+    for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
         with locate_errors(where):
             found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
         obstacles.append(_stand(found, x, part))
@@ -91,15 +89,11 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
     chain = arm.chain
     if chain is None:
         raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
-    found = []
-    for key, x in _bodies(model):
-        where = f"arm.tool.shapes.{key}: {x.name}"
-        _refuse_keys(where, x, (*OF_OBSTACLES, *OF_LINKS), "obstacles and links")
-        with locate_errors(where):
-            shape, place = _shape(x, folder), chain.tip @ _place(x)
-            body = LinkShape(name=x.name, link=len(chain), shape=shape, place=place, tool=True)
-            found.append(body.with_hull())
-    return tuple(found)
+    keys = (*OF_OBSTACLES, *OF_LINKS)
+    return tuple(
+        _link_shape(where, x, folder, len(chain), tip=chain.tip)
+        for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
+    )
 
 
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
@@ -116,19 +110,13 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     found = []
-    for key, x in _bodies(model):
-        where = f"arm.shapes.{key}: {x.name}"
-        _refuse_keys(where, x, OF_OBSTACLES, "obstacles")
+    for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
         if x.link not in links:
             raise InvalidInput(
                 f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
                 f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
             )
-        with locate_errors(where):
-            body = LinkShape(
-                name=x.name, link=links[x.link], shape=_shape(x, folder), place=_place(x)
-            )
-            found.append(body.with_hull())
+        found.append(_link_shape(where, x, folder, links[x.link]))
     return tuple(found)
 
 
@@ -149,11 +137,27 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     return None if model.rpy is None else from_rpy(model.rpy)
 
 
-def _bodies(model: BodiesModel) -> Iterator[tuple[str, BodyModel]]:
-    """All bodies, with the keys that they are under."""
+def _bodies(
+    model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
+) -> Iterator[tuple[str, BodyModel]]:
+    """All bodies under a key, with their places in the job; none may have some keys."""
     for x in dataclasses.fields(BodiesModel):
         for body in getattr(model, x.name):
-            yield x.name, body
+            where = f"{key}.{x.name}: {body.name}"
+            _refuse_keys(where, body, keys, whose)
+            yield where, body
+
+
+def _link_shape(
+    where: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
+) -> LinkShape:
+    """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
+    with locate_errors(where):
+        shape, place = _shape(model, folder), _place(model)
+        if tip is not None:
+            place = tip @ place
+        body = LinkShape(name=model.name, link=link, shape=shape, place=place, tool=tip is not None)
+        return body.with_hull()
 
 
 def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:

@@ -9,18 +9,15 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from armcontour._yaml import INT, Loader
+from armcontour._yaml import INT
+from armcontour.io.yaml_values import TEXT, WIDTH, behind, block_text, flow_text
 
-# A new value that would be longer on one line becomes a block of several lines.
-WIDTH = 100
-INDENT = 2
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
 BREAK = re.compile(r"\r\n|\r|\n")
 # Blanks that put a comment into a column.
 GAP = re.compile(r" {4,}(?=#)")
 BLANK = " \t\r\n"
-TEXT = "tag:yaml.org,2002:str"
 
 
 class Shared(Exception):  # noqa: N818
@@ -33,51 +30,6 @@ class Splice(NamedTuple):
     begin: int
     end: int
     text: str
-
-
-class Dumper(yaml.SafeDumper):
-    """Writes what `Loader` reads, which has other numbers than PyYAML."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        """Equal values are written twice."""
-        return True
-
-
-def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
-    """A text, of which one with line breaks is written on one line."""
-    lines = any(x in text for x in "\r\n\x85\u2028\u2029")
-    return dumper.represent_scalar(TEXT, text, style='"' if lines else None)
-
-
-Dumper.add_representer(str, _represent_text)
-# What either of them takes for a number is quoted if it is text.
-Dumper.yaml_implicit_resolvers = {
-    first: [
-        *Loader.yaml_implicit_resolvers.get(first, []),
-        *yaml.SafeDumper.yaml_implicit_resolvers.get(first, []),
-    ]
-    for first in {*Loader.yaml_implicit_resolvers, *yaml.SafeDumper.yaml_implicit_resolvers}
-}
-
-
-def flow_text(value: Any, style: str | None = None) -> str:
-    """A value on one line, as it can stand anywhere.
-
-    Args:
-        value: The value.
-        style: The quotes of a text, if it is to have some.
-    """
-    quoted = style if isinstance(value, str) else None
-    text = yaml.dump(
-        [value],
-        Dumper=Dumper,
-        default_style=quoted,
-        default_flow_style=True,
-        sort_keys=False,
-        width=float("inf"),
-        allow_unicode=True,
-    )
-    return str(text).strip().removeprefix("[").removesuffix("]")
 
 
 def same(one: Any, other: Any) -> bool:
@@ -283,7 +235,7 @@ class Part:
         long = isinstance(new, dict | list) and self.column + len(line) > WIDTH
         if self.is_block and long:
             column = _column(self.of, self.begin)
-            return [Splice(self.begin, self.end, _block(new, column, self.of.eol))]
+            return [Splice(self.begin, self.end, block_text(new, column, self.of.eol))]
         if long and not self.outer.flow:
             return [Splice(self.name_end, self.end, self.outer.child(new, self.column))]
         if self.begin == self.end:
@@ -311,8 +263,8 @@ class Part:
         """Write another document; comments before it stay."""
         if self.node is None:
             gap = self.of.eol if self.of.text and not self.of.text.endswith(("\r", "\n")) else ""
-            return [Splice(self.end, self.end, gap + _block(new, 0, self.of.eol) + self.of.eol)]
-        text = _block(new, 0, self.of.eol) if new else flow_text(new)
+            return [Splice(self.end, self.end, gap + block_text(new, 0, self.of.eol) + self.of.eol)]
+        text = block_text(new, 0, self.of.eol) if new else flow_text(new)
         return [Splice(self.begin, self.end, text)]
 
     def _append_inline(self, entry: str) -> Splice:
@@ -329,7 +281,7 @@ class Part:
 
     def child(self, value: Any, column: int) -> str:
         """A value after a key or a dash in a column."""
-        return _after(value, column, self.of.eol, in_list=isinstance(self.node, yaml.SequenceNode))
+        return behind(value, column, self.of.eol, in_list=isinstance(self.node, yaml.SequenceNode))
 
 
 def _values(outer: Part, node: yaml.MappingNode) -> list[Part]:
@@ -407,24 +359,3 @@ def _skip(text: str, at: int, mark: str) -> int:
 def _column(of: YamlText, at: int) -> int:
     """The column of a place."""
     return at - of.line_start(at)
-
-
-def _after(value: Any, column: int, eol: str, *, in_list: bool) -> str:
-    """A value behind a key or a dash in a column: on its line if it fits, else below."""
-    line = flow_text(value)
-    if not (isinstance(value, dict | list) and value and column + len(line) > WIDTH):
-        return f" {line}"
-    inner = column + INDENT
-    start = " " if in_list else eol + " " * inner
-    return start + _block(value, inner, eol)
-
-
-def _block(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
-    """A mapping or list in lines of its own, of which the first is not indented."""
-    if isinstance(value, dict):
-        lines = [
-            flow_text(key) + ":" + _after(x, column, eol, in_list=False) for key, x in value.items()
-        ]
-    else:
-        lines = ["-" + _after(x, column, eol, in_list=True) for x in value]
-    return (eol + " " * column).join(lines)

@@ -20,9 +20,8 @@ from armcontour.io.job_model import PathModel
 from armcontour.io.job_path import READING, path_of
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.units import write_like
-from armcontour.studio.handles import FILE, LENGTH, Handles
+from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 
-ANGLE = Quantity("rad", "90 deg")
 SPEED = Quantity("m/s", "100 mm/s")
 # Arcs up to this angle go through a point to an end, which can be moved. Others, whose ends may lie
 # near each other, are written with their centre [rad].

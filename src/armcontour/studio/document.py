@@ -1,25 +1,19 @@
-"""`Document`: the text of a job file, with undo and redo, its file and its draft."""
+"""`Document`: the text of a job file, with undo and redo, and its file."""
 
 from __future__ import annotations
 
 import difflib
-import os
-import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from armcontour._files import read_bytes
-from armcontour._staging import put_in_place
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import drawing_text
 from armcontour.io.job_edits import Change, change_data, change_text, file_names
+from armcontour.studio.disk import BOM, Draft, decoded, write_whole
 
-# Folder beside a job file that holds its draft.
-DRAFTS = ".armcontour"
-BOM = "\ufeff"
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
 
 
@@ -60,6 +54,7 @@ class Document:
         self.source, self.file, self.folder = source, file, folder
         self._marked = text.startswith(BOM)
         self._saved = saved
+        self._draft = None if file is None else Draft(file)
         self.text = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = self._checked(self.text)
@@ -78,7 +73,7 @@ class Document:
         """
         place = FilePath(file).absolute()
         content = read_bytes(place, "job file")
-        text = _decoded(content, place)
+        text = decoded(content, place)
         return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
 
     @classmethod
@@ -230,9 +225,9 @@ class Document:
                 "overwrite it."
             )
         content = ((BOM if self._marked else "") + self.text).encode()
-        _write(self.file, content)
+        write_whole(self.file, content)
         self._saved, self.saved_text = content, self.text
-        self._drop_draft()
+        self.write_draft()
 
     def diff(self) -> str:
         """The changes since the file was read or saved, as a unified diff."""
@@ -244,7 +239,7 @@ class Document:
         Raises:
             InvalidInput: The file cannot be read.
         """
-        there = _decoded(self._read(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        there = decoded(self._read(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
         return _diff(there.removeprefix(BOM), self.text, self.source, "on disk", "now")
 
     def reload(self) -> None:
@@ -256,7 +251,7 @@ class Document:
         if self.file is None:
             raise InvalidInput(f"{self.source} has no file to read again.")
         content = self._read()
-        text = _decoded(content, self.file)
+        text = decoded(content, self.file)
         own = text.removeprefix(BOM)
         data = self._checked(own)
         self._saved, self.saved_text, self._marked = content, own, text.startswith(BOM)
@@ -268,35 +263,16 @@ class Document:
         Returns:
             Whether there is a draft now: a folder that cannot be written to has none.
         """
-        if self.file is None:
+        if self._draft is None:
             return False
-        if not self.dirty:
-            self._drop_draft()
-            return False
-        draft = _draft_file(self.file)
-        try:
-            draft.parent.mkdir(exist_ok=True)
-            _write(draft, self.text.encode())
-        except (InvalidInput, OSError):
-            return False
-        return True
+        if self.dirty:
+            return self._draft.write(self.text)
+        self._draft.drop()
+        return False
 
-    @staticmethod
-    def draft_of(file: str | FilePath) -> str | None:
-        """The draft of a job file that was never saved; None if there is none.
-
-        Args:
-            file: The job file, which may not exist yet.
-        """
-        place = FilePath(file).absolute()
-        draft = _draft_file(place)
-        try:
-            newer = not place.exists() or draft.stat().st_mtime_ns >= place.stat().st_mtime_ns
-            text = _decoded(read_bytes(draft, "draft"), draft)
-            saved = _decoded(read_bytes(place, "job file"), place) if place.exists() else None
-        except (InvalidInput, OSError):
-            return None
-        return text if newer and text != (saved or "").removeprefix(BOM) else None
+    def earlier_draft(self) -> str | None:
+        """The text that an earlier session has not saved; None if there is none."""
+        return None if self._draft is None else self._draft.find()
 
     def _checked(self, text: str) -> dict[str, Any]:
         """The data of a text.
@@ -351,51 +327,6 @@ class Document:
         """The content of the file."""
         assert self.file is not None
         return read_bytes(self.file, "job file")
-
-    def _drop_draft(self) -> None:
-        """Remove the draft, and its folder if that is empty."""
-        if self.file is not None:
-            draft = _draft_file(self.file)
-            with suppress(OSError):
-                draft.unlink()
-            with suppress(OSError):
-                draft.parent.rmdir()
-
-
-def _draft_file(file: FilePath) -> FilePath:
-    """The file of a job file's draft."""
-    return file.parent / DRAFTS / f"{file.stem}.draft{file.suffix}"
-
-
-def _decoded(content: bytes, file: FilePath | None) -> str:
-    """The text of a file, with all its line breaks.
-
-    Raises:
-        InvalidInput: It is not UTF-8.
-    """
-    try:
-        return content.decode()
-    except UnicodeDecodeError:
-        raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
-
-
-def _write(file: FilePath, content: bytes) -> None:
-    """Write a file, completely or not at all; a link stays one.
-
-    Raises:
-        InvalidInput: It cannot be written.
-    """
-    place = FilePath(os.path.realpath(file))
-
-    def write(fresh: FilePath) -> None:
-        fresh.write_bytes(content)
-        if place.exists():
-            shutil.copymode(place, fresh)
-
-    try:
-        put_in_place(place, write)
-    except OSError as error:
-        raise InvalidInput(f"{file} cannot be written: {error.strerror}.") from None
 
 
 def _diff(old: str, new: str, name: str, before: str, after: str) -> str:

@@ -23,7 +23,7 @@ from armcontour.jobs import Job
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
 # computed, and as it is written.
 Given: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
-LENGTH = Quantity("m", "1 mm")
+LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
 # Points whose distances from a plane or from a line are below this lie in it [m].
 FLAT = 1e-9
 # Cosine of the angle within which a plane's normal points along an axis.

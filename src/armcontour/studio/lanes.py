@@ -10,8 +10,7 @@ from typing import Any, TypeAlias
 from armcontour._pool import Worker
 from armcontour._process import ProcessEnded, can_start
 from armcontour.errors import ArmContourError
-from armcontour.studio import tasks
-from armcontour.studio.tasks import WARM, Given
+from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
 
 Stale: TypeAlias = Callable[[], bool]
@@ -101,8 +100,8 @@ class SlowLane:
 
         Args:
             id: Its name, by which it can be cancelled.
-            task: What is done, of `tasks.TASKS`.
-            request: What it is done with, as `tasks.do` takes it.
+            task: What is done, of `TASKS`.
+            request: What it is done with, as `do` takes it.
         """
         with self._news:
             self._waiting.append(Given(id, task, request))
@@ -136,7 +135,7 @@ class SlowLane:
     def _run(self) -> None:
         """Start a process and give it one task after the other, until it ends; then the next."""
         while self._open:
-            worker = Worker(tasks.work) if can_start() else None
+            worker = Worker(work) if can_start() else None
             with self._news:
                 self._worker = worker
                 if not self._open and worker is not None:
@@ -169,7 +168,7 @@ class SlowLane:
         """Have the process do a task, and deliver what it says."""
         worker = self._worker
         if worker is None:
-            found = tasks.work(given, self._hear)
+            found = work(given, self._hear)
         else:
             found = worker.do(given, self._hear)
         if given != WARM:
@@ -187,8 +186,7 @@ class SlowLane:
         with self._news:
             given, self._running = self._running, None
             if given is not None:
-                header = {**frame.header, "id": given.id}
-                self._said.append(Frame(frame.kind, header, frame.arrays))
+                self._said.append(frame.stamped(id=given.id))
         self._deliver_all()
 
     def _deliver_all(self) -> None:

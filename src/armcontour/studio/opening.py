@@ -60,7 +60,8 @@ def open_session(
     tell(Step(("loading armcontour",)))
     from armcontour.studio.lanes import SlowLane
     from armcontour.studio.preview import Previewer
-    from armcontour.studio.session import Session, arm_file_of
+    from armcontour.studio.session import Session
+    from armcontour.studio.trust import arm_file_of
 
     document = _document(file, cell)
     folder = document.folder or FilePath.cwd()

@@ -1,7 +1,4 @@
-"""Results as frames for the screen: paths with what limits them, demand and errors over time.
-
-Errors are magnified on the screen, so that they are computed here, in 64 bits.
-"""
+"""The picture of a plan, or of a program that is not planned yet, as a frame for the screen."""
 
 from __future__ import annotations
 
@@ -10,27 +7,22 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
-from armcontour.errors import ArmContourError
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
-from armcontour.motion import Trajectory
 from armcontour.program import Program
+from armcontour.studio.demand import demand_of
 from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.preview import Executed, Planned
+from armcontour.studio.previewed import Planned
 from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 from armcontour.timing import Explanation
 
-# About the largest number of points of a path, and of times of a chart or an execution.
-MOST_POINTS, MOST_TIMES, MOST_SAMPLES = 20_000, 2_000, 4_000
+# About the largest number of points of a path.
+MOST_POINTS = 20_000
 # A short path needs fewer, with so many more for each place that makes its curves look smooth.
 LEAST_POINTS, PER_PLACE = 1_200, 8
-# Charts have at least so many times.
-FEWEST_TIMES = 200
 # Points of a drawn rapid.
 OF_RAPID = 16
 # Longest lists in headers: corners have handles, and sentences are read.
@@ -51,16 +43,12 @@ KINDS = {
 }
 
 
-def picture_frame(
-    planned: Planned, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
-) -> Frame:
+def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     """The picture of a plan.
 
     Args:
         planned: The plan.
         view: How points get on the screen.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
         of: "live", or "compare" for a plan to compare with.
     """
     line = Line.of(planned)
@@ -70,7 +58,8 @@ def picture_frame(
     kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_PLACE * places))
     points, s = line.points[kept], line.s[kept]
     header = {
-        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
+        "run": planned.run.name,
+        "of": of,
         "duration": planned.trajectory.duration,
         **view.header,
         "contours": _contours(planned.path, line.ends, kept),
@@ -97,27 +86,25 @@ def picture_frame(
             "binding": binding[kept],
             "xyz": short(in_space(points)),
             **_rapids(planned, view),
-            **_demand(planned.trajectory, planned.job.arm, planned.run.limits),
+            **demand_of(planned.trajectory, planned.job.arm, planned.run.limits),
         },
     )
 
 
-def drawing_frame(
-    program: Program, view: View, *, seq: int | None = None, rev: int = 0, run: str = ""
-) -> Frame:
+def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
         program: The program.
         view: How points get on the screen.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
         run: Name of the run that is shown.
     """
     points, first = _outline(program)
     arrays = _thinned_outline(points, first, view)
     header = {
-        **{"seq": seq, "rev": rev, "run": run, "of": "live", "duration": None},
+        "run": run,
+        "of": "live",
+        "duration": None,
         **view.header,
         "contours": [],
         "limits": [],
@@ -131,104 +118,6 @@ def drawing_frame(
     }
     header["plane"]["flat"] = view.is_flat(points)
     return Frame("picture", header, arrays)
-
-
-def executed_frame(
-    executed: Executed, view: View, *, seq: int | None = None, rev: int = 0, of: str = "live"
-) -> Frame:
-    """The picture of an execution: how far the tool is from the path, and what the joints need.
-
-    Args:
-        executed: The execution.
-        view: As in `picture_frame`.
-        seq: As in `picture_frame`.
-        rev: As in `picture_frame`.
-        of: As in `picture_frame`.
-    """
-    planned, execution, errors = executed.planned, executed.execution, executed.errors
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
-    base = np.concatenate([x.path(x.found.s) for x in executed.pieces])
-    tool = np.concatenate([x.tool for x in executed.pieces])
-    distance = np.concatenate([x.found.distance for x in executed.pieces])
-    demand = _demand_shares(execution.demand[which], planned.run.limits)
-    offset = view.offsets(tool - base)
-    kept = thin(
-        _peaks(distance),
-        [*offset.T.astype(np.float64), distance, *demand.T],
-        MOST_SAMPLES,
-    )
-    joints = execution.arm.joint_names
-    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
-    at = which[kept]
-    worst = int(np.argmax(distance))
-    header = {
-        **{"seq": seq, "rev": rev, "run": planned.run.name, "of": of},
-        "rms": errors.rms,
-        "max": errors.max,
-        "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
-        "period": executed.taught.period,
-        "settled": executed.settled,
-        "saturated": [
-            {"joint": name, "time": time}
-            for name, time in zip(joints, execution.saturated_time.tolist(), strict=True)
-            if time > 0
-        ],
-        "demand": _largest_demand(execution.demand_range, planned.run.limits),
-        "preview_period": executed.taught.period,
-        "centre": view.centre,
-        "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
-    }
-    return Frame(
-        "executed",
-        header,
-        {
-            "base": view.drawn(base[kept]),
-            "offset": offset[kept],
-            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
-            "t": short(execution.t[at]),
-            "error": short(distance[kept]),
-            "q": np.ascontiguousarray(execution.q[at]),
-            "xyz": short(in_space(tool[kept])),
-            "demand": short(demand[kept]),
-        },
-    )
-
-
-def refusal_header(
-    error: ArmContourError,
-    view: View,
-    *,
-    tier: int,
-    run: str = "",
-    planned: Planned | None = None,
-    waypoints: FloatArray | None = None,
-) -> dict[str, Any]:
-    """What was refused, and where.
-
-    Args:
-        error: The error.
-        view: As in `picture_frame`.
-        tier: What could not be had: 1 the plan, 2 its execution, 3 the full run.
-        run: Name of the run.
-        planned: The plan, if there is one: it has the place of a time.
-        waypoints: Waypoints in the plane [m], (n, 2), of which one may be at the place.
-    """
-    point = None if error.point is None else np.array(error.point)
-    if point is None and error.t is not None and planned is not None:
-        t = np.clip(error.t, 0.0, planned.trajectory.duration)
-        point = planned.job.arm.forward(planned.trajectory(t))
-    at: dict[str, Any] = {"s": error.s, "t": error.t, "joint": error.joint, "index": error.index}
-    if point is not None and point.shape in {(2,), (3,)}:
-        at |= {"xyz": in_space(point), "uv": view.uv(point)}
-        if waypoints is not None and len(waypoints):
-            away = np.linalg.norm(waypoints - at["uv"], axis=1)
-            at["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
-    return {
-        **{"tier": tier, "run": run, "sentence": str(error)},
-        **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
-        **{"needed": error.needed, "allowed": error.allowed},
-        "at": {name: x for name, x in at.items() if x is not None},
-    }
 
 
 def _outline(program: Program) -> tuple[FloatArray, IntArray]:
@@ -373,50 +262,3 @@ def _rapids(planned: Planned, view: View) -> dict[str, Any]:
         "rapid_t": short(t),
         "rapid_breaks": np.arange(0, len(points) + 1, OF_RAPID, dtype=np.uint32),
     }
-
-
-def _demand(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
-    """Arrays of joint positions over time, and of the shares of limits that joints use."""
-    breaks = trajectory.breaks
-    if len(breaks) > MOST_TIMES:
-        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
-    elif len(breaks) < FEWEST_TIMES:
-        breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
-    # Accelerations jump: both sides of every break, the first one after it, the last one before it.
-    after, before = trajectory.motion(breaks[:-1]), trajectory.motion(breaks[1:], side="left")
-    t = np.stack([breaks[:-1], breaks[1:]], axis=1).ravel()
-    q, dq, ddq = (
-        np.stack([x, y], axis=1).reshape(len(t), -1) for x, y in zip(after, before, strict=True)
-    )
-    shares = {
-        "usage_v": dq / or_unlimited(limits.joint_velocity, arm.dof),
-        "usage_a": _demand_shares(ddq, limits),
-    }
-    if limits.joint_torque is not None and arm.has_bodies:
-        shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
-    rows = [x for share in shares.values() for x in share.T]
-    kept = thin(np.zeros(len(t)), rows, MOST_TIMES)
-    return {
-        "t": short(t[kept]),
-        "q": np.ascontiguousarray(q[kept]),
-        **{name: short(x[kept]) for name, x in shares.items()},
-    }
-
-
-def _demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
-    """Shares of the acceleration limits with the signs of the accelerations, (n, dof)."""
-    low, high = limits.acceleration_bounds(ddq.shape[1])
-    return np.asarray(np.where(ddq > 0, ddq / high, ddq / -low))
-
-
-def _largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
-    """Largest share of its acceleration limit that each joint would have needed."""
-    found: list[float] = np.abs(_demand_shares(demand_range, limits)).max(axis=0).tolist()
-    return found
-
-
-def _peaks(distance: FloatArray) -> FloatArray:
-    """Infinite at the largest distance, else zero."""
-    found = np.zeros(len(distance))
-    found[int(np.argmax(distance))] = np.inf
-    return found

@@ -1,22 +1,16 @@
 """Plans and executions while a person edits: those steps of `run` that are not done yet.
 
 A preview differs from a run where waiting for it would take too long, and its notes say so:
-set-points are not closer than `PERIOD`, an arm in space keeps the configuration of the last plan,
-corners of the shape free have arcs, and while a handle moves the timing is found on a coarser grid.
+its run is coarser (`coarser_run`), and an arm in space keeps the configuration of the last plan.
 Nothing is checked for collisions.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
-
-import numpy as np
+from typing import Any
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress
@@ -27,7 +21,7 @@ from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of
 from armcontour.io.job_file import job_on
-from armcontour.io.job_model import JobModel, RunModel
+from armcontour.io.job_model import JobModel
 from armcontour.io.job_path import part_of, placed_path, unplaced_path
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
@@ -40,108 +34,19 @@ from armcontour.jobs.programs import (
     time_run,
     trace_run,
 )
-from armcontour.jobs.study import TimedRun
-from armcontour.jobs.weak_points import INVERSE_DYNAMICS
-from armcontour.motion import Execution, Method, TaughtData
+from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
-from armcontour.timing import Explanation, intervals_of
+from armcontour.studio.kept import Kept, comparable
+from armcontour.studio.preview_run import coarser_run, with_one_run
+from armcontour.studio.previewed import Executed, Planned
 from armcontour.timing.program_tracing import ends_of
 
-T = TypeVar("T")
-# Smallest command interval of a preview [s].
-PERIOD = 4e-3
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
-# Results that are kept of every step: those of a few runs and pins that are looked at by turns.
-KEPT = 4
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
-# Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
-# differ by less than a thousandth, and nothing needs half as long.
-MOVING_INTERVALS = 600
-ARCS = (
-    "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
-    "at rest."
-)
 CONFIGURATION = "the arm keeps the configuration in which it was planned before."
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Planned(TimedRun):
-    """The plan of a run, and why it is not faster.
-
-    Args:
-        job: The job, with this run only.
-        explanation: Which limit binds where; None for methods that have no such limits.
-        start: Joint positions at the start of the motion [rad], (dof,).
-        seconds: Time that each step took [s], without steps whose results were kept.
-        differs: Sentences on what a full run may do in another way.
-    """
-
-    job: Job
-    explanation: Explanation | None
-    start: FloatArray
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    differs: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Executed:
-    """The simulated execution of a plan.
-
-    Args:
-        planned: The plan.
-        taught: The set-points.
-        execution: The executed motion.
-        pieces: The execution along each contour.
-        errors: The contour error.
-        settled: Time after which the tool is at rest [s].
-        seconds: Time that each step took [s], without steps whose results were kept.
-    """
-
-    planned: Planned
-    taught: TaughtData
-    execution: Execution
-    pieces: tuple[Piece, ...]
-    errors: ErrorProfile
-    settled: float
-    seconds: Mapping[str, float] = field(default_factory=dict)
-
-
-class Kept:
-    """Results of steps with what they were made of: the same again is not done again."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, list[tuple[Any, Any]]] = {}
-        self.seconds: dict[str, float] = {}
-
-    def get(self, step: str, made_of: Any, make: Callable[[], T]) -> T:
-        """The result of a step, kept or made.
-
-        Args:
-            step: Name of the step.
-            made_of: Everything that the result depends on; it can be compared.
-            make: Does the step.
-        """
-        known = self._known.setdefault(step, [])
-        for k, (before, value) in enumerate(known):
-            if before == made_of:
-                known.insert(0, known.pop(k))
-                found: T = value
-                return found
-        begin = time.perf_counter()
-        value = make()
-        self.seconds[step] = time.perf_counter() - begin
-        known.insert(0, (made_of, value))
-        del known[KEPT:]
-        return value
-
-    @contextmanager
-    def timed(self) -> Iterator[dict[str, float]]:
-        """Collect the times of the steps that are done meanwhile [s]."""
-        self.seconds = {}
-        yield self.seconds
 
 
 class Previewer:
@@ -246,7 +151,7 @@ class Previewer:
             job, path = self._job_and_path(data, run)
             (own,) = job.runs
             with locate_errors(f"Run {own.name}"):
-                this, differs = (own, ()) if exact else _coarser(job, own, period, moving)
+                this, differs = (own, ()) if exact else coarser_run(job, own, period, moving)
                 found = self._plan(job, path, this, exact, progress)
         return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
 
@@ -257,7 +162,7 @@ class Previewer:
             ArmContourError: As `run`.
         """
         job, this, get = planned.job, planned.run, self._kept.get
-        servos = [_key(x) for x in (job.servo, job.plant_servo)]
+        servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
             how = this.compensation, this.compensation_options, this.period, servos[0]
             taught = get(
@@ -267,7 +172,7 @@ class Previewer:
             )
             execution = get(
                 "execution",
-                (taught, servos[1], _key(this.limits)),
+                (taught, servos[1], comparable(this.limits)),
                 lambda: execute_run(job, this, taught),
             )
             pieces, errors, settled = get(
@@ -290,7 +195,7 @@ class Previewer:
         return self._kept.get("job", (data, run), lambda: self._make_job(data, run))
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
-        model = _with_run(self._model(data), run)
+        model = with_one_run(self._model(data), run)
         arm, path = self._arm_and_path(model, data)
         part = part_of(model.path)
         scene: Scene | None = None
@@ -349,12 +254,12 @@ class Previewer:
         self, job: Job, drawn: Path | Program, this: Run, progress: Progress | None
     ) -> Planned:
         """Do the steps from the objective path to the explanation."""
-        get, limits = self._kept.get, _key(this.limits)
+        get, limits = self._kept.get, comparable(this.limits)
         start = None if job.start is None else job.start.tobytes()
         rounding = this.rounding
         by_limits = job.objective is None or (rounding is not None and rounding.free)
         of_path = (
-            *(drawn, _key(job.process), rounding),
+            *(drawn, comparable(job.process), rounding),
             *(this.continuity, this.transition_tolerance, this.limits.centripetal_acceleration),
             (job.arm, start, limits, this.plan_options) if by_limits else None,
         )
@@ -395,64 +300,6 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     return model
 
 
-def _with_run(model: JobModel, run: str | None) -> JobModel:
-    """The keys with one run only, and without what may name others.
-
-    Raises:
-        InvalidInput: The job has no such run.
-    """
-    name = next(iter(model.runs)) if run is None else run
-    if name not in model.runs:
-        raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
-    return dataclasses.replace(
-        model,
-        runs={name: _without_experiment(model, name)},
-        published=None,
-        certificate=None,
-        experiment=None,
-    )
-
-
-def _without_experiment(model: JobModel, run: str) -> RunModel:
-    """The keys of a run, with what an experiment decides of its set-points."""
-    found, experiment = model.runs[run], model.experiment
-    how = found.compensation
-    if how.method != INVERSE_DYNAMICS or how.gravity_feedforward is not None:
-        return found
-    if experiment is None or run not in (experiment.runs or [run]):
-        return found
-    fed = dataclasses.replace(how, gravity_feedforward=experiment.gravity_feedforward)
-    return dataclasses.replace(found, compensation=fed)
-
-
-def _coarser(job: Job, own: Run, period: float | None, moving: bool) -> tuple[Run, tuple[str, ...]]:
-    """The run of a preview, and sentences on what is different in it."""
-    this, differs = own, []
-    if period is None:
-        period = max(own.period, PERIOD)
-        try:
-            for x in (job.servo, job.plant_servo):
-                x.refuse_too_fast(period)
-        except InvalidInput:
-            # Gains as large as these need short intervals.
-            period = own.period
-    if period != own.period:
-        this = dataclasses.replace(this, period=period)
-        differs.append(
-            f"set-points come every {period * 1e3:g} ms, and in a run every "
-            f"{own.period * 1e3:g} ms."
-        )
-    if this.rounding is not None and this.rounding.free:
-        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
-        differs.append(ARCS)
-    if moving and this.timing == Method.OPTIMAL and "intervals" not in this.timing_options:
-        few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
-        options = {**this.timing_options, "intervals": few}
-        this = dataclasses.replace(this, timing_options=options)
-        differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
-    return this, tuple(differs)
-
-
 def _contour_errors(
     execution: Execution, path: Program, until: float | None
 ) -> tuple[tuple[Piece, ...], ErrorProfile, float]:
@@ -466,14 +313,3 @@ def _contour_errors(
 def _part(data: Mapping[str, Any]) -> Any:
     """Where the part is, as written; scenes may be placed with it."""
     return data["path"].get("frame")
-
-
-def _key(value: Any) -> Any:
-    """A value whose fields are numbers and arrays, as something that can be compared."""
-    if isinstance(value, np.ndarray):
-        return value.shape, value.tobytes()
-    if dataclasses.is_dataclass(value):
-        return [_key(getattr(value, x.name)) for x in dataclasses.fields(value)]
-    if isinstance(value, Mapping):
-        return {name: _key(x) for name, x in value.items()}
-    return value

@@ -28,20 +28,19 @@ MOST_TRIANGLES = 4_000
 ROOM, THICK = 1.1, 0.02
 
 
-def arm_frame(job: Job, *, seq: int | None = None, rev: int = 0) -> Message:
+def arm_frame(job: Job) -> Message:
     """The arm of a job and what stands in its cell.
 
     Args:
         job: The job.
-        seq: Number of the message that is answered.
-        rev: Revision of the document.
     """
     arm, chain = job.arm, _chain_of(job.arm)
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     lower, upper = arm.limits.joint_range(arm.dof)
     header = {
-        **{"seq": seq, "rev": rev, "name": arm.name, "planar": isinstance(arm, PlanarTwoLink)},
+        "name": arm.name,
+        "planar": isinstance(arm, PlanarTwoLink),
         "joints": [
             {
                 "name": name,

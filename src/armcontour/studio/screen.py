@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from threading import Event, Lock
 from typing import Any
 
@@ -13,14 +13,12 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
-from armcontour.studio.picture import (
-    drawing_frame,
-    executed_frame,
-    picture_frame,
-    refusal_header,
-)
-from armcontour.studio.preview import Executed, Planned, Previewer
+from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.preview import Previewer
+from armcontour.studio.previewed import Executed, Planned
+from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
@@ -256,8 +254,3 @@ def _refusal(
         waypoints=shown.waypoints,
     )
     return Frame("refusal", {**header, "of": of})
-
-
-def stamped(frame: Frame, **facts: Any) -> Frame:
-    """The same frame with some more facts."""
-    return replace(frame, header={**frame.header, **facts})

@@ -17,7 +17,7 @@ from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import SHAPES
-from armcontour.studio.edits import SHARP, joint_values, place_of, run_of
+from armcontour.studio.edits.keys import SHARP, joint_values, place_of, run_of
 from armcontour.timing import methods
 
 JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"

@@ -82,9 +82,9 @@ class Variants:
         text: str,
         data: Mapping[str, Any],
         run: str,
+        figures: Mapping[str, Any],
         *,
         name: str | None,
-        figures: Mapping[str, Any],
     ) -> Pin:
         """Keep a state.
 
@@ -92,8 +92,8 @@ class Variants:
             text: Text of the job.
             data: The same as parsed.
             run: Name of the run.
-            name: Name of the pin; by default its number.
             figures: Duration and error, as of `Pin`.
+            name: Name of the pin; by default its number.
 
         Raises:
             InvalidInput: There are many already.

@@ -12,7 +12,7 @@ import json
 import math
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,10 @@ class Frame:
     kind: str
     header: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+
+    def stamped(self, **facts: Any) -> Frame:
+        """The same frame with some more facts in its header."""
+        return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
         """The frame as bytes.

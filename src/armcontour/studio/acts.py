@@ -1,0 +1,213 @@
+"""What a page may say: one act for each kind of message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from armcontour._checks import LONGEST_NAME
+from armcontour._text import show
+from armcontour.errors import InvalidInput
+from armcontour.io.job_edits import Change
+from armcontour.studio.display import Display
+from armcontour.studio.editor import Made
+from armcontour.studio.gestures import Gestures
+from armcontour.studio.tabs import Said, Tab
+from armcontour.studio.variants import add_run, pin_to_run, remove_run
+from armcontour.studio.wire import Frame
+
+
+class Acts:
+    """Does what pages say to a document and to what is shown of it.
+
+    Args:
+        display: Shows the document that is edited.
+
+    Attributes:
+        gestures: The edits that go on.
+    """
+
+    def __init__(self, display: Display) -> None:
+        self._display, self._editor = display, display.editor
+        self.gestures = Gestures(display)
+        self._known: dict[str, Callable[[Tab, Said], None]] = {
+            "edit": self.gestures.edit,
+            "cancel_gesture": self.gestures.cancel,
+            "undo": self._undo,
+            "redo": self._redo,
+            "save": self._save,
+            "reload": self._reload,
+            "revert": self._revert,
+            "restore_draft": self._restore,
+            "discard_draft": self._discard,
+            "diff": self._diff,
+            "select": self._select,
+            "pin": self._pin,
+            "unpin": self._unpin,
+            "swap": self._swap,
+            "compare": self._compare,
+            "add_run": self._add_run,
+            "remove_run": self._remove_run,
+            "pin_to_run": self._pin_to_run,
+            "pose": self._pose,
+            "task": self._task,
+            "cancel": self._cancel,
+        }
+
+    def do(self, tab: Tab, said: Said) -> None:
+        """Do what a page says, and answer.
+
+        Args:
+            tab: The page.
+            said: Its message; `op` says which.
+
+        Raises:
+            InvalidInput: There is no such act, it lacks something, or it is not possible.
+        """
+        act = self._known.get(str(said.get("op")))
+        if act is None:
+            raise InvalidInput(f"The Studio does not know {show(said.get('op'))}.")
+        act(tab, said)
+
+    def _commit(self, made: Made, label: str, *, run: str | None = None) -> None:
+        """Change the document, and show it."""
+        self._editor.commit(made, label, run=run)
+        self._display.show_all()
+
+    def _change(self, changes: Sequence[Change], label: str) -> None:
+        """Change keys of the document, and show it."""
+        self._commit(self._editor.with_changes(changes), label)
+
+    # The text and its file.
+
+    def _undo(self, tab: Tab, said: Said) -> None:
+        self._editor.undo()
+        self._display.show_all()
+
+    def _redo(self, tab: Tab, said: Said) -> None:
+        self._editor.redo()
+        self._display.show_all()
+
+    def _save(self, tab: Tab, said: Said) -> None:
+        """Write the job file; a job without one becomes something to download."""
+        document, force, tell = self._editor.document, said.get("force") is True, self._display.tell
+        if document.file is None:
+            name = f"{document.data.get('name') or 'job'}.yaml"
+            content = document.text.encode()
+            number = self._display.tabs.keep_file(name, "application/yaml", content)
+            tell(Frame("download", {"file": number, "name": name}), to=tab)
+            return
+        if document.changed_on_disk() and not force:
+            sentence = (
+                f"{document.file.name} was changed by another program since it was opened: "
+                "overwrite it, or reload it."
+            )
+            tell(Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab)
+            return
+        document.save(force=force)
+        tell(Frame("saved", {"file": str(document.file)}))
+        self._display.show_document()
+
+    def _reload(self, tab: Tab, said: Said) -> None:
+        self._editor.reload()
+        self._display.show_all()
+
+    def _revert(self, tab: Tab, said: Said) -> None:
+        made = self._editor.of_text(self._editor.document.saved_text)
+        self._commit(made, "go back to the saved job")
+
+    def _restore(self, tab: Tab, said: Said) -> None:
+        """Take the draft of an earlier session."""
+        editor = self._editor
+        if editor.draft is None:
+            raise InvalidInput("There is no draft.")
+        made, editor.draft = editor.of_text(editor.draft), None
+        self._commit(made, "take the draft")
+
+    def _discard(self, tab: Tab, said: Said) -> None:
+        """Remove the draft of an earlier session."""
+        self._editor.draft = None
+        self._editor.document.write_draft()
+        self._display.show_document()
+
+    def _diff(self, tab: Tab, said: Said) -> None:
+        self._display.tell(Frame("diff", {"text": self._editor.document.diff()}), to=tab)
+
+    # Runs, pins, comparisons.
+
+    def _select(self, tab: Tab, said: Said) -> None:
+        self._editor.select(_word(said, "run"))
+        self._display.show_all()
+
+    def _pin(self, tab: Tab, said: Said) -> None:
+        name = said.get("name")
+        self._display.variants.pin(*self._state, name=name if isinstance(name, str) else None)
+        self._display.show_document()
+
+    def _unpin(self, tab: Tab, said: Said) -> None:
+        self._display.variants.unpin(said.get("pin"))
+        self._display.show_all()
+
+    def _swap(self, tab: Tab, said: Said) -> None:
+        """The document gets the text of a pin, and the pin that of the document."""
+        pin, before = self._display.variants.find(said.get("pin")), self._state
+        made = self._editor.of_text(pin.text)
+        self._editor.commit(made, f"swap with {pin.name}", run=pin.run)
+        self._display.variants.replace(pin, *before)
+        self._display.show_all()
+
+    @property
+    def _state(self) -> tuple[str, Mapping[str, Any], str, Mapping[str, Any]]:
+        """What a pin keeps: text, data, run and figures."""
+        editor = self._editor
+        return editor.document.text, editor.seen.data, editor.run, self._display.figures
+
+    def _compare(self, tab: Tab, said: Said) -> None:
+        self._display.variants.compare(said.get("with"), self._editor.seen.data)
+        self._display.show_all()
+
+    def _add_run(self, tab: Tab, said: Said) -> None:
+        name, like = _word(said, "name"), said.get("like", self._editor.run)
+        self._change(add_run(self._editor.seen.data, name, like), f"add the run {name}")
+
+    def _remove_run(self, tab: Tab, said: Said) -> None:
+        name = _word(said, "name")
+        changes = remove_run(self._editor.seen.data, name)
+        run = "" if self._editor.run == name else None
+        self._commit(self._editor.with_changes(changes), f"remove the run {name}", run=run)
+
+    def _pin_to_run(self, tab: Tab, said: Said) -> None:
+        name, pin = _word(said, "name"), self._display.variants.find(said.get("pin"))
+        changes = pin_to_run(self._editor.seen.data, pin, name)
+        self._change(changes, f"make {pin.name} the run {name}")
+
+    # Poses and tasks.
+
+    def _pose(self, tab: Tab, said: Said) -> None:
+        t, of = said.get("t"), str(said.get("of"))
+        if isinstance(t, bool) or not isinstance(t, int | float):
+            raise InvalidInput("A pose needs a time in seconds.")
+        q = self._display.screen.pose(float(t), of)
+        self._display.tell(Frame("pose", {"q": q, "t": t, "of": of}), to=tab)
+
+    def _task(self, tab: Tab, said: Said) -> None:
+        options = said.get("options") or {}
+        if not isinstance(options, dict):
+            raise InvalidInput("The options of a task are a mapping.")
+        id, task = _word(said, "id"), _word(said, "task")
+        self._display.exact.do(id, task, self._display.request(options))
+
+    def _cancel(self, tab: Tab, said: Said) -> None:
+        self._display.exact.cancel(_word(said, "id"))
+
+
+def _word(said: Said, name: str) -> str:
+    """A text that a message must have.
+
+    Raises:
+        InvalidInput: It has none, or a long one.
+    """
+    value = said.get(name)
+    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME:
+        raise InvalidInput(f"The message {said.get('op')} needs {name}, a short text.")
+    return value

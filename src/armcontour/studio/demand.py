@@ -1,0 +1,73 @@
+"""Which shares of their limits joints use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
+from armcontour.motion import Trajectory
+from armcontour.studio.thinning import thin
+from armcontour.studio.view import short
+
+# About the largest number of times of a chart, and the smallest.
+MOST_TIMES, FEWEST_TIMES = 2_000, 200
+
+
+def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
+    """Arrays of joint positions over time, and of the shares of limits that joints use.
+
+    Args:
+        trajectory: The motion.
+        arm: The arm.
+        limits: The limits.
+    """
+    breaks = trajectory.breaks
+    if len(breaks) > MOST_TIMES:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
+    elif len(breaks) < FEWEST_TIMES:
+        breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
+    # Accelerations jump: both sides of every break, the first one after it, the last one before it.
+    after, before = trajectory.motion(breaks[:-1]), trajectory.motion(breaks[1:], side="left")
+    t = np.stack([breaks[:-1], breaks[1:]], axis=1).ravel()
+    q, dq, ddq = (
+        np.stack([x, y], axis=1).reshape(len(t), -1) for x, y in zip(after, before, strict=True)
+    )
+    shares = {
+        "usage_v": dq / or_unlimited(limits.joint_velocity, arm.dof),
+        "usage_a": demand_shares(ddq, limits),
+    }
+    if limits.joint_torque is not None and arm.has_bodies:
+        shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
+    rows = [x for share in shares.values() for x in share.T]
+    kept = thin(np.zeros(len(t)), rows, MOST_TIMES)
+    return {
+        "t": short(t[kept]),
+        "q": np.ascontiguousarray(q[kept]),
+        **{name: short(x[kept]) for name, x in shares.items()},
+    }
+
+
+def demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
+    """Shares of the acceleration limits with the signs of the accelerations, (n, dof).
+
+    Args:
+        ddq: Joint accelerations [rad/s^2], (n, dof).
+        limits: The limits.
+    """
+    low, high = limits.acceleration_bounds(ddq.shape[1])
+    return np.asarray(np.where(ddq > 0, ddq / high, ddq / -low))
+
+
+def largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
+    """Largest share of its acceleration limit that each joint would have needed.
+
+    Args:
+        demand_range: Lowest and highest joint accelerations [rad/s^2], (2, dof).
+        limits: The limits.
+    """
+    found: list[float] = np.abs(demand_shares(demand_range, limits)).max(axis=0).tolist()
+    return found

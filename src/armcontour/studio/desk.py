@@ -1,0 +1,111 @@
+"""Who waits at the server: pages, and the session while it is being made and afterwards."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from armcontour.studio.guard import Send
+
+if TYPE_CHECKING:
+    from armcontour.studio.session import Session
+
+# Messages that may wait for a page that does not read them.
+MOST_WAITING = 1000
+
+
+class Tab:
+    """A page that is open; messages to it may be sent from any thread."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._news = asyncio.Event()
+        self._lock = threading.Lock()
+        # In the order in which they are sent.
+        self._waiting: dict[object, bytes] = {}
+        self.is_slow = False
+
+    def send(self, data: bytes, replaces: str | None = None) -> None:
+        """Send a message, soon.
+
+        Args:
+            data: The message.
+            replaces: What it is: an older one of the same that still waits is not sent.
+        """
+        with self._lock:
+            key = object() if replaces is None else replaces
+            self._waiting.pop(key, None)
+            self._waiting[key] = data
+            self.is_slow = len(self._waiting) > MOST_WAITING
+        # The loop is closed when the server ends.
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._news.set)
+
+    async def write(self, send: Send) -> None:
+        """Send what waits, until cancelled or the page does not read."""
+        while not self.is_slow:
+            await self._news.wait()
+            self._news.clear()
+            while (data := self._next()) is not None:
+                await send({"type": "websocket.send", "bytes": data})
+
+    def _next(self) -> bytes | None:
+        with self._lock:
+            key = next(iter(self._waiting), None)
+            return None if key is None else self._waiting.pop(key)
+
+
+class Desk:
+    """The session, while it is being made and afterwards, and the pages that wait for it.
+
+    Args:
+        make: Makes the session, given a function that sends a message to all pages.
+    """
+
+    def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._said: bytes | None = None
+        # Ends the server; set when it runs.
+        self.stop: Callable[[], None] = lambda: None
+        self.tabs: list[Tab] = []
+        self.session: Session | None = None
+        self.failure: BaseException | None = None
+
+    def start(self) -> None:
+        """Make the session, in this thread; the server ends if that fails."""
+        try:
+            session = self._make(self._say)
+            with self._lock:
+                self.session = session
+                for tab in self.tabs:
+                    session.join(tab)
+            session.begin()
+        except BaseException as error:
+            self.failure = error
+            self.stop()
+
+    def join(self, tab: Tab) -> None:
+        """A page is open."""
+        with self._lock:
+            self.tabs.append(tab)
+            if self.session is not None:
+                self.session.join(tab)
+            elif self._said is not None:
+                tab.send(self._said)
+
+    def leave(self, tab: Tab) -> None:
+        """A page is closed."""
+        with self._lock:
+            self.tabs.remove(tab)
+            if self.session is not None:
+                self.session.leave(tab)
+
+    def _say(self, data: bytes) -> None:
+        """Tell all pages how far the start is."""
+        with self._lock:
+            self._said = data
+            for tab in self.tabs:
+                tab.send(data, "start")

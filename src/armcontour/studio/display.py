@@ -1,0 +1,227 @@
+"""What pages see of the document that is edited: itself, its picture, and its exact figures."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+from threading import RLock, Timer
+from typing import Any
+
+import numpy as np
+
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.described import describe
+from armcontour.studio.editor import Editor, Made
+from armcontour.studio.exact import Asked, Exact, MakeLane
+from armcontour.studio.lanes import FastLane
+from armcontour.studio.screen import Screen, Shown
+from armcontour.studio.tabs import Tab, Tabs
+from armcontour.studio.tasks.figures import SAME
+from armcontour.studio.variants import Variants
+from armcontour.studio.view import View
+from armcontour.studio.wire import Frame
+
+
+class Display:
+    """Shows the document of an editor on pages, and what others compute of it.
+
+    Args:
+        editor: The editor.
+        fast: Makes the lane of previews.
+        slow: Makes the lane of everything else.
+        rest: How long nothing changes before the exact figures are computed [s].
+
+    Attributes:
+        lock: Who changes the document holds it.
+        tabs: The pages.
+        variants: Pins, and what the document is compared with.
+        screen: Plans and executes what is shown.
+        exact: Computes exact figures and tasks.
+    """
+
+    def __init__(
+        self,
+        editor: Editor,
+        fast: Callable[[Callable[[Frame], None]], FastLane],
+        slow: MakeLane,
+        rest: float,
+    ) -> None:
+        self.editor = editor
+        self.lock = RLock()
+        self.tabs, self.variants = Tabs(), Variants()
+        self._rest, self._timer = rest, Timer(0.0, lambda: None)
+        # What is shown, with the edits of a gesture.
+        self._made = Made({})
+        # The revision whose preview has taken the configuration of its full run.
+        self._followed = 0
+        self._on_disk = ""
+        self.screen = Screen(editor.previewer, self._tell_picture, fast)
+        self.exact = Exact(self._tell_exact, slow)
+
+    def close(self) -> None:
+        """End all work."""
+        self._timer.cancel()
+        self.exact.close()
+        self.screen.close()
+
+    def show_all(self) -> None:
+        """Show the document, its run and what it is compared with, as they are now."""
+        self.variants.keep_to(self.editor.seen.data)
+        self.screen.compare(*self.variants.compared)
+        self.show_document()
+        self.show()
+
+    def show_document(self, to: Tab | None = None) -> None:
+        """Tell what the document is now.
+
+        Args:
+            to: The page; by default all.
+        """
+        editor = self.editor
+        self._on_disk = editor.document.on_disk()
+        frame = describe(
+            editor.document,
+            editor.seen,
+            editor.run,
+            self.variants,
+            draft=editor.draft is not None,
+        )
+        self.tell(frame, to=to)
+
+    def show(
+        self, made: Made | None = None, *, told: Frame | None = None, moving: bool = False
+    ) -> None:
+        """Show a state on all pages, and compute its exact figures when nothing changes.
+
+        Args:
+            made: What edits have made of the document; None for the document.
+            told: A frame that follows.
+            moving: Whether the next state is wanted soon.
+        """
+        editor = self.editor
+        self._made = made = Made(editor.seen.data) if made is None else made
+        handles = editor.seen.handles
+        if handles is None:
+            self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
+            return
+        self.screen.show(
+            Shown(
+                data=made.data,
+                run=editor.run_of(made.data),
+                view=View(handles.plane, handles.centre),
+                rev=editor.rev,
+                answers=self.tabs.answers,
+                waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
+                told=told,
+                moving=moving,
+            )
+        )
+        self._timer.cancel()
+        self._timer = Timer(self._rest, self._at_rest)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def open(self) -> None:
+        """Show another document, which the editor has opened."""
+        self.variants = Variants()
+        self.screen.forget()
+        self.show_all()
+
+    def look(self) -> None:
+        """See whether the file has changed, and tell the pages if so."""
+        if self._on_disk and self.editor.document.on_disk() != self._on_disk:
+            self.show_document()
+
+    def request(self, options: Mapping[str, Any]) -> dict[str, Any]:
+        """What another process needs to know to work on what is shown.
+
+        Args:
+            options: Options of the work.
+        """
+        return self.editor.request(self._made, options)
+
+    @property
+    def figures(self) -> Mapping[str, Any]:
+        """Duration and error of what is shown, exact if they are known."""
+        exact = self.exact.latest
+        if exact is not None and exact.request == self.request({}):
+            return {"duration": exact.header.get("duration"), "rms": exact.header.get("rms")}
+        planned, executed = self.screen.planned, self.screen.executed
+        return {
+            "duration": None if planned is None else planned.trajectory.duration,
+            "rms": None if executed is None else executed.errors.rms,
+        }
+
+    def tell(self, frame: Frame, to: Tab | None = None) -> None:
+        """Tell something of the present document.
+
+        Args:
+            frame: What is told.
+            to: The page; by default all.
+        """
+        self.tabs.tell(frame.stamped(rev=self.editor.rev), to=to)
+
+    def tell_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
+        """Say that an edit is not possible.
+
+        Args:
+            error: Why.
+            dropped: Whether it was to be made: then the document is shown as it is.
+        """
+        told = Frame(
+            "refusal",
+            {
+                **{"tier": 1, "run": self.editor.run, "of": "live", "sentence": str(error)},
+                **{"error": type(error).__name__, "exit": error.exit_code, "at": {}},
+                "dropped": dropped,
+            },
+        )
+        if not dropped:
+            self.tell(told)
+            return
+        self.show_document()
+        self.show(told=told)
+
+    def _at_rest(self) -> None:
+        """Nothing has changed for a while: compute what takes longer."""
+        with self.lock:
+            self.screen.rest()
+            with contextlib.suppress(ArmContourError):
+                request = self.request({})
+                self.exact.ask(Asked(self.editor.rev, self.tabs.answers, request))
+
+    def _tell_picture(self, frame: Frame, shown: Shown) -> None:
+        """Pass a frame of the screen on, unless the document has changed since."""
+        if shown.rev == self.editor.rev:
+            self.tabs.tell(frame.stamped(rev=shown.rev), answers=shown.answers)
+
+    def _tell_exact(self, frame: Frame, asked: Asked | None) -> None:
+        """Pass a frame of another process on; figures only of the present document."""
+        if asked is None:
+            self.tell(self._with_file(frame))
+            return
+        self.variants.learn(asked.request, frame.header)
+        if asked.rev == self.editor.rev:
+            self.tabs.tell(frame.stamped(rev=asked.rev), answers=asked.answers)
+            if frame.kind == "figures" and frame.header.get("start") is not None:
+                # Who calls here has locks of its own.
+                Timer(0.0, self._follow, (asked.rev, frame.header["start"])).start()
+
+    def _follow(self, rev: int, start: Any) -> None:
+        """Show the configuration that the full run takes, if the preview has stayed in another."""
+        with self.lock:
+            planned = self.screen.planned
+            if rev != self.editor.rev or rev == self._followed or planned is None:
+                return
+            if np.abs(planned.start - np.asarray(start)).max() > SAME:
+                self._followed = rev
+                self.editor.previewer.keep_start(planned.job, np.asarray(start))
+                self.show(self._made)
+
+    def _with_file(self, frame: Frame) -> Frame:
+        """The same frame; a file in it is kept for the pages to save."""
+        if frame.kind != "result" or "content" not in frame.arrays:
+            return frame
+        header, content = frame.header, frame.arrays["content"].tobytes()
+        number = self.tabs.keep_file(str(header["name"]), str(header["type"]), content)
+        return Frame("result", {**header, "file": number})

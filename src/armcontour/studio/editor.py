@@ -1,0 +1,264 @@
+"""The document that is edited: its job, the run that is chosen, and what edits make of them.
+
+It knows no page. What cannot be made is refused before anything is changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour._yaml import load
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.io.job_edits import Change, change_data, change_text
+from armcontour.jobs import Job
+from armcontour.studio.described import Seen, runs_of
+from armcontour.studio.document import Document
+from armcontour.studio.edits import EditState, changes_of
+from armcontour.studio.handles import handles_of
+from armcontour.studio.preview import Previewer
+from armcontour.studio.trust import refuse_new_xacro
+from armcontour.studio.uploads import Uploads
+
+# The timing of the run that is shown first, if a job has such a run.
+FASTEST = "optimal"
+# Edits after which other things can be grabbed, or elsewhere.
+MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints")
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What edits make of the document.
+
+    Args:
+        data: The job as parsed.
+        changes: Changes of keys; None if the whole text is new.
+        text: The whole text, if it is new.
+    """
+
+    data: Mapping[str, Any]
+    changes: tuple[Change, ...] | None = ()
+    text: str | None = None
+
+
+class Editor:
+    """A document, and its job as it is seen between edits.
+
+    Args:
+        document: The document.
+        previewer: Makes jobs of data.
+        trusted: Files of arms that may be programs, as the user has named them.
+
+    Attributes:
+        uploads: Files that pages have sent for the document.
+        named: Files outside of `folders` that may be read.
+        rev: Revision of the document: the number of its texts so far.
+        run: Name of the run that is shown.
+        seen: The job, and what can be grabbed of it.
+        draft: What an earlier session has not saved.
+    """
+
+    def __init__(
+        self, document: Document, previewer: Previewer, trusted: Iterable[FilePath]
+    ) -> None:
+        self.document, self.previewer = document, previewer
+        self.uploads = Uploads()
+        self.named: tuple[FilePath, ...] = ()
+        self._trusted = frozenset(x.resolve() for x in trusted)
+        self.rev, self.run = 1, ""
+        self.seen = Seen({}, None, None)
+        self._renew()
+        self.draft = document.earlier_draft()
+
+    @property
+    def folder(self) -> FilePath:
+        """Folder of relative file names."""
+        return self.document.folder or FilePath.cwd()
+
+    @property
+    def folders(self) -> tuple[FilePath, FilePath]:
+        """Folders in which files may be read."""
+        return self.folder, self.uploads.folder
+
+    def open(self, document: Document) -> None:
+        """Edit another document.
+
+        Raises:
+            InvalidInput: It makes no job.
+        """
+        self._job_of(document.data)
+        self.document, self.run, self.draft = document, "", None
+        self.previewer.forget()
+        self._changed()
+
+    def select(self, run: str) -> None:
+        """Show another run.
+
+        Raises:
+            InvalidInput: The job has no such run.
+        """
+        if run not in (self.seen.data.get("runs") or {}):
+            raise InvalidInput(f"The job has no run {run}.")
+        self.run = run
+        self._renew()
+
+    def commit(self, made: Made, label: str, *, run: str | None = None) -> None:
+        """Change the text, in one step of undo.
+
+        Args:
+            made: What edits make of the document.
+            label: What they are called.
+            run: The run that is shown from then on; by default the same.
+
+        Raises:
+            InvalidInput: The data make no job, and those before did.
+        """
+        before, self.run = self.run, self.run if run is None else run
+        try:
+            # Seen before anything is changed: what cannot be shown is not made.
+            seen = self._see(made.data)
+            if seen.error is not None and self.seen.job is not None:
+                raise seen.error
+            if made.changes is None:
+                assert made.text is not None
+                self.document.replace(made.text, label)
+            else:
+                self.document.apply(made.changes, label)
+        except ArmContourError:
+            self.run = before
+            raise
+        self._changed(seen)
+
+    def undo(self) -> None:
+        """Take the last change back.
+
+        Raises:
+            InvalidInput: There is none.
+        """
+        self.document.undo()
+        self._changed()
+
+    def redo(self) -> None:
+        """Do the change again that was undone last.
+
+        Raises:
+            InvalidInput: There is none.
+        """
+        self.document.redo()
+        self._changed()
+
+    def reload(self) -> None:
+        """Take the text of the file as it is now, as one step of undo.
+
+        Raises:
+            InvalidInput: There is no file, or its text is not a YAML mapping.
+        """
+        self.document.reload()
+        self.previewer.forget()
+        self._changed()
+
+    def edited(self, edits: Sequence[Mapping[str, Any]]) -> Made:
+        """What edits make of the document as it was at the start of their gesture.
+
+        Args:
+            edits: Edits of a page, one after the other; or one of the whole text.
+
+        Raises:
+            InvalidInput: One of them is not possible.
+        """
+        if [x.get("do") for x in edits] == ["text"]:
+            return self.of_text(edits[0].get("text"))
+        seen = self.seen
+        if seen.handles is None:
+            raise seen.error or InvalidInput("There is no job to be edited yet.")
+        data, handles, changes = dict(seen.data), seen.handles, list[Change]()
+        for k, edit in enumerate(edits):
+            if k and edits[k - 1].get("do") in MOVING:
+                handles = handles_of(self._job_of(data), data)
+            more = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
+            data = change_data(data, more)
+            changes += more
+        return self._checked(Made(data, tuple(changes)))
+
+    def of_text(self, text: Any) -> Made:
+        """What the document becomes with another text.
+
+        Raises:
+            InvalidInput: It is no text of a mapping.
+        """
+        if not isinstance(text, str):
+            raise InvalidInput("The whole job is a text.")
+        data = load(text, self.document.source)
+        if not isinstance(data, dict):
+            raise InvalidInput("A job is a mapping of keys such as arm, path and runs.")
+        return self._checked(Made(data, None, text))
+
+    def with_changes(self, changes: Sequence[Change]) -> Made:
+        """What the document becomes with some keys changed."""
+        return self._checked(Made(change_data(self.seen.data, changes), tuple(changes)))
+
+    def run_of(self, data: Mapping[str, Any]) -> str:
+        """The run that is shown of a job: that of the last one, else a fast one, else the first."""
+        runs = runs_of(data)
+        names = [x["name"] for x in runs]
+        fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
+        return self.run if self.run in names else next(iter([*fast, *names]), "")
+
+    def request(self, made: Made, options: Mapping[str, Any]) -> dict[str, Any]:
+        """What another process needs to know to work on the document.
+
+        Args:
+            made: What edits have made of it.
+            options: Options of the work.
+
+        Raises:
+            InvalidInput: The changes cannot be made in the text.
+        """
+        text = self.document.text if made.text is None else made.text
+        if made.changes:
+            text = change_text(text, made.changes, self.document.source)
+        return {
+            "text": text,
+            "source": self.document.source,
+            "folder": str(self.folder),
+            "run": self.run,
+            "trust_xacro": bool(self._trusted),
+            "allowed": [str(x) for x in self.folders],
+            "named": [str(x) for x in self.named],
+            "options": dict(options),
+        }
+
+    def _changed(self, seen: Seen | None = None) -> None:
+        """See the job after the text has changed."""
+        self.rev += 1
+        self._renew(seen)
+
+    def _renew(self, seen: Seen | None = None) -> None:
+        """See the job of the document as it is now, if it is not known yet what is seen."""
+        self.run = self.run_of(self.document.data)
+        self.seen = seen or self._see(self.document.data)
+
+    def _checked(self, made: Made) -> Made:
+        """The same, if it names no program that the user has not named."""
+        refuse_new_xacro(made.data, self.folder, self._trusted)
+        return made
+
+    def _see(self, data: Mapping[str, Any]) -> Seen:
+        """The job of the document, and what can be grabbed of it."""
+        try:
+            job = self._job_of(data)
+            return Seen(data, job, handles_of(job, data))
+        except InvalidInput as error:
+            # What is seen of the last job stays, greyed, until the text makes a job again.
+            return Seen(data, None, self.seen.handles, error)
+
+    def _job_of(self, data: Mapping[str, Any]) -> Job:
+        """The job of data.
+
+        Raises:
+            InvalidInput: They make none.
+        """
+        refuse_new_xacro(data, self.folder, self._trusted)
+        return self.previewer.job(data, self.run_of(data) or None)

@@ -1,0 +1,83 @@
+"""The picture of an execution, as a frame for the screen.
+
+Errors are magnified on the screen, so that they are computed here, in 64 bits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.studio.demand import demand_shares, largest_demand
+from armcontour.studio.previewed import Executed
+from armcontour.studio.thinning import thin
+from armcontour.studio.view import View, in_space, short
+from armcontour.studio.wire import Frame
+
+# About the largest number of samples of an execution.
+MOST_SAMPLES = 4_000
+
+
+def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame:
+    """The picture of an execution: how far the tool is from the path, and what the joints need.
+
+    Args:
+        executed: The execution.
+        view: How points get on the screen.
+        of: As in `picture_frame`.
+    """
+    planned, execution, errors = executed.planned, executed.execution, executed.errors
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
+    base = np.concatenate([x.path(x.found.s) for x in executed.pieces])
+    tool = np.concatenate([x.tool for x in executed.pieces])
+    distance = np.concatenate([x.found.distance for x in executed.pieces])
+    demand = demand_shares(execution.demand[which], planned.run.limits)
+    offset = view.offsets(tool - base)
+    kept = thin(
+        _peaks(distance),
+        [*offset.T.astype(np.float64), distance, *demand.T],
+        MOST_SAMPLES,
+    )
+    joints = execution.arm.joint_names
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
+    at = which[kept]
+    worst = int(np.argmax(distance))
+    header = {
+        "run": planned.run.name,
+        "of": of,
+        "rms": errors.rms,
+        "max": errors.max,
+        "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
+        "period": executed.taught.period,
+        "settled": executed.settled,
+        "saturated": [
+            {"joint": name, "time": time}
+            for name, time in zip(joints, execution.saturated_time.tolist(), strict=True)
+            if time > 0
+        ],
+        "demand": largest_demand(execution.demand_range, planned.run.limits),
+        "preview_period": executed.taught.period,
+        "centre": view.centre,
+        "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
+    }
+    return Frame(
+        "executed",
+        header,
+        {
+            "base": view.drawn(base[kept]),
+            "offset": offset[kept],
+            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
+            "t": short(execution.t[at]),
+            "error": short(distance[kept]),
+            "q": np.ascontiguousarray(execution.q[at]),
+            "xyz": short(in_space(tool[kept])),
+            "demand": short(demand[kept]),
+        },
+    )
+
+
+def _peaks(distance: FloatArray) -> FloatArray:
+    """Infinite at the largest distance, else zero."""
+    found = np.zeros(len(distance))
+    found[int(np.argmax(distance))] = np.inf
+    return found

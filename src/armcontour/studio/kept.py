@@ -1,0 +1,65 @@
+"""Results of steps that are kept by what they were made of."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+# Results that are kept of every step: those of a few runs and pins that are looked at by turns.
+KEPT = 4
+
+
+class Kept:
+    """Results of steps with what they were made of: the same again is not done again."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, list[tuple[Any, Any]]] = {}
+        self.seconds: dict[str, float] = {}
+
+    def get(self, step: str, made_of: Any, make: Callable[[], T]) -> T:
+        """The result of a step, kept or made.
+
+        Args:
+            step: Name of the step.
+            made_of: Everything that the result depends on; it can be compared.
+            make: Does the step.
+        """
+        known = self._known.setdefault(step, [])
+        for k, (before, value) in enumerate(known):
+            if before == made_of:
+                known.insert(0, known.pop(k))
+                found: T = value
+                return found
+        begin = time.perf_counter()
+        value = make()
+        self.seconds[step] = time.perf_counter() - begin
+        known.insert(0, (made_of, value))
+        del known[KEPT:]
+        return value
+
+    @contextmanager
+    def timed(self) -> Iterator[dict[str, float]]:
+        """Collect the times of the steps that are done meanwhile [s]."""
+        self.seconds = {}
+        yield self.seconds
+
+
+def comparable(value: Any) -> Any:
+    """A value whose fields are numbers and arrays, as something that can be compared.
+
+    Args:
+        value: The value: a dataclass, an array, a mapping, or what can be compared itself.
+    """
+    if isinstance(value, np.ndarray):
+        return value.shape, value.tobytes()
+    if dataclasses.is_dataclass(value):
+        return [comparable(getattr(value, x.name)) for x in dataclasses.fields(value)]
+    if isinstance(value, Mapping):
+        return {name: comparable(x) for name, x in value.items()}
+    return value

@@ -1,0 +1,56 @@
+"""What a preview gives: the plan of a run, and its execution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from armcontour._checks import FloatArray
+from armcontour.evaluation import ErrorProfile
+from armcontour.evaluation.pieces import Piece
+from armcontour.jobs import Job
+from armcontour.jobs.study import TimedRun
+from armcontour.motion import Execution, TaughtData
+from armcontour.timing import Explanation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Planned(TimedRun):
+    """The plan of a run, and why it is not faster.
+
+    Args:
+        job: The job, with this run only.
+        explanation: Which limit binds where; None for methods that have no such limits.
+        start: Joint positions at the start of the motion [rad], (dof,).
+        seconds: Time that each step took [s], without steps whose results were kept.
+        differs: Sentences on what a full run may do in another way.
+    """
+
+    job: Job
+    explanation: Explanation | None
+    start: FloatArray
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    differs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Executed:
+    """The simulated execution of a plan.
+
+    Args:
+        planned: The plan.
+        taught: The set-points.
+        execution: The executed motion.
+        pieces: The execution along each contour.
+        errors: The contour error.
+        settled: Time after which the tool is at rest [s].
+        seconds: Time that each step took [s], without steps whose results were kept.
+    """
+
+    planned: Planned
+    taught: TaughtData
+    execution: Execution
+    pieces: tuple[Piece, ...]
+    errors: ErrorProfile
+    settled: float
+    seconds: Mapping[str, float] = field(default_factory=dict)

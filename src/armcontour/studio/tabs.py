@@ -1,0 +1,146 @@
+"""Who listens: pages, what they are told now and when they come, and files for them to save."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from threading import RLock
+from typing import Any, Protocol, TypeAlias
+
+from armcontour.studio.wire import Frame
+
+# A message of a page.
+Said: TypeAlias = Mapping[str, Any]
+# Files that are kept for the pages to save.
+MOST_FILES = 20
+# Frames of which a page needs only the newest.
+NEWEST_ONLY = {
+    *("arm", "document", "executed", "figures"),
+    *("picture", "pose", "progress", "refusal"),
+}
+
+
+class Tab(Protocol):
+    """A page: somebody to send frames to, from any thread."""
+
+    def send(self, data: bytes, replaces: str | None = None) -> None:
+        """Send a frame; an older one that it replaces need not be sent any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """Something for a page to save.
+
+    Args:
+        name: Name of the file.
+        kind: Its type.
+        data: Its content.
+    """
+
+    name: str
+    kind: str
+    data: bytes = field(repr=False)
+
+
+class Tabs:
+    """The pages that show a document; all of it may be called from any thread.
+
+    Attributes:
+        files: Files for the pages to save, by their numbers.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[str, File] = {}
+        self._lock = RLock()
+        self._numbers: dict[Tab, int] = {}
+        self._joined = 0
+        # The last message of each page, by the page's number.
+        self._seqs: dict[int, int] = {}
+        # Frames for pages to come, by what newer ones replace.
+        self._last: dict[str, Frame] = {}
+
+    @property
+    def answers(self) -> dict[int, int]:
+        """Number of the last message of each page, by the page's number."""
+        with self._lock:
+            return dict(self._seqs)
+
+    def join(self, tab: Tab) -> None:
+        """A page is open: it gets what the others see."""
+        with self._lock:
+            self._joined += 1
+            self._numbers[tab] = self._joined
+            for key, frame in self._last.items():
+                tab.send(frame.stamped(seq=None).pack(), key)
+
+    def leave(self, tab: Tab) -> None:
+        """A page is closed."""
+        with self._lock:
+            self._seqs.pop(self._numbers.pop(tab, 0), None)
+
+    def hear(self, tab: Tab, said: Said) -> bool:
+        """Note a message, which is answered from now on; returns whether the page is open."""
+        seq = said.get("seq")
+        with self._lock:
+            is_open = tab in self._numbers
+            if is_open and isinstance(seq, int) and not isinstance(seq, bool):
+                self._seqs[self._numbers[tab]] = seq
+        return is_open
+
+    def tell(
+        self, frame: Frame, *, to: Tab | None = None, answers: Mapping[int, int] | None = None
+    ) -> None:
+        """Send a frame to one page or to all.
+
+        Args:
+            frame: The frame, with the revision of the document.
+            to: The page.
+            answers: As of `answers`: messages that it answers; by default the last ones.
+        """
+        key = _key(frame)
+        with self._lock:
+            if to is None and key is not None and not frame.header.get("dropped"):
+                self._remember(key, frame)
+            packed: dict[int | None, bytes] = {}
+            for tab, number in self._numbers.items():
+                if to is None or tab is to:
+                    seq = (self._seqs if answers is None else answers).get(number)
+                    if seq not in packed:
+                        packed[seq] = frame.stamped(seq=seq).pack()
+                    tab.send(packed[seq], key)
+
+    def keep_file(self, name: str, kind: str, data: bytes) -> str:
+        """Keep something for the pages to save; returns its number.
+
+        Args:
+            name: As of `File`.
+            kind: As of `File`.
+            data: As of `File`.
+        """
+        number = secrets.token_hex(8)
+        with self._lock:
+            self.files[number] = File(name, kind, data)
+            while len(self.files) > MOST_FILES:
+                del self.files[next(iter(self.files))]
+        return number
+
+    def _remember(self, key: str, frame: Frame) -> None:
+        """Keep a frame for pages to come; what it puts out of date goes."""
+        if frame.kind == "picture":
+            of = frame.header.get("of")
+            for kind in ("executed", "figures", "refusal"):
+                self._last.pop(f"{kind}/{of}", None)
+        if frame.kind == "document" and not frame.header.get("compare"):
+            for old in [x for x in self._last if x.endswith("/compare")]:
+                del self._last[old]
+        self._last[key] = frame
+
+
+def _key(frame: Frame) -> str | None:
+    """What a frame replaces; None if every one of its kind counts."""
+    header = frame.header
+    if frame.kind not in NEWEST_ONLY:
+        return None
+    parts = [frame.kind, header.get("of"), header.get("id")]
+    return "/".join(str(x) for x in parts if x is not None)

@@ -1,0 +1,173 @@
+"""Tasks that end with a file: exports, reports, certificates and what learning would gain."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armcontour._progress import Step
+from armcontour.errors import InvalidInput
+from armcontour.studio.tasks.request import Request
+from armcontour.studio.wire import Frame
+
+if TYPE_CHECKING:
+    from armcontour.jobs import Job, RunPlan
+
+TYPES = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".script": "text/plain",
+    ".src": "text/plain",
+    ".mod": "text/plain",
+    ".yaml": "application/yaml",
+    ".zip": "application/zip",
+}
+
+
+def report(x: Request) -> Frame:
+    """The report of the run as one page of HTML; with the option `all`, of all runs."""
+    from armcontour.jobs import run
+    from armcontour.report import render_report
+
+    job = x.whole_job
+    if not x.option("all", False):
+        chosen = tuple(y for y in job.runs if x.run in (None, y.name))[:1]
+        job = replace(job, runs=chosen, published=None)
+    study = run(job, progress=x.progress)
+    x.progress(Step(("writing",)))
+    return _file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
+
+
+def certify(x: Request) -> Frame:
+    """The fastest plan whose execution keeps the tolerance, as a report; and its figures.
+
+    Options: fields of `jobs.Goal`, such as `tolerance` [m].
+    """
+    from armcontour.certification import certify
+    from armcontour.io import certificate_json
+    from armcontour.report import render_report
+
+    # Published figures are of other plans, whose runs the report would not have.
+    job = replace(x.whole_job, published=None)
+    found = certify(job, x.run, progress=x.progress, **x.options)
+    x.progress(Step(("writing",)))
+    data = json.loads(certificate_json(found))["certificate"]
+    budget = found.budget
+    sentence = (
+        f"Certified: {found.duration:.4f} s, {found.cost:+.4f} s to the optimum, with "
+        f"{budget.left * 1e3:.4g} mm of the tolerance left. It holds for: {found.model}."
+    )
+    header = {
+        **{"run": found.run.name, "sentence": sentence, "duration": found.duration},
+        **{"cost": found.cost, "left": budget.left, "certificate": data},
+    }
+    page = render_report(found.study, certificate=found)
+    return _file(f"{found.job.name}-certificate.html", page.encode(), header)
+
+
+def learn(x: Request) -> Frame:
+    """What learning would gain, on a simulated robot that the controller does not know.
+
+    Options: `runs`, the largest number of runs, and `seed`.
+    """
+    from armcontour.io.learning import learning_json
+    from armcontour.jobs.learning import plan_run, simulate_learning
+    from armcontour.jobs.unknown_robot import unknown_robot
+    from armcontour.report import render_learning
+
+    plan = plan_run(x.whole_job, x.run, progress=x.progress)
+    robot, about = unknown_robot(x.whole_job, plan, x.options.get("seed"))
+    found = simulate_learning(
+        x.whole_job, plan, robot, about, runs=int(x.option("runs", 6)), progress=x.progress
+    )
+    x.progress(Step(("writing",)))
+    errors = [y.contour_error for y in found.simulated]
+    best = errors[found.lesson.best].rms if found.lesson.best < len(errors) else errors[-1].rms
+    sentence = (
+        f"In {len(errors)} simulated runs the error fell from {errors[0].rms * 1e3:.4g} mm to "
+        f"{best * 1e3:.4g} mm (RMS)."
+    )
+    header = {
+        **{"run": plan.run.name, "sentence": sentence, "robot": about},
+        **{"rms": [y.rms for y in errors], "max": [y.max for y in errors]},
+        "learning": json.loads(learning_json(found))["learning"],
+        "notes": found.notes,
+    }
+    return _file(f"{found.job.name}-learning.html", render_learning(found).encode(), header)
+
+
+def export(x: Request) -> Frame:
+    """The set-points or the plan in a format of a controller or a table.
+
+    Options: `format`, a name of `io.exports.formats()`; for "template" its `template`; `of`,
+    "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
+    """
+    from armcontour.io.exports import export, formats
+    from armcontour.io.exports.template import SHIPPED
+    from armcontour.jobs import analog_outputs
+
+    kind, plan = str(x.option("format", "csv")), x.taught
+    endings = formats()
+    if kind not in endings:
+        raise InvalidInput(f"There is no format {kind!r}: there are {', '.join(endings)}.")
+    template = x.options.get("template")
+    if template is not None and template not in SHIPPED:
+        raise InvalidInput(f"There is no template {template!r}: there are {', '.join(SHIPPED)}.")
+    ending = endings[kind]
+    if template is not None:
+        ending = FilePath(SHIPPED[template].removesuffix(".j2")).suffix
+    taught = x.option("of", "taught") == "taught"
+    x.progress(Step(("writing",)))
+    with tempfile.TemporaryDirectory() as folder:
+        file = FilePath(folder) / f"{x.job.name}-{plan.run.name}{ending}"
+        export(
+            plan.taught if taught else plan.trajectory,
+            file,
+            arm=x.job.arm,
+            format=kind,
+            template=template,
+            period=None if taught else x.option("period", plan.run.period),
+            name=f"{x.job.name} {'taught' if taught else 'reference'}",
+            outputs=x.options.get("outputs"),
+            derivatives=int(x.option("derivatives", 2)),
+            tool_motion=bool(x.option("tool_motion", False)),
+            analog=_analog(kind, plan, x.job, analog_outputs),
+        )
+        name, content = _content_of(file)
+    header = {"run": plan.run.name, "points": len(plan.taught.q), "warnings": plan.warnings}
+    return _file(name, content, header)
+
+
+def _analog(kind: str, plan: RunPlan, job: Job, outputs: Callable[..., Any]) -> Any:
+    """The analog outputs of a plan, for formats that have them."""
+    from armcontour.io.exports import WITH_ANALOG
+
+    if kind not in WITH_ANALOG:
+        return None
+    return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
+
+
+def _file(name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
+    """A result that is a file."""
+    kind = TYPES.get(FilePath(name).suffix, "application/octet-stream")
+    told = {**header, "name": name, "type": kind, "bytes": len(content)}
+    return Frame("result", told, {"content": np.frombuffer(content, np.uint8)})
+
+
+def _content_of(file: FilePath) -> tuple[str, bytes]:
+    """Name and bytes of a file; a folder becomes an archive."""
+    if not file.is_dir():
+        return file.name, file.read_bytes()
+    archive = BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as into:
+        for part in sorted(file.iterdir()):
+            into.write(part, f"{file.name}/{part.name}")
+    return f"{file.name}.zip", archive.getvalue()

@@ -1,0 +1,74 @@
+"""What is judged apart from the planner: all limits, and distances from the cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour.errors import Collision
+from armcontour.studio.tasks.request import Request
+from armcontour.studio.wire import Frame
+
+# Clearance is measured at so many times, and so many of the nearest pairs are told.
+CLEARANCE_TIMES, MOST_PAIRS = 400, 10
+
+
+def check(x: Request) -> Frame:
+    """The plan checked against all limits, by code that shares nothing with the planner."""
+    from armcontour.arms.limits import UNITS
+    from armcontour.evaluation import check
+
+    plan = x.taught
+    found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)
+    worst = found.worst
+    most = "" if worst is None else f" {worst.name} is used most, by {worst.certain:.6f}."
+    rows = [
+        {
+            **{"limit": y.name, "ratio": y.certain, "value": y.value, "allowed": y.limit},
+            **{"unit": UNITS.get(y.name, "m"), "t": y.t, "s": y.s, "joint": y.joint},
+            "verdict": y.verdict,
+        }
+        for y in found.uses
+    ]
+    verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
+    sentence = verdict.get(found.verdict, "It cannot be told whether all limits are kept.") + most
+    return Frame(
+        "result",
+        {
+            **{"run": plan.run.name, "verdict": found.verdict, "sentence": sentence},
+            **{"rows": rows, "states": found.states, "not_judged": found.not_judged},
+        },
+    )
+
+
+def clearance(x: Request) -> Frame:
+    """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
+    from armcontour.clearance import Cell
+    from armcontour.jobs import teach
+    from armcontour.scene import Scene
+    from armcontour.studio.view import short
+
+    cell = Cell(x.job.arm, x.job.scene or Scene())
+    try:
+        plan = x.taught
+    except Collision:
+        # Where it comes too near is what is asked for.
+        (plan,) = teach(replace(x.job, ignore_collisions=True), progress=x.progress).values()
+    found = cell.check(plan.trajectory)
+    t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
+    over_time = cell.least_over(plan.trajectory(t))
+    header = {
+        **{"run": plan.run.name, "sentence": str(found), "kept": found.kept},
+        "kinds": list(over_time),
+        "nearest": [
+            {
+                **{"pair": [y.first, y.second], "kind": y.kind, "margin": y.margin},
+                **{"least": y.high, "t": y.t, "points": y.points},
+            }
+            for y in found.pairs[:MOST_PAIRS]
+        ],
+        "left_out": len(found.left_out),
+    }
+    over_time["t"] = t
+    return Frame("result", header, {name: short(y) for name, y in over_time.items()})

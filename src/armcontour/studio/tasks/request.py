@@ -1,0 +1,115 @@
+"""A task on a document, and what is made of the document once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from armcontour._progress import Progress
+from armcontour._yaml import load
+from armcontour.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from armcontour.jobs import Job, RunPlan, RunResult
+    from armcontour.studio.preview import Previewer
+    from armcontour.studio.view import View
+
+
+@dataclass(kw_only=True)
+class Request:
+    """A task on a document.
+
+    Args:
+        text: Text of the job file.
+        source: Its name in messages.
+        folder: Folder of relative file names.
+        run: Name of the run.
+        trust_xacro: Whether the arm may be a .xacro file.
+        options: Options of the task.
+        allowed: Folders in which files may be read; without any, everywhere.
+        named: Files elsewhere that may be read.
+        progress: Called with steps.
+    """
+
+    text: str
+    source: str = "job"
+    folder: str = ""
+    run: str | None = None
+    trust_xacro: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+    allowed: Sequence[str] = ()
+    named: Sequence[str] = ()
+    progress: Progress = lambda step: None
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """The job as parsed."""
+        found = load(self.text, self.source)
+        if not isinstance(found, dict):
+            raise InvalidInput(f"{self.source} must hold a mapping of keys such as arm and path.")
+        return found
+
+    @cached_property
+    def previewer(self) -> Previewer:
+        """Keeps what does not change from one task to the next."""
+        key = self.folder, self.trust_xacro
+        if key not in _previewers:
+            from armcontour.studio.preview import Previewer
+
+            _previewers.clear()
+            _previewers[key] = Previewer(FilePath(self.folder), trust_xacro=self.trust_xacro)
+        return _previewers[key]
+
+    @cached_property
+    def job(self) -> Job:
+        """The job with the run only, without experiments and requirements of a certificate."""
+        return self.previewer.job(self.data, self.run)
+
+    @cached_property
+    def whole_job(self) -> Job:
+        """The job with all that its file has."""
+        from armcontour.io import parse_job
+
+        return parse_job(
+            self.text,
+            source=self.source,
+            folder=FilePath(self.folder),
+            trust_xacro=self.trust_xacro,
+        )
+
+    @cached_property
+    def taught(self) -> RunPlan:
+        """Plan and taught data of the run."""
+        from armcontour.jobs import teach
+
+        (found,) = teach(self.job, progress=self.progress).values()
+        return found
+
+    @cached_property
+    def result(self) -> RunResult:
+        """The result of the run."""
+        from armcontour.jobs import run
+
+        (found,) = run(self.job, progress=self.progress).runs.values()
+        return found
+
+    @cached_property
+    def view(self) -> View:
+        """The plane that the document is drawn in."""
+        from armcontour.studio.handles import handles_of
+        from armcontour.studio.view import View
+
+        handles = handles_of(self.job, self.data)
+        return View(handles.plane, handles.centre)
+
+    def option(self, name: str, default: Any) -> Any:
+        """An option of the task, or a default."""
+        found = self.options.get(name)
+        return default if found is None else found
+
+
+# One, of the last folder.
+_previewers: dict[tuple[str, bool], Previewer] = {}

@@ -1,0 +1,115 @@
+"""Many plans of one job: over the values of a key, and over places of the part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armcontour._progress import Step
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.tasks.request import Request
+from armcontour.studio.wire import Frame
+
+if TYPE_CHECKING:
+    from armcontour.studio.view import View
+
+# A sweep has so many points by default.
+SWEPT = 15
+
+
+def sweep(x: Request) -> Frame:
+    """Duration and error over the values of one key, in previews.
+
+    Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
+    """
+    from armcontour.io.job_edits import change_data
+    from armcontour.studio.edits import EditState, changes_of
+    from armcontour.studio.handles import handles_of
+
+    key, values = str(x.option("key", "")), _values(x)
+    state = EditState(data=x.data, run=x.job.runs[0].name, handles=handles_of(x.job, x.data))
+    duration, rms, most = (np.full(len(values), np.nan) for _ in range(3))
+    refusals: list[str | None] = []
+    for k, value in enumerate(values.tolist()):
+        x.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
+        try:
+            changes = changes_of({"do": "set", "key": key, "value": value}, state)
+            planned = x.previewer.plan(change_data(x.data, changes), x.run)
+            duration[k] = planned.trajectory.duration
+            errors = x.previewer.execute(planned).errors
+            rms[k], most[k] = errors.rms, errors.max
+            refusals.append(None)
+        except ArmContourError as error:
+            refusals.append(str(error))
+    return Frame(
+        "result",
+        {"run": state.run, "key": key, "refusals": refusals},
+        {"values": values, "duration": duration, "rms": rms, "max": most},
+    )
+
+
+def _values(x: Request) -> Any:
+    """The values of a sweep.
+
+    Raises:
+        InvalidInput: No values.
+    """
+    given = x.options.get("values")
+    if given is not None:
+        return np.array(given, dtype=np.float64)
+    low, high = x.options.get("min"), x.options.get("max")
+    if low is None or high is None:
+        raise InvalidInput("A sweep needs values, or min and max.")
+    space = np.geomspace if x.option("log", False) else np.linspace
+    return space(float(low), float(high), int(x.option("count", SWEPT)))
+
+
+def place(x: Request) -> Frame:
+    """Where the part lies best: a map of a grid of places, and the best place.
+
+    Options: those of `placement.place`, such as `over`. Shifts are in the plane of the picture.
+    """
+    from armcontour.placement import place, shown
+
+    given = dict(x.options)
+    given.setdefault("processes", 1)
+    found = place(x.job, x.run, progress=x.progress, **given)
+    verdicts, objective = found.verdicts, found.objective
+    places = [found.place(k) for k in range(len(verdicts))]
+    kinds = list(found.refusals)
+    best = found.refined
+    gained = found.own.duration - best.verdict.duration
+    sentence = f"Best: {best}, with {shown(best.verdict.score(objective), objective)}."
+    if np.isfinite(gained):
+        than = "less" if gained >= 0 else "more"
+        sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part is now."
+    header = {
+        **{"run": found.run.name, "sentence": sentence, "objective": objective},
+        "axes": [{"name": y.name, "values": y.values} for y in found.axes],
+        "anchor": x.view.uv(found.moves.anchor),
+        "refusals": kinds,
+        "best": {
+            **{"values": best.values, "by": _shift(x.view, best.values)},
+            **{"turn": best.values.get("yaw", 0.0), "duration": best.verdict.duration},
+        },
+        "own": {"duration": found.own.duration, "refusal": found.own.refusal},
+        "notes": found.notes,
+    }
+    refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
+    scores = np.array([y.score(objective) for y in verdicts])
+    arrays: dict[str, Any] = {
+        "by": np.array([_shift(x.view, y) for y in places], dtype=np.float32),
+        "turn": np.array([y.get("yaw", 0.0) for y in places], dtype=np.float32),
+        "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
+        "score": scores.astype(np.float32),
+        "refusal": np.array(refused, dtype=np.uint8),
+    }
+    return Frame("result", header, arrays)
+
+
+def _shift(view: View, values: Mapping[str, float]) -> Any:
+    """The shift of a place in the plane of the picture [m], (2,)."""
+    shift = np.array([values.get(name, 0.0) for name in "xyz"])
+    return view.offsets(shift[None])[0]

@@ -1,0 +1,146 @@
+"""What the other process does: one task after the other, each told by frames."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple, TypeAlias
+
+from armcontour import _process
+from armcontour._files import reading_below
+from armcontour._progress import Progress, Step
+from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.tasks.figures import figures, plan
+from armcontour.studio.tasks.files import certify, export, learn, report
+from armcontour.studio.tasks.judging import check, clearance
+from armcontour.studio.tasks.request import Request
+from armcontour.studio.tasks.searching import place, sweep
+from armcontour.studio.wire import Frame
+
+Heard: TypeAlias = Callable[[bytes], None]
+# Progress is told this often at most [s].
+OFTEN = 0.1
+# How often the process looks whether it still works for somebody [s].
+LOOK = 1.0
+# A small job with which the process loads what all tasks need.
+SMALL = """
+name: small
+arm: pmk3s
+path: {points: [[0.35, 0.1], [0.4, 0.15], [0.35, 0.2]]}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+runs: {one: {}}
+"""
+TASKS: dict[str, Callable[[Request], Frame]] = {
+    "figures": figures,
+    "plan": plan,
+    "check": check,
+    "certify": certify,
+    "sweep": sweep,
+    "place": place,
+    "learn": learn,
+    "clearance": clearance,
+    "export": export,
+    "report": report,
+}
+
+
+class Given(NamedTuple):
+    """Work for the other process.
+
+    Args:
+        id: Its name, by which it can be cancelled.
+        task: What is done, of `TASKS`.
+        request: What it is done with, as `do` takes it.
+    """
+
+    id: str
+    task: str
+    request: Mapping[str, Any]
+
+
+WARM = Given("", "warm", {})
+
+
+def work(given: Given, heard: Heard = _process.tell) -> bytes:
+    """What the other process does: a task, with its progress, to a frame.
+
+    Args:
+        given: The task; WARM only loads what tasks need.
+        heard: Called with frames of progress, as bytes.
+    """
+    id, task, request = given
+    if given == WARM:
+        _be_ready()
+        return b""
+    telling = _Telling(id, task, heard)
+    try:
+        found = do(task, request, telling)
+    except ArmContourError as error:
+        found = Frame("failed", {"sentence": str(error), "error": type(error).__name__})
+    except Exception as error:
+        found = Frame("failed", {"sentence": f"{task} failed: {type(error).__name__}: {error}"})
+    return found.stamped(id=id, task=task).pack()
+
+
+class _Telling:
+    """Tells of the progress of a task, now and then.
+
+    Args:
+        id: Name of the task for answers.
+        task: What is done.
+        heard: Called with frames, as bytes.
+    """
+
+    def __init__(self, id: str, task: str, heard: Heard) -> None:
+        self._facts = {"id": id, "task": task}
+        self._heard = heard
+        self._begin = self._last = time.monotonic()
+
+    def __call__(self, step: Step) -> None:
+        """Tell of a step, if it is time."""
+        now = time.monotonic()
+        if now - self._last < OFTEN:
+            return
+        self._last, share = now, step.done
+        left = (now - self._begin) * (1 - share) / share if share else None
+        facts = {**self._facts, "steps": step.names, "share": share, "eta": left}
+        self._heard(Frame("progress", facts).pack())
+
+
+def _be_ready() -> None:
+    """Load what tasks need, without taking processors from previews; end with the parent."""
+    if _process.is_other() and hasattr(os, "nice"):
+        os.nice(5)
+        threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    figures(Request(text=SMALL))
+
+
+def _end_with(parent: int) -> None:
+    """End this process when it works for nobody any more: not only after its task."""
+    while os.getppid() == parent:
+        time.sleep(LOOK)
+    os._exit(1)
+
+
+def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
+    """Do a task.
+
+    Args:
+        task: A name of `TASKS`.
+        request: The document and options.
+        progress: Called with steps.
+
+    Raises:
+        ArmContourError: What the task is refused for; exact figures are a refusal in its place.
+    """
+    if task not in TASKS:
+        raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
+    x = Request(**request, progress=progress)
+    named = [FilePath(y) for y in x.named]
+    with reading_below(map(FilePath, x.allowed), named) if x.allowed else nullcontext():
+        return TASKS[task](x)

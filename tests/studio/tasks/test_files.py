@@ -1,0 +1,61 @@
+"""Tasks that end with a file."""
+
+import zipfile
+from io import BytesIO
+
+import pytest
+from tests.studio.tasks.asking import ask
+
+import armcontour as ac
+
+
+@pytest.mark.parametrize(
+    ("options", "ending", "begins"),
+    [
+        ({"format": "csv"}, ".csv", b"t [s],q"),
+        ({"format": "csv", "of": "planned", "period": 0.01}, ".csv", b"t [s],q"),
+        ({"format": "npz"}, ".npz", b"PK"),
+        ({"format": "parquet"}, ".parquet", b"PAR1"),
+        ({"format": "ros-yaml"}, ".yaml", b""),
+        ({"format": "mcap"}, ".mcap.zip", b"PK"),
+        ({"format": "urscript"}, ".script", b""),
+        ({"format": "template", "template": "kuka"}, ".src", b""),
+        ({"format": "template", "template": "abb"}, ".mod", b"MODULE"),
+    ],
+)
+def test_every_format_is_exported(line, drawings, options, ending, begins):
+    found = ask("export", line, "optimal", drawings, **options)
+    content = found.arrays["content"].tobytes()
+    assert found.header["name"] == f"square-optimal{ending}"
+    assert found.header["bytes"] == len(content) > 100
+    assert begins in content[:100]
+
+
+def test_a_bag_is_an_archive_of_its_folder(line, drawings):
+    found = ask("export", line, "optimal", drawings, format="mcap")
+    with zipfile.ZipFile(BytesIO(found.arrays["content"].tobytes())) as archive:
+        assert any(x.endswith(".mcap") for x in archive.namelist())
+
+
+def test_files_of_templates_are_not_read(line, drawings):
+    with pytest.raises(ac.InvalidInput, match="There is no template '/etc/passwd'"):
+        ask("export", line, "optimal", drawings, format="template", template="/etc/passwd")
+
+
+def test_a_report_is_a_page(short, drawings):
+    found = ask("report", short, "optimal", drawings)
+    assert found.header["type"] == "text/html"
+    assert b"optimal" in found.arrays["content"].tobytes()
+
+
+def test_a_certificate_has_a_report(short, drawings):
+    found = ask("certify", short, "optimal", drawings, tolerance=5.5e-3)
+    assert found.header["sentence"].startswith("Certified: ")
+    assert found.header["left"] >= 0
+    assert found.header["name"] == "paper-certificate.html"
+
+
+def test_learning_tells_what_it_would_gain(short, drawings):
+    found = ask("learn", short, "optimal", drawings, runs=1, seed=1)
+    assert found.header["rms"][1] < found.header["rms"][0]
+    assert "simulated runs" in found.header["sentence"]

@@ -1,0 +1,41 @@
+"""Sweeps and places."""
+
+import numpy as np
+import pytest
+import yaml
+from tests.studio.tasks.asking import ask
+
+from armcontour.io import parse_job
+from armcontour.jobs import teach
+
+
+def test_a_sweep_is_the_duration_over_a_key(coarse, drawings):
+    speeds = [0.05, 0.1, 0.15]
+    found = ask("sweep", coarse, "optimal", drawings, key="limits.speed", values=speeds)
+    for speed, duration in zip(speeds, found.arrays["duration"], strict=True):
+        data = coarse | {"limits": coarse["limits"] | {"speed": speed}}
+        job = parse_job(yaml.safe_dump(data))
+        planned = teach(job)["optimal"].trajectory
+        assert duration == pytest.approx(planned.duration, abs=1e-9)
+    assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
+
+
+def test_values_of_a_sweep_that_are_refused_are_not_numbers(coarse, drawings):
+    options = {"key": "corners.tolerance", "min": -1e-3, "max": 1e-3, "count": 2}
+    found = ask("sweep", coarse, "optimal", drawings, **options)
+    assert np.isnan(found.arrays["duration"]).tolist() == [True, False]
+    assert "tolerance" in found.header["refusals"][0]
+
+
+def test_a_place_that_is_better_is_found_in_the_plane(coarse, drawings):
+    over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
+    found = ask("place", coarse, "optimal", drawings, over=over, refined=False)
+    assert found.arrays["by"].shape == (9, 2)
+    durations = found.arrays["duration"]
+    best = int(np.nanargmin(durations))
+    by = found.header["best"]["by"]
+    np.testing.assert_allclose(by, found.arrays["by"][best])
+    frame = {"position": [float(by[0]), float(by[1]), 0.0]}
+    moved = coarse | {"path": coarse["path"] | {"frame": frame}}
+    taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]
+    assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)

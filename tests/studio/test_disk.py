@@ -1,0 +1,54 @@
+"""Job files and their drafts on disk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from armcontour.errors import InvalidInput
+from armcontour.io.job_edits import Change
+from armcontour.studio.document import Document
+
+FASTER = [Change(("limits", "speed"), "0.2 m/s")]
+
+
+def test_a_link_to_a_job_file_stays_a_link(file: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link.yaml"
+    link.symlink_to(file)
+    document = Document.open(link)
+    document.apply(FASTER, "speed")
+    document.save()
+    assert link.is_symlink() and file.read_text() == document.text
+
+
+def test_a_draft_survives_until_the_job_is_saved(file: Path) -> None:
+    document = Document.open(file)
+    assert document.earlier_draft() is None
+    document.apply(FASTER, "speed")
+    assert document.earlier_draft() == document.text
+    document.undo()
+    assert document.earlier_draft() is None and not (file.parent / ".armcontour").exists()
+    document.redo()
+    # A draft that is older than the file is not offered.
+    os.utime(file.parent / ".armcontour" / "job.draft.yaml", (1, 1))
+    assert document.earlier_draft() is None
+    document.undo()
+    document.redo()
+    again = Document.open(file)
+    again.replace(again.earlier_draft() or "", "draft")
+    assert again.text == document.text
+    again.save()
+    assert document.earlier_draft() is None and not (file.parent / ".armcontour").exists()
+
+
+def test_a_folder_that_cannot_be_written_to_has_no_draft(file: Path) -> None:
+    document = Document.open(file)
+    (file.parent / ".armcontour").write_text("no folder")
+    document.apply(FASTER, "speed")
+    assert document.can_undo and not document.write_draft()
+    shutil.rmtree(file.parent)
+    with pytest.raises(InvalidInput, match="job.yaml cannot be written: "):
+        document.save()

@@ -1,0 +1,91 @@
+"""What pages see while somebody edits, and when nothing moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
+
+from armcontour.studio import screen
+from armcontour.studio.session import Session
+from armcontour.studio.wire import Frame
+
+pytestmark = pytest.mark.usefixtures("no_hurry")
+
+
+def wait_for(found: Callable[[], Any]) -> None:
+    """Wait until something holds."""
+    end = time.monotonic() + 20
+    while not found():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def test_a_slow_plan_is_executed_when_nothing_moves(
+    session: Session, tab: Tab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "QUICK", 0.0)
+    assert kinds(tab.edit(MOVE)) == ["document", "picture"]
+    before = len(tab.frames)
+    session.display.screen.rest()
+    session.display.screen.rest()
+    assert kinds(tab.frames[before:]) == ["executed"]
+
+
+def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
+    session = session_of(file, fast=Held)
+    lane = Held.last
+    tab = Tab(session)
+    tab.edit(MOVE)
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    old, new = lane.works
+    for work in (new, old):
+        AtOnce.submit(lane, work)
+    assert [x.header["seq"] for x in tab.frames if x.kind == "picture"] == [2]
+    session.close()
+
+
+def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
+    session = session_of(file, rest=0.0)
+    session.begin()
+    tab, lane = Tab(session), NoLane.last
+    wait_for(lambda: lane.given)
+    id, task, request = lane.given[0]
+    assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
+    tab.say("pin")
+    figures = {"id": id, "run": "slow", "duration": 12.5, "rms": 1e-4}
+    lane.deliver(Frame("figures", figures))
+    assert (
+        tab.last("figures")["duration"] == 12.5 and tab.last("figures")["rev"] == session.editor.rev
+    )
+    tab.say("pin", name="again")
+    assert [x["duration"] for x in tab.last("document")["pins"]] == [12.5, 12.5]
+    tab.edit(MOVE)
+    wait_for(lambda: len(lane.given) == 2)
+    late = lane.given[1][0]
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    time.sleep(0.05)
+    assert len(lane.given) == 2, "one at a time"
+    before = len([x for x in tab.frames if x.kind == "figures"])
+    lane.deliver(Frame("figures", {**figures, "id": late}))
+    assert len([x for x in tab.frames if x.kind == "figures"]) == before, "out of date"
+    wait_for(lambda: len(lane.given) == 3)
+    assert lane.given[2][2]["text"] == session.document.text
+    session.close()
+
+
+def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file: Path) -> None:
+    session = session_of(file, rest=0.0)
+    session.begin()
+    tab, lane = Tab(session), NoLane.last
+    wait_for(lambda: lane.given)
+    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
+    tab.edit(MOVE, final=False)
+    wait_for(lambda: len(lane.given) == 2)
+    text = lane.given[1][2]["text"]
+    assert session.document.text == JOB != text and "400 mm, 160 mm" in text
+    session.close()
