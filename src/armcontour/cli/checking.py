@@ -79,7 +79,8 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     else:
         remarks = _on_the_file(samples, found, declared=x.noise is not None)
         if clearance is not None:
-            remarks.append(f"{clearance.sentence} Between samples the joints count as moving evenly.")
+            evenly = "Between samples the joints count as moving evenly."
+            remarks.append(f"{clearance.sentence} {evenly}")
         _print(found, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]
