@@ -245,30 +245,35 @@ def _arm(study: Study) -> Any:
         rows=2,
     )
     figure.update_layout(box(np.concatenate(drawn)))
+    figure.update_layout(_playing(times))
+    return figure
+
+
+def _playing(times: FloatArray) -> dict[str, Any]:
+    """Layout of an animation: buttons, and a slider over the times of its frames [s]."""
     steps = [
         {"label": f"{t:.2f}", "method": "animate", "args": [[str(k)], _at_once()]}
         for k, t in enumerate(times)
     ]
+    each = 1e3 * float(times[-1]) / FRAMES
     play: list[dict[str, Any]] = [
-        {"label": "play", "method": "animate", "args": [None, _at_once(1e3 * last / FRAMES)]},
+        {"label": "play", "method": "animate", "args": [None, _at_once(each)]},
         {"label": "stop", "method": "animate", "args": [[None], _at_once()]},
     ]
-    figure.update_layout(
-        updatemenus=[{**buttons(play), "showactive": False}, view_buttons(1)],
-        annotations=[row_label("view", 1)],
-        sliders=[
-            {
-                "steps": steps,
-                "currentvalue": {"prefix": "time ", "suffix": " s", "font": SHOWN},
-                "pad": {"t": 10, "b": 10},
-                "len": 1.0,
-                "ticklen": 0,
-                "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
-            }
-        ],
-        margin={"b": 20},
-    )
-    return figure
+    slider = {
+        "steps": steps,
+        "currentvalue": {"prefix": "time ", "suffix": " s", "font": SHOWN},
+        "pad": {"t": 10, "b": 10},
+        "len": 1.0,
+        "ticklen": 0,
+        "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
+    }
+    return {
+        "updatemenus": [{**buttons(play), "showactive": False}, view_buttons(1)],
+        "annotations": [row_label("view", 1)],
+        "sliders": [slider],
+        "margin": {"b": 20},
+    }
 
 
 def _arm_points(execution: Execution, times: FloatArray) -> FloatArray:
