@@ -15,7 +15,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check page soak bench figures schema kernels vendor clean
+.PHONY: help demo test check page package soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -39,6 +39,11 @@ page:  ## Check the types of the Studio's page, where node is found
 	else \
 		echo "The types of the Studio's page were not checked: that needs node with npm, and its registry."; \
 	fi
+
+package: $(VENV)/dev  ## Build the source archive and the wheel, and try the wheel in an empty environment
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+	$(BIN)/python tools/try_package.py dist
 
 soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
 	$(BIN)/python -m soak
@@ -77,8 +82,8 @@ vendor:  ## Bundle what the Studio's page takes from others (needs node)
 	npm --prefix $(TOOLS) ci
 	node $(TOOLS)/build.mjs
 
-clean:  ## Remove the environment and the demo's results
-	rm -rf $(VENV) demo
+clean:  ## Remove the environment, the demo's results, and what was built
+	rm -rf $(VENV) demo dist
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11, 3.12 or 3.13 with its venv module; none was found." >&2; exit 1; }

@@ -1,10 +1,7 @@
 """The code on the pages: Python runs, commands parse, and YAML is what its reader takes.
 
-HTML comments before a block say what the page's text says in words:
-
-- `<!-- file: NAME -->`: the block is the content of that file;
-- `<!-- continues README.md -->`: the page goes on with the names of another page's Python;
-- `<!-- not run: REASON -->`: the block is not run.
+The tutorials are done as a reader does them, in an empty folder: every block in order, and what is
+printed is what the page says. `docs/pages.py` explains the marks of blocks.
 """
 
 from __future__ import annotations
@@ -15,7 +12,6 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +20,7 @@ import numpy as np
 import pytest
 import typer
 import yaml
+from docs.pages import Block, agree, blocks, read_page
 from markdown_it import MarkdownIt
 from soak.joint import move
 
@@ -44,43 +41,16 @@ PAGES = {
         *sorted((ROOT / "examples").rglob("*.md")),
     ]
 }
-MARK = re.compile(r"<!-- (file|not run): (.+?) -->|<!-- (continues) (.+?) -->")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?(armcontour .*)$", re.MULTILINE)
 SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding="utf-8"))
 
 
-@dataclass
-class Block:
-    """A fenced block of a page: its language, its text, the line of that, and the marks before."""
-
-    page: str
-    language: str
-    text: str
-    line: int
-    marks: dict[str, str]
-
-    def __str__(self) -> str:
-        return f"{self.page}:{self.line}"
-
-
-def blocks(page: str) -> Iterator[Block]:
-    marks: dict[str, str] = {}
-    for token in MarkdownIt().parse(PAGES[page].read_text(encoding="utf-8")):
-        if token.type == "html_block":
-            found = MARK.findall(token.content)
-            marks |= {kind or other: text or of for kind, text, other, of in found}
-        elif token.type == "fence":
-            assert token.map is not None
-            line = token.map[0] + 2
-            yield Block(page, token.info.strip(), token.content, line, marks)
-            marks = {}
-        else:
-            assert not marks, f"{page}: {marks} stands before no block"
-
-
-BLOCKS = [x for page in PAGES for x in blocks(page)]
-PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"})
-YAML = [x for x in BLOCKS if x.language == "yaml"]
+BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
+# Pages that a reader does from begin to end, and that say what their blocks print.
+DONE = ["docs/start/first_result.md", *(x for x in PAGES if x.startswith("docs/tutorials/"))]
+PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
+# Files of a page that is done are read when it is.
+YAML = [x for x in BLOCKS if x.language == "yaml" and not ("file" in x.marks and x.page in DONE)]
 
 
 @pytest.fixture
@@ -99,7 +69,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], P
         job = yaml.safe_load(next(x for x in BLOCKS if x.marks.get("file") == "square.yaml").text)
         job |= {"arm": {"file": "robot.urdf.xacro", "tip": "tool0"}}
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
-        for block in blocks(page):
+        for block in blocks(PAGES[page]):
             if "file" in block.marks:
                 (tmp_path / block.marks["file"]).write_text(block.text, encoding="utf-8")
         monkeypatch.chdir(tmp_path)
@@ -110,7 +80,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], P
 
 def run_python(page: str, names: dict[str, Any]) -> dict[str, Any]:
     """Run the Python of a page, in order, after that of the page that it continues."""
-    for block in blocks(page):
+    for block in blocks(PAGES[page]):
         if "continues" in block.marks:
             run_python(block.marks["continues"], names)
         if block.language == "python" and "not run" not in block.marks:
@@ -129,6 +99,35 @@ def write_log(file: Path, t: Any, u: Any) -> None:
     table = np.column_stack([t, u, measured])
     head = "# interpolation: linear\nt,command 1,measured 1"
     np.savetxt(file, table, fmt="%.9f", delimiter=",", header=head, comments="")
+
+
+@pytest.mark.parametrize("page", DONE)
+def test_a_page_is_done(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for block, printed in read_page(PAGES[page]):
+        within = float(block.marks.get("within", "0 %").removesuffix(" %")) / 100
+        assert agree(block.text, printed, within=within), f"{block} is, as printed:\n{printed}"
+
+
+@pytest.mark.parametrize(
+    ("expected", "printed", "same"),
+    [
+        ("a 1.50 s", "a  1.51 s\n", True),
+        ("a 1.50 s", "a 1.52 s", False),
+        ("3 contours", "4 contours", False),
+        ("in all 1.5 m.", "in all 1.5 m", False),
+        ("run1.csv 5mm", "run2.csv 5mm", False),
+        ("one\n...\nfour 4.0", "one two three four 4.0", True),
+        ("one\n...\nfour 4.0", "one four 3.0 four 4.0", True),
+        ("one ... four", "one two three", False),
+        ("file:///...cut/report.html", "file:///tmp/x/cut/report.html", True),
+        ("│ a │ 1.0 │", "┏━━┓\n a  1.0", True),
+        ("a", "a b", False),
+        ("a b", "a", False),
+    ],
+)
+def test_outputs_agree_by_the_stated_rule(expected: str, printed: str, same: bool) -> None:
+    assert agree(expected, printed) is same
 
 
 @pytest.mark.parametrize("page", PYTHON)
@@ -166,7 +165,12 @@ def spans() -> Iterator[tuple[str, str]]:
                     yield page, x.content
 
 
-WHOLE = [(x.page, line) for x in BLOCKS if not x.language for line in COMMAND.findall(x.text)]
+WHOLE = [
+    (x.page, line)
+    for x in BLOCKS
+    if x.language in ("", "sh")
+    for line in COMMAND.findall(x.text.replace("\\\n", " "))
+]
 MENTIONED = sorted({(page, x) for page, x in spans() if x.startswith(("armcontour ", "--"))})
 
 

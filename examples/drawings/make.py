@@ -1,4 +1,4 @@
-"""Write the three sample drawings: `python examples/drawings/make.py [FOLDER]`.
+"""Write the sample drawings: `python examples/drawings/make.py [FOLDER]`.
 
 All were designed for this project. Coordinates are in mm.
 """
@@ -9,6 +9,7 @@ import io
 import sys
 from math import cos, pi, sin, tan
 from pathlib import Path
+from typing import Any
 
 # A quarter of a circle as the bulge of a DXF polyline, and of a full turn between two vertices.
 QUARTER = tan(pi / 8)
@@ -16,8 +17,8 @@ QUARTER = tan(pi / 8)
 ROUND = 4 / 3 * tan(pi / 8)
 
 
-def gasket() -> str:
-    """A flange gasket as DXF: outline with bulges, bore, ports, bolt holes, and a mark."""
+def new_dxf() -> Any:
+    """An empty DXF document in mm with the layers CUT and MARK."""
     import ezdxf
 
     # Else times and identifiers of the header would differ from day to day.
@@ -26,6 +27,34 @@ def gasket() -> str:
     document.header["$INSUNITS"] = 4  # mm
     document.layers.add("CUT", color=1)
     document.layers.add("MARK", color=5)
+    return document
+
+
+def text_of(document: Any) -> str:
+    """A DXF document as text."""
+    stream = io.StringIO()
+    document.write(stream)
+    return stream.getvalue()
+
+
+def plate() -> str:
+    """A small plate as DXF, for first steps: outline, a hole, a slot, and a mark."""
+    document = new_dxf()
+    space = document.modelspace()
+    cut, mark = {"layer": "CUT"}, {"layer": "MARK"}
+    # The outline comes first, as many programs draw it; holes and slot have to be cut before it.
+    outline = [(6, 0, 0), (54, 0, QUARTER), (60, 6, 0), (60, 40, 0), (0, 40, 0), (0, 6, QUARTER)]
+    space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs=cut)
+    space.add_circle((14, 16), 5, dxfattribs=cut)
+    slot = [(32, 12, 0), (46, 12, 1), (46, 20, 0), (32, 20, 1)]
+    space.add_lwpolyline(slot, format="xyb", close=True, dxfattribs=cut)
+    space.add_lwpolyline([(26, 30), (30, 35), (34, 30)], dxfattribs=mark)
+    return text_of(document)
+
+
+def gasket() -> str:
+    """A flange gasket as DXF: outline with bulges, bore, ports, bolt holes, and a mark."""
+    document = new_dxf()
     space = document.modelspace()
     cut, mark = {"layer": "CUT"}, {"layer": "MARK"}
     # The outline comes last, so that the part lies still until it is done. First an arrow that
@@ -54,9 +83,7 @@ def gasket() -> str:
         (45, 0, 0),
     ]
     space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs=cut)
-    stream = io.StringIO()
-    document.write(stream)
-    return stream.getvalue()
+    return text_of(document)
 
 
 # Letters of one stroke or two in a box 1 high, y down as in SVG: a bowl is a circle of Bézier
@@ -161,7 +188,7 @@ def wall(
     ]
 
 
-FILES = {"gasket.dxf": gasket, "lettering.svg": lettering, "pocket.ngc": pocket}
+FILES = {"plate.dxf": plate, "gasket.dxf": gasket, "lettering.svg": lettering, "pocket.ngc": pocket}
 
 
 def main(folder: Path) -> None:

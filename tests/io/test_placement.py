@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
@@ -82,6 +83,8 @@ def test_the_job_file_gets_a_work_frame_and_keeps_its_comments() -> None:
     again = parse_job(text)
     assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
     np.testing.assert_allclose(again.arm.arrays[3], found.placed().arm.arrays[3], atol=1e-12)
+    position = yaml.safe_load(text)["arm"]["work"]["position"]
+    assert position == [round(x, 12) for x in position]
 
 
 def test_the_path_of_an_arm_in_the_plane_gets_a_frame() -> None:

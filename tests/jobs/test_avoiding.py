@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -136,3 +137,14 @@ def test_shapes_that_cannot_be_read_matter_where_a_scene_asks_for_clearance(job:
     assert plan.clearance is None
     with pytest.raises(ac.InvalidInput, match="mesh is not there"):
         teach(dataclasses.replace(bare, scene=Scene()))
+
+
+def test_without_its_library_no_clearance_is_a_warning(
+    job: ac.Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "coal", None)
+    (plan,) = teach(job).values()
+    assert plan.clearance is None and plan.clearance_note is None
+    assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
+    with pytest.raises(ac.InvalidInput, match="coal"):
+        teach(dataclasses.replace(job, scene=Scene()))

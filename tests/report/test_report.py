@@ -18,6 +18,7 @@ from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
 from armcontour.report.sections.motion import accelerations, contour_error, find_saturation
 from armcontour.report.style import thin
+from armcontour.servo import ServoModel
 
 
 @pytest.fixture(scope="module")
@@ -191,8 +192,13 @@ def test_works_offline_and_escapes_text(page: str) -> None:
 
 
 def test_a_job_without_corners_or_published_figures_has_a_report(study: Study) -> None:
-    only = dataclasses.replace(study.job, runs=study.job.runs[:1], published=None)
+    # One gain for all joints, as a job made in Python may have it.
+    servo = ServoModel(kp=25.0, kv=150.0)
+    only = dataclasses.replace(
+        study.job, runs=study.job.runs[:1], published=None, servo=servo, plant_servo=servo
+    )
     page = render_report(run(only))
+    assert "K<sub>p</sub> 25.0 1/s, K<sub>v</sub> 150.0 1/s</p>" in page
     assert '<section id="published">' not in page
     assert '<section id="bindings">' not in page
     assert "Corners enlarged" not in page

@@ -509,7 +509,12 @@ def test_a_sample_drawing_runs_to_a_report(
 
 def test_the_sample_drawings_are_what_their_script_writes(tmp_path: FilePath) -> None:
     runpy.run_path(str(DRAWINGS / "make.py"))["main"](tmp_path)
-    assert {x.name for x in tmp_path.iterdir()} == {"gasket.dxf", "lettering.svg", "pocket.ngc"}
+    assert {x.name for x in tmp_path.iterdir()} == {
+        "plate.dxf",
+        "gasket.dxf",
+        "lettering.svg",
+        "pocket.ngc",
+    }
     for made in sorted(tmp_path.iterdir()):
         shipped = read_path(DRAWINGS / made.name)
         again = read_path(made)

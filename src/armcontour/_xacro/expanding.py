@@ -50,8 +50,8 @@ def expand_xacro(
     """
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
-            f"{file} needs the package xacro, which is not installed: install armcontour[ros], or "
-            "expand it to a .urdf elsewhere."
+            f"{file} needs the package xacro, which is not installed: pip install "
+            "'armcontour[ros]', or expand it to a .urdf elsewhere."
         )
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
     answer = _answer(file, seconds, wishes)

@@ -7,6 +7,7 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from armcontour._pool import ProcessPool
@@ -51,15 +52,19 @@ class Engine:
 
 
 def refuse_unclear(workers: int | None, cluster: str | None, executor: Executor | None) -> None:
-    """Refuse options of `open_engine` that make no sense.
+    """Refuse options of `open_engine` that make no sense, and a cluster without Dask.
 
     Raises:
-        InvalidInput: Such options.
+        InvalidInput: Such options, or Dask is not installed.
     """
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
     if cluster is not None and (workers is not None or executor is not None):
         raise InvalidInput("A cluster has its own workers: leave workers and executor out.")
+    if cluster is not None and find_spec("distributed") is None:
+        raise InvalidInput(
+            "A cluster needs the library distributed: pip install 'armcontour[cluster]'."
+        )
 
 
 @contextmanager
@@ -78,7 +83,6 @@ def open_engine(
         executor: An executor of the caller, which stays open.
 
     Raises:
-        InvalidInput: Dask is not installed.
         ExecutionError: Nobody answers at the address, or the cluster has no workers.
     """
     if executor is not None:
@@ -108,12 +112,7 @@ def _processes(count: int) -> str:
 @contextmanager
 def _dask(address: str) -> Iterator[Engine]:
     """The executor of a Dask cluster."""
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise InvalidInput(
-            "A cluster needs the library distributed: pip install 'armcontour[cluster]'."
-        ) from None
+    distributed: Any = import_module("distributed")
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

@@ -56,7 +56,7 @@ app = typer.Typer(
     epilog=(
         "Exit codes: 0 done; 1 not kept, not determined, or refused by the system; 2 invalid "
         "input; 3 out of reach; 4 no timing or certificate; 5 delay not compensated; 6 simulation "
-        "not completed; 7 cannot tell; 130, 141 and 143 interrupted. "
+        "not completed; 7 cannot tell; 8 collision; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
     rich_markup_mode=None,
@@ -111,9 +111,9 @@ def run(
 @app.command()
 def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
     """Run the built-in job: the paper's contouring job on the PMK-3s."""
-    from armcontour.cli.running import built_in_job, run_job
+    from armcontour.cli.running import run_demo
 
-    run_job(lambda progress: built_in_job(), out, force=force, open_report=open_report)
+    run_demo(out, force=force, open_report=open_report)
 
 
 @app.command()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib import resources
 from pathlib import Path as FilePath
@@ -21,12 +22,58 @@ if TYPE_CHECKING:
 WRITING = Step(("writing the results",))
 
 
+def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
+    """Run the built-in job, and say what an extra would add to it.
+
+    Args:
+        out: Folder for the results.
+        force: Whether an earlier result there may be replaced.
+        open_report: Whether to open the report in a browser.
+
+    Raises:
+        ArmContourError: The folder cannot be used.
+    """
+    left_out: list[str] = []
+
+    def read(progress: Progress) -> Job:
+        from armcontour.execution.rigid_body_plant import can_simulate
+
+        job = built_in_job()
+        if can_simulate():
+            return job
+        alone, runs = without_bodies(job)
+        left_out.extend(runs)
+        return alone
+
+    run_job(read, out, force=force, open_report=open_report)
+    if left_out:
+        Console().say(
+            "Left out: how all runs do on the arm's rigid bodies, and the run "
+            f"{' and '.join(left_out)}, which only these judge; both need MuJoCo: pip install "
+            "'armcontour[experiment]'."
+        )
+
+
 def built_in_job() -> Job:
     """The paper's job, which is a part of the package."""
     from armcontour.io import parse_job
 
     file = resources.files("armcontour.jobs") / "library" / "paper.yaml"
     return parse_job(file.read_text(encoding="utf-8"), source="the built-in job")
+
+
+def without_bodies(job: Job) -> tuple[Job, list[str]]:
+    """A job without experiments, and without runs that nothing else judges.
+
+    Args:
+        job: The job.
+
+    Returns:
+        What is left of it, and the names of the runs that are not.
+    """
+    kept = [x for x in job.runs if x.compensation != "inverse_dynamics"]
+    lost = [x.name for x in job.runs if x not in kept]
+    return replace(job, runs=tuple(replace(x, experiment=None) for x in kept)), lost
 
 
 def run_job(

@@ -49,8 +49,8 @@ def load() -> Any:
         return importlib.import_module("mujoco")
     except ImportError:
         raise InvalidInput(
-            "A rigid-body plant needs the package mujoco, which is not installed: install "
-            "armcontour[experiment]."
+            "A rigid-body plant needs the package mujoco, which is not installed: "
+            "pip install 'armcontour[experiment]'."
         ) from None
 
 

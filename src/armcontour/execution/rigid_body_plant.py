@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -525,6 +526,11 @@ class _Robot:
             t=t,
             joint=j + 1,
         )
+
+
+def can_simulate() -> bool:
+    """Whether MuJoCo is installed, which moves the bodies."""
+    return importlib.util.find_spec("mujoco") is not None
 
 
 def bytes_of(

@@ -272,9 +272,9 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
 
 def _frame(frame: Frame) -> dict[str, list[float]]:
     """A frame as keys of a job file."""
-    # Adding zero removes the sign of -0.
+    # To a picometre, so that 0.1 m is written so. Adding zero removes the sign of -0.
     return {
-        "position": (frame.position + 0.0).tolist(),
+        "position": (frame.position.round(12) + 0.0).tolist(),
         "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),
     }
 

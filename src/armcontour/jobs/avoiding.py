@@ -38,6 +38,12 @@ REST = "at rest"
 # Position and orientation, with the turn about the tool axis.
 WHOLE_POSE = 6
 
+# Of arms in space; in the plane neighbouring links are all that could touch.
+NOT_LOOKED_AT = (
+    "nothing looked at how near the arm comes to itself: that needs the package pin, which is not "
+    "installed and has no wheels for Windows."
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cleared:
@@ -48,7 +54,7 @@ class Cleared:
         trajectory: The plan.
         clearance: How far the arm stays from itself and from its cell; None for an arm whose shapes
             are not known.
-        notes: Sentences on what was done for it.
+        notes: Sentences on what was done for it; without a clearance, why there is none.
     """
 
     traced: Tracing
@@ -77,7 +83,8 @@ def keep_clear(
     progress(Step(("clearance",)))
     if job.scene is None and not (job.arm.knows_shapes and can_measure()):
         # Nobody asked for it; notes of the arm say which meshes are lacking.
-        return Cleared(traced=traced, trajectory=trajectory, clearance=None)
+        unseen = (NOT_LOOKED_AT,) if job.arm.knows_shapes and job.arm.dimension == 3 else ()
+        return Cleared(traced=traced, trajectory=trajectory, clearance=None, notes=unseen)
     cell = Cell(job.arm, job.scene or Scene())
     if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)

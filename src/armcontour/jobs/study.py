@@ -97,7 +97,8 @@ class TimedRun:
         exceeded: Sentences on limits that the smoothed plan exceeds.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
             whose shapes are not known.
-        avoided: Sentences on other ways that were taken to keep clear.
+        avoided: Sentences on other ways that were taken to keep clear; without a clearance, on why
+            there is none.
     """
 
     run: Run
@@ -191,7 +192,9 @@ class TimedRun:
             )
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
-        if self.clearance is not None and not self.clearance.kept:
+        if self.clearance is None:
+            found += self.avoided
+        elif not self.clearance.kept:
             found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:

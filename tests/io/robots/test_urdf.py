@@ -362,7 +362,7 @@ def test_xacro_missing_is_said(tmp_path, monkeypatch, refuses):
     refuses(
         lambda: ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True),
         ac.InvalidInput,
-        "install armcontour[ros]",
+        "pip install 'armcontour[ros]'",
     )
 
 

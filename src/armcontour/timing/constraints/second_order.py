@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour.arms.limits import UNITS
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
 from armcontour.timing.constraints.sampled import bulge, rise
@@ -110,9 +111,10 @@ def refuse_excess_at_rest(
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) + 1 if constraint.joints else None
     who = constraint.name if joint is None else f"joint {joint} {constraint.name}"
+    unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
     raise NotRealizable(
-        f"At {s:.6g} m along the path the {who} is {needed:.4g} {when}, but its limit is "
-        f"{allowed:.4g}: the arm cannot {cannot} there.",
+        f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit, less "
+        f"the reserve of the plan, is {allowed:.4g}{unit}: the arm cannot {cannot} there.",
         s=s,
         joint=joint,
         limit=constraint.name,

@@ -1,0 +1,115 @@
+"""Try what a release would hand out: `python tools/try_package.py dist`, as `make package` does.
+
+Source archive and wheel hold the files that git knows, and no others. The wheel is installed in an
+empty environment, where `armcontour demo` has to work outside the repository, without any extra.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = "src/armcontour/"
+# Of the repository, but of no use to who has a source archive.
+NOT_IN_SOURCES = (".ci/", ".github/")
+# The licences of what the package contains from others, as they are called in the repository.
+LICENCES = (
+    "LICENSE",
+    PACKAGE + "io/robots/library/hulls/LICENSE-universal-robots.txt",
+    PACKAGE + "io/robots/library/hulls/NOTICE-franka.txt",
+    PACKAGE + "studio/static/vendor/LICENSES.txt",
+)
+# Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a
+# hundredth, which is less than a fault makes of them, and more than the rounding of a library.
+PROPOSED = (5.327, 2.28e-6)
+
+
+def main() -> None:
+    """Try the archives of a folder, and print what was found."""
+    folder = Path(sys.argv[1])
+    (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
+    if (ROOT / ".git").exists():
+        # The folder may belong to somebody else, as in a container.
+        git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
+        known = set(run(*git, "ls-files", "-z").split("\0")) - {""}
+        try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
+        try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
+    else:
+        print("There is no git here: the files of the archives were not compared with its own.")
+    with tempfile.TemporaryDirectory() as place:
+        try_install(wheel.resolve(), Path(place))
+
+
+def try_sources(archive: Path, known: set[str]) -> None:
+    """Compare a source archive with the files that it should hold."""
+    with tarfile.open(archive) as opened:
+        found = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
+    compare(archive, found, known | {"PKG-INFO"})
+
+
+def try_wheel(archive: Path, known: set[str]) -> None:
+    """Compare a wheel with the files that it should hold: the package, and its licences."""
+    with zipfile.ZipFile(archive) as opened:
+        names = {x for x in opened.namelist() if not x.endswith("/")}
+    info = "-".join(archive.name.split("-")[:2]) + ".dist-info/"
+    of_package = {x for x in names if not x.startswith(info)}
+    compare(archive, of_package, {x.removeprefix("src/") for x in known})
+    missing = [x for x in LICENCES if f"{info}licenses/{x}" not in names]
+    if missing:
+        sys.exit(f"{archive.name} lacks licences: {', '.join(missing)}")
+
+
+def compare(archive: Path, found: set[str], expected: set[str]) -> None:
+    """End the program if an archive lacks files, or has others."""
+    for what, names in (("lacks", expected - found), ("must not have", found - expected)):
+        if names:
+            sys.exit(f"{archive.name} {what}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
+    print(f"{archive.name}: {len(found)} files, {archive.stat().st_size / 1e6:.1f} MB")
+
+
+def try_install(wheel: Path, place: Path) -> None:
+    """Install a wheel in an empty environment, and run the demo there."""
+    began = time.monotonic()
+    venv.create(place / "env", with_pip=True)
+    bin_folder = place / "env" / ("Scripts" if os.name == "nt" else "bin")
+    # Bytecode is written at the first use; pip would spend half of its time on that.
+    run(str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile", str(wheel))
+    print(f"Installed in {time.monotonic() - began:.0f} s.")
+    began = time.monotonic()
+    work = place / "work"
+    work.mkdir()
+    print(run(str(bin_folder / "armcontour"), "demo", cwd=work))
+    print(f"Demo, with what it compiles at its first run: {time.monotonic() - began:.0f} s.")
+    summary = json.loads((work / "demo" / "summary.json").read_text(encoding="utf-8"))
+    files = {"report.html", *(f"{name}/taught.csv" for name in summary["runs"])}
+    missing = [x for x in files if not (work / "demo" / x).is_file()]
+    if missing:
+        sys.exit(f"The demo lacks files: {', '.join(sorted(missing))}.")
+    run_of_paper = summary["runs"]["proposed"]
+    found = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
+    if any(abs(x / y - 1) > 0.01 for x, y in zip(found, PROPOSED, strict=True)):
+        sys.exit(f"The demo's run proposed has {found}; README.md says {PROPOSED}.")
+    print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
+
+
+def run(*command: str, cwd: Path | None = None) -> str:
+    """What a command prints; one that fails ends the program with what it said."""
+    # The installed package is tried, not that of the repository.
+    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout.rstrip("\n")
+
+
+if __name__ == "__main__":
+    main()
