@@ -70,7 +70,7 @@ def test_a_row_is_what_the_job_gives_alone(reference, jobs):
     assert found.counts == {"done": 6, "refused": 6} and found.errors == {"Unreachable": 6}
     assert told[-1].done == told[-1].total == 12 and told[-1].left == 0.0
     assert told[-1].statuses == found.counts and told[-1].errors == found.errors
-    assert str(found) == "Batch('small', 12 jobs: 6 done, 6 refused)"
+    assert repr(found) == "Batch('small', 12 jobs: 6 done, 6 refused)"
 
 
 def _written(folder: FilePath, text: str) -> FilePath:

@@ -9,7 +9,7 @@ import pytest
 import armcontour as ac
 from armcontour.certification._derating import Derating, plan_derated
 from armcontour.io import certificate_json, derating_csv, parse_job
-from armcontour.jobs import Goal
+from armcontour.jobs import Goal, Published
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.report import render_report
 from armcontour.robustness.monte_carlo import Box, spread
@@ -311,6 +311,19 @@ def test_the_report_begins_with_it(certified):
     assert page.index('id="certificate"') < page.index('id="overview"')
     assert f"{certified.duration:.4f} s" in page
     assert "independent joint servos" in page and "command interval" in page
+
+
+def test_its_report_compares_nothing_with_published_figures(certified):
+    """They are of the job's runs as they are, and of runs that are not certified."""
+    published = Published(
+        source="a paper",
+        runs={"certified": {"duration": 5.0}, "other": {"duration": 6.0}},
+        time_stamps=(0.0, 1.0),
+        time_stamps_of="other",
+    )
+    found = replace(certified, job=replace(certified.job, published=published))
+    page = render_report(found.study, certificate=found)
+    assert 'id="certificate"' in page and 'id="published"' not in page
 
 
 def test_goals_of_job_files(refuses):

@@ -46,8 +46,8 @@ def test_a_point_is_what_certify_finds(swept):
     # The job's own choice lies on both lines.
     assert swept.speeds[1] == swept.tolerances[1]
     name, run = job.name, job.runs[0].name
-    assert str(swept) == f"Sweep({name!r}, run {run!r}, 5 of 5 points certified)"
-    assert str(found) == (
+    assert repr(swept) == f"Sweep({name!r}, run {run!r}, 5 of 5 points certified)"
+    assert repr(found) == (
         f"Certificate({name!r}, run {run!r}, {found.duration:.6g} s, contour error at most "
         f"{found.budget.executed:.3g} m)"
     )

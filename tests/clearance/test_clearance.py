@@ -138,7 +138,7 @@ def test_the_nearest_pair_of_every_kind_is_told() -> None:
         for kind in ("environment", "own", "tool")
     }
     assert found.nearest[0] is found.least
-    words = str(found)
+    words = found.sentence
     for x in found.nearest[1:]:
         assert f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" in words
     assert "far" not in words

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import json
+import re
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+import plotly.io as pio
 import pytest
+from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots as plots_of_plotly
 
-from armcontour.report.figure import Figure, Node, make_subplots, make_trace, to_json
+from armcontour.report.figure import Figure, Node, make_subplots, make_trace, render_page, to_json
 from armcontour.report.style import finish
 
 PLACES = [
@@ -26,9 +30,9 @@ PLACES = [
 
 
 def written(figure: Figure) -> list[Any]:
-    """What a page gives to plotly.js: its key, data, layout, configuration."""
+    """What a page gives to plotly.js: its key, data, layout, configuration, frames."""
     page = figure.to_html("key")
-    found, at = [], page.index("Plotly.newPlot(") + len("Plotly.newPlot(")
+    found, at = [], page.index("draw(") + len("draw(")
     while page[at - 1] != ")":
         value, at = json.JSONDecoder().raw_decode(page, at)
         found.append(value)
@@ -48,7 +52,22 @@ def test_several_plots_are_where_plotly_puts_them(options: dict[str, Any]) -> No
     finish(ours, title="several", height=300)
     finish(theirs.update_layout(template="plotly_white"), title="several", height=300)
     expected = json.loads(theirs.to_json())
-    assert written(ours)[1:3] == [expected["data"], expected["layout"]]
+    # The page has the title above the figure, and the template once.
+    layout = {x: y for x, y in expected["layout"].items() if x not in ("title", "template")}
+    assert written(ours)[1:3] == [expected["data"], layout]
+    assert ">several</figcaption>" in ours.to_html("key")
+
+
+def test_a_page_has_plotly_packed_and_its_template_once() -> None:
+    page = render_page(
+        "report.html", job=None, title="a", about="", source="", sections=[], refresh=None
+    )
+    packed = re.search(r'<script type="text/plain" id="plotly">(.*?)</script>', page)
+    assert packed is not None
+    assert gzip.decompress(base64.b64decode(packed[1])).decode() == get_plotlyjs()
+    assert len(page) < 0.45 * len(get_plotlyjs())
+    (template,) = re.findall(r"const template = (.*);\n", page)
+    assert json.loads(template) == pio.templates["plotly_white"].to_plotly_json()
 
 
 def test_values_are_merged_and_read_as_attributes() -> None:
@@ -78,3 +97,17 @@ def test_json_cannot_end_a_script() -> None:
     text = to_json(Node({"name": "</script><b>", "y": [1.0, np.nan, np.inf]}))
     assert not set("<>/") & set(text)
     assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
+
+
+@pytest.mark.parametrize(
+    ("values", "ticks"),
+    [([0.1, 2.0], {"tickformat": "~g", "dtick": "D2"}), ([1e-6, 5.0, 0.0], {"dtick": 1})],
+)
+def test_a_short_logarithmic_axis_has_numbers_between_powers_of_ten(
+    values: list[float], ticks: dict[str, Any]
+) -> None:
+    figure = Figure(make_trace("scatter", x=[1, 2, 3], y=values))
+    figure.update_yaxes(type="log")
+    found = finish(figure, title="").layout
+    assert {x: found.yaxis[x] for x in ("tickformat", "dtick") if x in found.yaxis} == ticks
+    assert "dtick" not in found.xaxis

@@ -47,6 +47,15 @@ def test_published_figures_ratios_and_time_stamps_stand_beside_ours(page: str) -
         assert text in page
 
 
+def test_published_figures_of_other_runs_are_left_out(study: Study) -> None:
+    def only(name: str) -> str:
+        return render_report(Study(job=study.job, runs={name: study.runs[name]}))
+
+    page = only("conventional")
+    assert "<td>2.630 mm</td>" in page and "<td>0.164 mm</td>" not in page
+    assert 'id="published"' not in only("optimal")
+
+
 def test_more_than_two_runs_are_compared_in_a_table(study: Study) -> None:
     section = overview(study)
     assert section.tiles == ()

@@ -146,6 +146,16 @@ class TestPrograms:
             told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
             assert {names[k] if k != NOTHING else "nothing" for k in own} == told
 
+    def test_curves_are_drawn_round(self, gasket):
+        planned, frame = gasket
+        path_s, starts = frame.arrays["path_s"].astype(float), planned.path.breaks
+        size = np.ptp(frame.arrays["path"], axis=0).max()
+        for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):
+            s = np.clip(path_s[(path_s >= start) & (path_s <= end)] - start, 0, x.path.length)
+            ends, middle = x.path(s), x.path((s[1:] + s[:-1]) / 2)
+            # At most a quarter of a pixel of a picture of 500 pixels.
+            assert np.linalg.norm(middle - (ends[1:] + ends[:-1]) / 2, axis=1).max() < size / 2000
+
     def test_rapids_lead_from_contour_to_contour(self, gasket):
         planned, frame = gasket
         a = frame.arrays

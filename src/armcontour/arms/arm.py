@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
+from armcontour._describing import several
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.errors import InvalidInput
@@ -69,6 +70,19 @@ class Arm(Locked, ABC):
     notes: tuple[str, ...] = ()
     _read_shapes: Callable[[], ArmShapes] | None = None
     _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
+
+    def __str__(self) -> str:
+        """Name and number of joints."""
+        what = [several(self.dof, "joint"), "in the plane" if self.dimension == 2 else "in space"]
+        if self.has_bodies:
+            what.append("with masses")
+        if self._read_shapes is not None:
+            what.append("with shapes")
+        return f"{self.name}: {', '.join(what)}"
+
+    def __repr__(self) -> str:
+        """Class, name and number of joints."""
+        return f"{type(self).__name__}({self.name!r}, {self.dof} joints)"
 
     @property
     def dof(self) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._checks import IntArray
+from armcontour._describing import digits, line_up, several
 from armcontour._progress import Progress
 from armcontour._warming import warm_for_run
 from armcontour.batches.conducting import conduct
@@ -48,6 +49,19 @@ class Tally:
     statuses: Mapping[str, int]
     errors: Mapping[str, int]
     workers: str
+
+    def __str__(self) -> str:
+        """How many jobs are done, how fast, and what came of them."""
+        left = "" if self.left is None else f", {digits(self.left)} s left"
+        return line_up(
+            f"{self.done} of {several(self.total, 'job')} done",
+            [
+                ("rate", f"{digits(self.rate)} jobs/s{left}"),
+                ("results", ", ".join(f"{n} {x}" for x, n in self.statuses.items())),
+                ("errors", ", ".join(f"{n} {x}" for x, n in self.errors.items())),
+                ("workers", self.workers),
+            ],
+        )
 
     @property
     def rate(self) -> float:
@@ -104,6 +118,19 @@ class Batch:
         object.__setattr__(self, "_ledger", ledger)
         look(self.folder, ledger)
         return blocks(ledger)
+
+    def __str__(self) -> str:
+        """What came of the jobs."""
+        missing = len(self.plan) - sum(self.counts.values())
+        return line_up(
+            f"Batch {self.plan.name}: {several(len(self.plan), 'job')}",
+            [
+                *((status, str(n)) for status, n in self.counts.items()),
+                ("without a result", str(missing) if missing else ""),
+                *((f"error {name}", str(n)) for name, n in self.errors.items()),
+                ("folder", str(self.folder)),
+            ],
+        )
 
     def __repr__(self) -> str:
         """Name, number of jobs and what came of them."""

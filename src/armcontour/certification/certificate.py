@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, line_up, milliseconds, mm
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
@@ -54,6 +55,19 @@ class Budget:
     def total(self) -> float:
         """Bound of the tool's distance from the objective path [m]."""
         return self.rounding + self.executed
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """The error, its parts and what is left as names and values, for tables."""
+        allowed = self.servo_allowed if self.allowed is None else self.allowed
+        return [
+            ("contour error", f"at most {mm(self.executed)}"),
+            ("of it servo", mm(self.servo)),
+            ("  command interval", mm(self.sampling)),
+            ("  robots of the box", mm(self.box) if self.box else ""),
+            ("rounding of corners", mm(self.rounding)),
+            ("left", f"{mm(self.left)} of {mm(allowed)}"),
+        ]
 
     @property
     def left(self) -> float:
@@ -134,6 +148,21 @@ class ContourCertificate:
     linear: LinearFigures | None
     trials: int
 
+    def __str__(self) -> str:
+        """The error of the contour and its parts."""
+        cost = (self.duration - self.optimum) * 1e3
+        return line_up(
+            f"Certified: {self.name}: {self.duration:.4f} s",
+            [
+                ("cost", f"{cost:+.1f} ms to {self.optimum:.4f} s"),
+                *self.budget.rows,
+                ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
+                ("smoothing", ", ".join(milliseconds(x) for x in self.windows)),
+            ],
+        )
+
+    __repr__ = brief
+
     @property
     def shape(self) -> str | None:
         """Shape of the corners of the path: "free", "arc", or None where none was changed."""
@@ -208,6 +237,24 @@ class Certificate:
     trials: int
     experiment: ExperimentResult | None
     failure: ExecutionError | None = None
+
+    def __str__(self) -> str:
+        """What is certified, for which model, and what it costs."""
+        several = len(self.contours) > 1
+        worst = f", least left on {self.worst.name}" if several else ""
+        title = f"Certified: {self.job.title}, run {self.run.name}: {self.duration:.4f} s"
+        return line_up(
+            title,
+            [
+                ("cost", f"{self.cost * 1e3:+.1f} ms to {self.uncertified.duration:.4f} s"),
+                ("contours", f"{len(self.contours)}, all certified{worst}" if several else ""),
+                *self.budget.rows,
+                ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
+                ("saturated", ", ".join(f"{x:.1%}" for x in self.evaluation.saturated)),
+                ("limits of the plan", f"{self.check.verdict}, between samples too"),
+                ("holds for", self.model),
+            ],
+        )
 
     def __repr__(self) -> str:
         """Job, run, duration and largest contour error, without arrays."""
@@ -319,6 +366,6 @@ class Certificate:
 
     @property
     def study(self) -> Study:
-        """A study with the certified plan as its only run."""
-        job = replace(self.job, runs=(self.run,))
+        """A study with the certified plan as its only run, which has no published figures."""
+        job = replace(self.job, runs=(self.run,), published=None)
         return Study(job=job, runs={self.run.name: self.result})

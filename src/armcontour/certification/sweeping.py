@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour import _checks
+from armcontour._describing import line_up, mm
 from armcontour._process import Packed, pack, unpack
 from armcontour._progress import Progress, Step, under
 from armcontour.certification.certificate import Certificate
@@ -53,6 +54,19 @@ class SweepPoint:
     refusal: str | None
     shape: str | None
 
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Tolerance, speed, shape, optimum, certified duration and error as text, for tables."""
+        certified = "" if self.duration is None else f"{self.duration:.4f} s"
+        return (
+            "" if self.tolerance is None else mm(self.tolerance),
+            "" if self.speed is None else f"{mm(self.speed)}/s",
+            self.shape or "",
+            "" if self.optimum is None else f"{self.optimum:.4f} s",
+            certified if self.refusal is None else "refused",
+            "" if self.contour_error is None else mm(self.contour_error),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sweep:
@@ -85,6 +99,12 @@ class Sweep:
             return None
         own = None if self.run.rounding is None else self.run.rounding.iterations
         return COARSE if own is None else own
+
+    def __str__(self) -> str:
+        """A row for every point."""
+        header = ("tolerance", "speed", "corners", "optimum", "certified", "contour error")
+        rows = [header, *(x.cells for x in (*self.tolerances, *self.speeds))]
+        return line_up(f"Sweep of {self.job.title}, run {self.run.name}", rows, columns=">")
 
     def __repr__(self) -> str:
         """Job, run and how many points are certified."""

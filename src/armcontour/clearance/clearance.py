@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._describing import brief, line_up, mm, several
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
@@ -146,7 +147,22 @@ class Clearance:
         return f" (also {list_some(names, 5)})" if names else ""
 
     def __str__(self) -> str:
-        """The verdict, with the least distance."""
+        """The verdict, and the nearest pairs."""
+        near = self.nearest if self.kept else self.too_near
+        rows = [("pair", "distance", "at", "margin")]
+        for x in near:
+            t = x.t if x.first_time is None else x.first_time
+            shown = "touch" if x.high <= 0 else mm(x.high)
+            rows.append((f"{x.second} and {x.first}", shown, f"{t:.3f} s", mm(x.margin)))
+        verdict = "kept" if self.kept else f"{several(len(near), 'pair')} too near"
+        looked = f"{several(len(self.pairs), 'pair')}, {len(self.left_out)} not looked at"
+        return line_up(f"Clearance: {verdict} ({looked})", rows if near else (), columns=">")
+
+    __repr__ = brief
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with the least distance, as a sentence."""
         if not self.kept:
             return f"Too near: {self.too_near[0]}."
         first, *others = self.nearest or (None,)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour._text import show
-from armcontour.arms import limits
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
@@ -36,7 +35,6 @@ LEAST_NOISE = 1e-9
 JOB_FILES = (".yaml", ".yml")
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
-UNITS = limits.UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
 
 
 def check_file(trajectory: FilePath, x: CheckOptions) -> int:
@@ -81,7 +79,8 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     else:
         remarks = _on_the_file(samples, found, declared=x.noise is not None)
         if clearance is not None:
-            remarks.append(f"{clearance} Between samples the joints count as moving evenly.")
+            evenly = "Between samples the joints count as moving evenly."
+            remarks.append(f"{clearance.sentence} {evenly}")
         _print(found, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]
@@ -294,9 +293,8 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
     return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
 
 
-def _cells(name: str, x: Occurrence) -> tuple[str, ...]:
+def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
     """The use of a limit at one time as cells of a table."""
-    unit = UNITS.get(name, "")
     return (
         f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
         f"{x.slack:.1g}",
@@ -311,8 +309,8 @@ def _print(found: Check, remarks: list[str]) -> None:
     """Print a table of the limits, and sentences on the result and on the file."""
     rows = []
     for x in found.uses:
-        rows.append((x.name.replace("_", " "), *_cells(x.name, x), x.verdict))
-        certain, highest = _cells(x.name, x), _cells(x.name, x.highest)
+        certain, highest = _cells(x.unit, x), _cells(x.unit, x.highest)
+        rows.append((x.name.replace("_", " "), *certain, x.verdict))
         if certain[0] != highest[0]:
             rows.append(("  numbers as printed", *highest, ""))
     console = Console()

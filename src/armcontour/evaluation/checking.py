@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import line_up, mm
 from armcontour._sampling import (
     LARGEST,
     LATEST,
@@ -105,6 +106,20 @@ class Check:
         worst = self.worst
         most = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
         return f"Check({self.verdict}, {len(self.uses)} limits{most})"
+
+    def __str__(self) -> str:
+        """The verdict, and the limits with the largest uses."""
+        title = f"Check: {self.verdict}, {self.states} times from {self.start:g} to {self.end:g} s"
+        header = ("limit", "share", "value", "of", "at", "joint", "verdict")
+        uses = sorted(self.uses, key=lambda x: -x.certain)
+        rows = [header, *(x.cells for x in uses)] if uses else []
+        far = self.path_deviation
+        ends = [
+            "" if far is None else f"off the path by at most {mm(far.distance)}",
+            f"not judged: {', '.join(self.not_judged)}" if self.not_judged else "",
+        ]
+        said = "; ".join(filter(None, ends))
+        return line_up(f"{title}; {said}" if said else title, rows, columns=">>>>><")
 
     @property
     def worst(self) -> LimitUse | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, place_and_time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +59,13 @@ class ErrorProfile:
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         if self.signed is not None:
             object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
+
+    def __str__(self) -> str:
+        """RMS and largest value in SI units, with time and place."""
+        where = place_and_time(self.t_max, self.s_max)
+        return f"Error profile: RMS {self.rms:.4g}, largest {self.max:.4g} at {where} (m or rad)"
+
+    __repr__ = brief
 
     @classmethod
     def over_time(

@@ -5,7 +5,7 @@ The evaluation shares only geometry and arms with the code that made the executi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, degrees, extremes, line_up, mm, place_and_time, several
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
@@ -100,6 +101,64 @@ class Evaluation:
     def __post_init__(self) -> None:
         for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+
+    def __str__(self) -> str:
+        """The figures that matter most, errors first."""
+        title = f"Evaluation: {self.duration:.4f} s of motion, at rest after {self.settled:.4f} s"
+        return line_up(title, [*self._errors, *self._use])
+
+    __repr__ = brief
+
+    @property
+    def _errors(self) -> list[tuple[str, str]]:
+        """Errors as names and values."""
+        each = [x.max for x in self.contours]
+        rounded = [x.rounding for x in self.corners]
+        return [
+            ("contour error", _words(self.contour_error)),
+            ("of contours", f"{extremes(each)} largest" if each[1:] else ""),
+            ("path missed", _words(self.missed)),
+            ("tracking error", _words(self.tracking_error)),
+            ("objective error", _words(self.objective_error)),
+            ("objective missed", _words(self.objective_missed)),
+            ("orientation error", _words(self.orientation_error, degrees)),
+            (
+                "corners",
+                f"{extremes(rounded)} from {several(len(rounded), 'corner')}" if rounded else "",
+            ),
+        ]
+
+    @property
+    def _use(self) -> list[tuple[str, str]]:
+        """Speed and use of limits as names and values."""
+        over = "" if np.isnan(self.speed_ratio) else f", {self.speed_ratio:.4f} of what is assigned"
+        long = [f"joint {j + 1} {x:.2%}" for j, x in enumerate(self.saturated) if x > 0]
+        most = f"{mm(self.speed)}/s largest, {mm(self.path_velocity)}/s mean"
+        return [
+            ("tool speed", most + over),
+            ("joint demand / limit", _most(self.demand_ratio)),
+            ("joint jerk / limit", _most(self.jerk_ratio) if self.jerk_ratio.any() else ""),
+            ("saturated", f"{', '.join(long)} of the time" if long else "no joint"),
+            (
+                "joints fully used",
+                "" if self.utilisation is None else f"{self.utilisation:.1%} of the time",
+            ),
+        ]
+
+
+def _words(error: ErrorProfile | Missed | None, unit: Callable[[float], str] = mm) -> str:
+    """An error with its largest value, when and where; "" for None."""
+    if error is None:
+        return ""
+    where = place_and_time(error.t_max, error.s_max)
+    rms = f"{unit(error.rms)} RMS, " if isinstance(error, ErrorProfile) else ""
+    return f"{rms}{unit(error.max)} largest ({where})"
+
+
+def _most(shares: FloatArray) -> str:
+    """The largest share of a limit, and its joint."""
+    worst = int(shares.argmax())
+    return f"{shares[worst]:.4f} (joint {worst + 1})"
 
 
 def evaluate(

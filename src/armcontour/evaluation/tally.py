@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.evaluation.angular_deviation import least_off
 from armcontour.geometry import Path
 
@@ -26,6 +27,10 @@ VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 # A limit counts as kept if rounding can explain the excess and the excess is below this share of
 # the limit: a plan that uses a limit in full exceeds the limit by a last digit once it is printed.
 UNSEEN = 1e-3
+
+# Units of the limits by their names; from this share on a use has an exponent.
+UNITS = LIMIT_UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
+MOST_PLAIN = 1e4
 
 # A quantity of the motion: a function of q, of q and dq, or of q, dq and ddq.
 Quantity = Callable[..., FloatArray]
@@ -74,6 +79,30 @@ class LimitUse(Occurrence):
     name: str
     highest: Occurrence
     verdict: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and limit."""
+        return UNITS.get(self.name, "")
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Name, share, value, limit, time, joint and verdict as text, for tables."""
+        return (
+            self.name.replace("_", " "),
+            f"{self.ratio:.4f}" if self.ratio < MOST_PLAIN else f"{self.ratio:.4g}",
+            f"{self.value:.5g}",
+            f"{self.limit:.5g} {self.unit}" if np.isfinite(self.limit) else "none",
+            f"{self.t:.4g} s",
+            "" if self.joint is None else str(self.joint),
+            self.verdict,
+        )
+
+    def __str__(self) -> str:
+        """How much of the limit is used, when and by which joint."""
+        name, share, value, limit, t, joint, verdict = self.cells
+        which = f" of joint {joint}" if joint else ""
+        return f"{name}{which}: {share} of the limit, {value} of {limit} at t = {t}, {verdict}"
 
 
 def judge_use(certain: float, highest: float, tolerance: float) -> str:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import brief, several
 from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp
@@ -63,6 +64,16 @@ class Orientation:
     axis_only: bool = False
     follows: bool = False
     fixed: bool = field(init=False, repr=False)
+
+    def __str__(self) -> str:
+        """What is prescribed, and how the tool turns."""
+        what = "tool axis" if self.axis_only else "tool"
+        if self.fixed:
+            return f"{what} constant"
+        how = "follows the tangent" if self.follows else "turns"
+        return f"{what} {how}, in {several(len(self.starts), 'piece')}"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         n = len(self.starts)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
 from armcontour.geometry import orienting
@@ -303,6 +304,31 @@ class Path:
         """
         return find_nearest(self.segments, points)
 
+    def __str__(self) -> str:
+        """Length, segments, corners, and what is asked of the tool."""
+        return line_up(self._title("Path"), self._rows)
+
+    __repr__ = brief
+
+    def _title(self, what: str) -> str:
+        """What it is, with its length and the number of its segments."""
+        where = "in the plane" if self.dimension == 2 else "in space"
+        return f"{what} {where}: {digits(self.length)} m, {several(len(self), 'segment')}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str]]:
+        """Ends, corners and demands as names and values."""
+        ends = [", ".join(digits(x * 1e3) for x in self(s)) for s in (0.0, self.length)]
+        corners = int((self.turns > TANGENT_TOLERANCE).sum())
+        return [
+            ("from", f"({ends[0]}) mm"),
+            ("to", f"({ends[1]}) mm"),
+            ("corners", f"{corners}"),
+            ("assigned", _range(self.speeds, "mm/s")),
+            ("corner error", _range(self.tolerances, "mm")),
+            ("orientation", "" if self.orientation is None else str(self.orientation)),
+        ]
+
     @property
     def turns(self) -> FloatArray:
         """Angle between the tangents at every vertex between segments [rad], (n - 1,)."""
@@ -349,6 +375,16 @@ class Path:
         snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
         snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
+
+
+def _range(values: FloatArray, unit: str) -> str:
+    """The known ones of some values in SI units, in thousandths; "" for none."""
+    known = values[np.isfinite(values)] * 1e3
+    if not len(known):
+        return ""
+    low, high = digits(known.min()), digits(known.max())
+    of = "" if len(known) == len(values) else f", on {several(len(known), 'segment')}"
+    return f"{low} {unit}{of}" if low == high else f"{low} to {high} {unit}{of}"
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
@@ -121,6 +122,22 @@ class RoundedPath(Path):
 
     objective: Path
     corners: Corners
+
+    def __str__(self) -> str:
+        """As of any path, and how the corners were rounded."""
+        c = self.corners
+        stops = int((c.radius == 0).sum())
+        rounded = several(len(c) - stops, "corner")
+        return line_up(
+            self._title("Rounded path"),
+            [
+                ("rounded", f"{rounded}, {stops} with a stop" if stops else rounded),
+                ("largest corner error", mm(float(c.error.max())) if len(c) else ""),
+                *self._rows,
+            ],
+        )
+
+    __repr__ = brief
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths on this path that correspond to arc lengths on the objective path [m].

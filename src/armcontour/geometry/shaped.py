@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import brief, line_up, mm
 from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
@@ -113,6 +114,24 @@ class ShapedPath(Path):
         object.__setattr__(self, "_piece", none if self.curve is None else self._pieces(self.curve))
         places = check_places(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
+
+    def __str__(self) -> str:
+        """As of any path, and what the shape gained."""
+        durations = self.outcome.durations
+        return line_up(
+            self._title("Shaped path"),
+            [
+                ("tolerance", mm(self.tolerance)),
+                (
+                    "off the vertices",
+                    "" if self.line_tolerance is None else mm(self.line_tolerance),
+                ),
+                ("least durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
+                *self._rows,
+            ],
+        )
+
+    __repr__ = brief
 
     def _pieces(self, curve: SmoothCurve) -> IntArray:
         """The quintic that each segment belongs to, (n,)."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, digits, line_up
 from armcontour.errors import InvalidInput
 from armcontour.identification.correlation import WHITE
 from armcontour.motion.log import Log
@@ -37,6 +39,16 @@ class Estimate:
     high: float
     determined: bool
     advice: str = ""
+
+    @property
+    def words(self) -> str:
+        """Value, standard deviation and unit as text; times in ms."""
+        if math.isnan(self.value):
+            return f"above {self.low:.4g} {self.unit}" if self.low > 0 else "not found"
+        scale, unit = (1e3, "ms") if self.unit == "s" else (1.0, self.unit)
+        sd = "" if math.isnan(self.sd) else f" ±{self.sd * scale:.2g}"
+        sure = "" if self.determined else " (open)"
+        return f"{digits(self.value * scale, 5)}{sd}{f' {unit}' if unit else ''}{sure}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,6 +100,20 @@ class JointIdentification:
         for name in ("t", "simulated", "residuals"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
+    def __str__(self) -> str:
+        """The estimates, and how well the model fits."""
+        white = "white" if self.white else "not white"
+        return line_up(
+            f"Servo of {self.name}, {self.order} order",
+            [
+                *((x.name.replace("_", " "), x.words) for x in self.estimates),
+                ("residuals", f"{self.rms * 1e3:.3g} mrad RMS, {white}"),
+                *(("note", x) for x in self.notes),
+            ],
+        )
+
+    __repr__ = brief
+
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The estimates of all parameters."""
@@ -112,6 +138,19 @@ class Identification:
     log: Log
     interpolation: str
     joints: tuple[JointIdentification, ...] = field(repr=False)
+
+    def __str__(self) -> str:
+        """A row for every joint."""
+        names = [x.name.replace("_", " ") for x in self.joints[0].estimates]
+        rows = [["joint", *names, "residuals"]]
+        for joint in self.joints:
+            rms = f"{joint.rms * 1e3:.3g} mrad{'' if joint.white else ', not white'}"
+            rows.append([joint.name, *(x.words for x in joint.estimates), rms])
+        return line_up(
+            f"Servo identified from {self.log.source}, set-points {self.interpolation}", rows
+        )
+
+    __repr__ = brief
 
     def __getitem__(self, name: str | int) -> JointIdentification:
         """A joint by its name, or by its number from 1."""

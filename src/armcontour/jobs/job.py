@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, digits, line_up, milliseconds, several
 from armcontour._quantities import (
     Acceleration,
     AngularDistance,
@@ -392,6 +393,30 @@ class Job:
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
             object.__setattr__(self, "start", _checks.lock_floats(start))
+
+    def __str__(self) -> str:
+        """What is followed by what, and the runs."""
+        x = self.program
+        what = f"{several(len(x.contours), 'contour')}, {digits(x.length)} m"
+        return line_up(
+            f"Job {self.name}: {self.title}" if self.title != self.name else f"Job {self.name}",
+            [
+                ("arm", str(self.arm)),
+                ("path", f"{what}, {x.source}" if x.source else what),
+                *((f"run {x.name}", self._words(x)) for x in self.runs),
+                ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
+                ("certificate", "" if self.certificate is None else "asked for"),
+            ],
+        )
+
+    __repr__ = brief
+
+    @staticmethod
+    def _words(run: Run) -> str:
+        """Timing, compensation and interval of a run."""
+        speed = run.limits.speed
+        fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
+        return f"{run.timing}, {run.compensation}, every {milliseconds(run.period)}{fast}"
 
     @property
     def single_path(self) -> Path:

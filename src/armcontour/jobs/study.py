@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance, check_clearance
@@ -75,6 +76,12 @@ class ExperimentResult:
     execution: Execution
     evaluation: Evaluation
 
+    def __str__(self) -> str:
+        """The evaluation."""
+        return f"Experiment on rigid bodies. {self.evaluation}"
+
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimedRun:
@@ -102,6 +109,8 @@ class TimedRun:
     exceeded: tuple[str, ...] = ()
     clearance: Clearance | None = None
     avoided: tuple[str, ...] = ()
+
+    __repr__ = brief
 
     @property
     def joint_path(self) -> JointPath | None:
@@ -152,7 +161,7 @@ class TimedRun:
         if self.clearance is None or not self.clearance.kept:
             return None
         done = "".join(f" {x[0].upper()}{x[1:]}." for x in self.avoided)
-        return f"Run {self.run.name}: {self.clearance}{done}"
+        return f"Run {self.run.name}: {self.clearance.sentence}{done}"
 
     @property
     def shaped(self) -> Shaped | None:
@@ -203,6 +212,34 @@ class RunPlan(TimedRun):
 
     taught: TaughtData
 
+    def __str__(self) -> str:
+        """Method, duration and set-points of the run."""
+        return line_up(self._title, self._rows)
+
+    __repr__ = brief
+
+    @property
+    def _title(self) -> str:
+        """The run and its duration."""
+        return f"Run {self.run.name}: {self.trajectory.duration:.4f} s"
+
+    @property
+    def _rows(self) -> list[tuple[str, str]]:
+        """The plan as names and values."""
+        near = None if self.clearance is None else self.clearance.least
+        points, period = len(self.taught.q), milliseconds(self.run.period)
+        return [
+            ("method", f"{self.trajectory.method}, compensation {self.run.compensation}"),
+            (
+                "path",
+                f"{several(len(self.path.contours), 'contour')}, {digits(self.path.length)} m",
+            ),
+            ("taught", f"{several(points, 'set-point')} every {period}"),
+            ("shaped", "" if self.shaped is None else str(self.shaped)),
+            ("clearance", "" if near is None else f"{mm(near.low)} at least"),
+            ("warnings", f"{len(self.weak_points)}, in .warnings" if self.weak_points else ""),
+        ]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult(RunPlan):
@@ -224,6 +261,27 @@ class RunResult(RunPlan):
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
+
+    def __str__(self) -> str:
+        """The plan, and what its execution made of it."""
+        e, x = self.evaluation, self.experiment
+        error, judged = e.contour_error, None if x is None else x.evaluation.contour_error
+        return line_up(
+            f"{self._title}, at rest after {e.settled:.4f} s",
+            [
+                ("contour error", f"{mm(error.rms)} RMS, {mm(error.max)} largest"),
+                (
+                    "in the experiment",
+                    ("failed" if self.failure is not None else "")
+                    if judged is None
+                    else f"{mm(judged.rms)} RMS, {mm(judged.max)} largest",
+                ),
+                ("joint demand / limit", f"{e.demand_ratio.max():.4f}"),
+                *self._rows,
+            ],
+        )
+
+    __repr__ = brief
 
     @property
     def weak_points(self) -> tuple[str, ...]:
@@ -260,6 +318,20 @@ class Study:
 
     job: Job
     runs: Mapping[str, RunResult]
+
+    def __str__(self) -> str:
+        """A row for every run."""
+        header = ("run", "motion", "RMS error", "largest", "demand / limit")
+        rows = [header]
+        for name, x in self.runs.items():
+            e = x.evaluation
+            errors = (mm(e.contour_error.rms), mm(e.contour_error.max))
+            rows.append((name, f"{e.duration:.4f} s", *errors, f"{e.demand_ratio.max():.4f}"))
+        found = len(warnings_of(self.runs.values()))
+        more = f", {several(found, 'warning')}" if found else ""
+        return line_up(f"Study of {self.job.title}{more}", rows, columns=">")
+
+    __repr__ = brief
 
 
 def warnings_of(plans: Iterable[TimedRun]) -> tuple[str, ...]:

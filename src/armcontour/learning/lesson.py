@@ -6,9 +6,13 @@ from dataclasses import dataclass, field
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
+
+# Largest number of runs whose errors are printed.
+MOST_LISTED = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,6 +61,25 @@ class LearnedRun:
         for name in ("q", "error", "noise", "loop_noise", "joint_rms", "joint_max"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
+    def __str__(self) -> str:
+        """Errors of the run, and what was predicted."""
+        contour = ""
+        if self.contour_rms is not None and self.contour_max is not None:
+            contour = f"{mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest"
+        expected = "" if self.predicted is None else f"{mm(self.predicted)} RMS"
+        return line_up(
+            f"Learned run from {self.source}",
+            [
+                ("contour error", contour),
+                ("off the plan", f"{mm(self.tool_rms)} RMS, {mm(self.tool_max)} largest"),
+                ("predicted", expected),
+                ("joints, RMS", " ".join(f"{x * 1e3:.3g}" for x in self.joint_rms) + " mrad"),
+                ("noise", " ".join(f"{x * 1e3:.3g}" for x in self.noise) + " mrad"),
+            ],
+        )
+
+    __repr__ = brief
+
     @property
     def rms(self) -> float:
         """The error by which runs are compared [m]: `contour_rms`, or else `tool_rms`."""
@@ -104,6 +127,29 @@ class Lesson(TaughtData):
         if not self.runs:
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
+    def __str__(self) -> str:
+        """What the runs had, what the next one is to have, and whether to go on."""
+        errors = [x.rms for x in self.runs]
+        learned = " ".join(f"{x * 1e3:.4g}" for x in errors[-MOST_LISTED:])
+        left = f"{len(errors) - MOST_LISTED} runs, then " if len(errors) > MOST_LISTED else ""
+        return line_up(
+            self._title(f"Lesson of {several(len(self.runs), 'run')}"),
+            [
+                ("RMS errors", f"{left}{learned} mm"),
+                ("best run", f"run {self.best + 1}, {mm(self.remaining)}"),
+                (
+                    "next run",
+                    "none: finished" if self.finished else f"{mm(self.predicted)} expected",
+                ),
+                ("does not repeat", f"{mm(self.noise)}, {self.noise_share:.0%} of the square"),
+                ("setbacks", f"{self.setbacks}" if self.setbacks else ""),
+                ("reason", self.reason),
+                *self._rows,
+            ],
+        )
+
+    __repr__ = brief
+
     @property
     def best(self) -> int:
         """Index of the run with the smallest error."""
@@ -134,3 +180,13 @@ class TransferredData(TaughtData):
     explained: float
     delay: float = 0.0
     reason: str = ""
+
+    def __str__(self) -> str:
+        """As of any taught data, and how much of the lesson was explained."""
+        rows = [
+            ("explained", f"{self.explained:.0%} of what was learned"),
+            ("reason", self.reason),
+        ]
+        return line_up(self._title("Transferred data"), [*rows, *self._rows])
+
+    __repr__ = brief

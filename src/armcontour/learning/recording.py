@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, joint_rows, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.motion import Execution, Log, TaughtData
 
@@ -52,6 +53,21 @@ class Recording:
                     f"each of the {len(t)} times."
                 )
             object.__setattr__(self, name, _checks.lock_floats(values))
+
+    def __str__(self) -> str:
+        """Where it comes from, its times, and where the joints were."""
+        times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
+        return line_up(
+            f"Recording: {several(len(self.t), 'sample')}, {times}",
+            [
+                ("source", self.source),
+                ("clock", "that of the plan" if self.in_plan_time else "its own"),
+                ("set-points", "not recorded" if self.command is None else "recorded"),
+                *joint_rows(self.q),
+            ],
+        )
+
+    __repr__ = brief
 
     @property
     def interval(self) -> float:

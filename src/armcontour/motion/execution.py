@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import brief, line_up, milliseconds
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.motion.taught import TaughtData
@@ -55,6 +56,30 @@ class Execution:
         for name in ("torque", "torque_demand", "motor_q"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+
+    def __str__(self) -> str:
+        """How every joint moved: ranges, and largest amounts."""
+        t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
+        title = (
+            f"Execution of {self.arm.name}: t = {t[0]:.4f} to {t[-1]:.4f} s, {len(t)} samples "
+            f"every {milliseconds(step)}"
+        )
+        header = ["joint", "position [rad]", "velocity [rad/s]"]
+        header += ["acceleration [rad/s²]", "saturated"]
+        amounts = [self.dq, self.ddq]
+        if self.torque is not None:
+            header.append("torque [N m]")
+            amounts.append(self.torque)
+        rows = [header]
+        for j, name in enumerate(self.arm.joint_names):
+            low, high = self.q[:, j].min(), self.q[:, j].max()
+            velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
+            held = milliseconds(float(self.saturated_time[j]))
+            reach = f"{low:z.4f} to {high:z.4f}"
+            rows.append([name, reach, velocity, acceleration, held, *torque])
+        return line_up(title, rows, columns=">")
+
+    __repr__ = brief
 
     @property
     def peak_demand(self) -> FloatArray:

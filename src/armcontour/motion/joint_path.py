@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -64,6 +65,20 @@ class JointPath:
             self._refuse_jump()
         if len(self.stops) or kinks.any():
             object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops(kinks)))
+
+    def __str__(self) -> str:
+        """Length, intervals, stops, and where the joints are at breaks."""
+        ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
+        return line_up(
+            f"Joint path: {digits(self.length)} m, {several(self.dof, 'joint')}, "
+            f"{several(len(self.breaks) - 1, 'interval')}",
+            [
+                ("inner stops", f"{len(self.stops)}"),
+                *joint_rows(ends),
+            ],
+        )
+
+    __repr__ = brief
 
     def _refuse_jump(self) -> NoReturn:
         """Raise InvalidInput for the largest jump of a joint position at a break."""

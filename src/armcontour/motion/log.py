@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour._sampling import (
     LARGEST,
     LATEST,
@@ -94,6 +95,21 @@ class Log:
         for j in range(dof):
             for name in arrays:
                 self._check_turns(name, j)
+
+    def __str__(self) -> str:
+        """Where it comes from, its times, and where the joints were."""
+        return line_up(
+            f"Log of {several(self.dof, 'joint')}: {several(len(self.t), 'sample')}, "
+            f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s",
+            [
+                ("source", self.source),
+                ("usual interval", milliseconds(self.interval)),
+                ("set-points", self.interpolation or "interpolation unknown"),
+                *joint_rows(self.measured, self.joint_names),
+            ],
+        )
+
+    __repr__ = brief
 
     @property
     def dof(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory
 
@@ -64,6 +65,27 @@ class TaughtData:
                 f"start_time must not be above zero, when the plan starts, but is {start:g} s."
             )
         object.__setattr__(self, "start_time", start)
+
+    def __str__(self) -> str:
+        """Number and interval of the set-points, and where the joints are sent."""
+        return line_up(self._title("Taught data"), self._rows)
+
+    __repr__ = brief
+
+    def _title(self, what: str) -> str:
+        """What it is, with the number of set-points."""
+        return f"{what}: {several(len(self.q), 'set-point')} every {milliseconds(self.period)}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str]]:
+        """Method, times and joint positions as names and values."""
+        first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.period
+        return [
+            ("compensation", self.method),
+            ("times", f"{first:.4f} to {last:.4f} s"),
+            ("plan", f"{self.trajectory.duration:.4f} s"),
+            *joint_rows(self.q),
+        ]
 
     @property
     def t(self) -> FloatArray:

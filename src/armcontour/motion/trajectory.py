@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import count_kinds, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion.joined import JoinedLaws
@@ -169,6 +171,20 @@ class Trajectory:
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
         return f"Trajectory({str(self.method)!r}, {self.duration:.6g} s, {self.dof} joints)"
+
+    def __str__(self) -> str:
+        """Method, duration, length, and what the motion consists of."""
+        path, moves = self.path, Counter(x.kind for x in self.spans)
+        return line_up(
+            f"Trajectory: {self.duration:.4f} s, {several(self.dof, 'joint')}",
+            [
+                ("method", str(self.method)),
+                ("path", "" if path is None else f"{digits(path.length)} m"),
+                ("moves", count_kinds(moves)),
+                ("outputs", count_kinds({"event": len(self.events)})),
+                ("stretches", ", ".join(x.name for x in self.stretches)),
+            ],
+        )
 
     @property
     def duration(self) -> float:

@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._describing import line_up
 from armcontour.frames import Frame
 from armcontour.jobs.job import Job, Run
 from armcontour.placement.axes import Axis, Moves
@@ -118,6 +119,26 @@ class Placement:
             place: As in `frame`.
         """
         return place_job(self.job, self.frame(place), self.what)
+
+    def __str__(self) -> str:
+        """The best place, the job's own place, and how many places were refused."""
+        refused = ", ".join(f"{n} by {kind}" for kind, n in self.refusals.items())
+        own = self.own
+        return line_up(
+            f"Placement of the {self.what}: {self.job.title}, run {self.run.name}, for "
+            f"{self.objective}",
+            [
+                ("best place", f"{self.refined}: {self.refined.verdict.duration:.4f} s"),
+                ("best of the grid", f"{self.best}: {self.best.verdict.duration:.4f} s"),
+                (
+                    "the job's own",
+                    f"refused by {own.refusal}" if own.refusal else f"{own.duration:.4f} s",
+                ),
+                ("places", f"{len(self.verdicts)}, {self.planned} planned"),
+                ("refused", refused or "none"),
+                *(("note", x) for x in self.notes),
+            ],
+        )
 
     def __repr__(self) -> str:
         """Job, best place and its value."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
@@ -13,8 +14,9 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import count_kinds, digits, extremes, line_up, several
 from armcontour._quantities import Distance, Length, Time
-from armcontour._text import make_printable, shorten
+from armcontour._text import list_some, make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry import Path
@@ -369,6 +371,31 @@ class Program:
         """Source, number of contours and length."""
         source = f"{self.source!r}, " if self.source else ""
         return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
+
+    def __str__(self) -> str:
+        """Contours by layer, other moves, and notes."""
+        contours = self.contours
+        layers = Counter(x.layer for x in contours)
+        lengths = [x.path.length for x in contours]
+        events = sum(len(x.events) for x in contours) + sum(
+            isinstance(x, Event) for x in self.moves
+        )
+        moves = Counter(type(x).__name__.lower() for x in self.moves)
+        named = [f"{name or 'none'} {n}" for name, n in layers.most_common()]
+        where = "in the plane" if self.dimension == 2 else "in space"
+        return line_up(
+            f"Program {where}: {several(len(contours), 'contour')}, {digits(self.length)} m",
+            [
+                ("source", self.source),
+                ("closed", f"{sum(x.closed for x in contours)}"),
+                ("contours by layer", list_some(named, 6) if set(layers) != {""} else ""),
+                ("lengths", extremes(lengths) if lengths[1:] else ""),
+                ("other moves", count_kinds({x: moves[x] for x in ("rapid", "dwell")})),
+                ("outputs", count_kinds({"event": events})),
+                *(("note", x) for x in self.notes[:3]),
+                ("more notes", f"{len(self.notes) - 3}" if len(self.notes) > 3 else ""),
+            ],
+        )
 
     def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
         """The program moved from the coordinates of a frame to those of the frame's parent.

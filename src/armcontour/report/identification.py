@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._version import __version__
 from armcontour.identification import (
     Estimate,
     Identification,
     JointIdentification,
     RobotIdentification,
 )
-from armcontour.report.figure import Figure, plotly_js
+from armcontour.report.figure import Figure, render_page
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -56,7 +55,7 @@ def render_identification(found: Identification) -> str:
         }
         for j, joint in enumerate(found.joints)
     ]
-    return _render("identification.html", found=found, joints=joints)
+    return render_page("identification.html", found=found, joints=joints)
 
 
 def render_robot(found: RobotIdentification) -> str:
@@ -70,29 +69,12 @@ def render_robot(found: RobotIdentification) -> str:
         }
         for j, joint in enumerate(found.joints)
     ]
-    return _render(
+    return render_page(
         "robot_identification.html",
         found=found,
         rows=[_row(x) for x in found.common],
         advice=[f"{SYMBOLS[x.name]}: {x.advice}" for x in found.common if x.advice],
         joints=joints,
-    )
-
-
-def _render(template: str, **values: Any) -> str:
-    """Render a page with figures."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
-    )
-
-    def drawing(figure: Figure, key: str) -> Markup:
-        return Markup(figure.to_html(f"figure-{key}"))
-
-    return environment.get_template(template).render(
-        version=__version__, drawing=drawing, plotly=Markup(plotly_js()), **values
     )
 
 
@@ -115,7 +97,7 @@ def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
     return figures
 
 
-def _row(x: Estimate) -> dict[str, str]:
+def _row(x: Estimate) -> tuple[str, ...]:
     """An estimate as cells of a table."""
     scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
 
@@ -124,14 +106,14 @@ def _row(x: Estimate) -> dict[str, str]:
             return "–"
         return "∞" if math.isinf(value) and value > 0 else f"{value * scale:.5g}"
 
-    return {
-        "name": SYMBOLS[x.name],
-        "value": shown(x.value),
-        "sd": shown(x.sd) if math.isnan(x.sd) or math.isinf(x.sd) else f"{x.sd * scale:.2g}",
-        "interval": f"{shown(x.low)} to {shown(x.high)}",
-        "unit": unit,
-        "determined": "yes" if x.determined else "no",
-    }
+    return (
+        SYMBOLS[x.name],
+        shown(x.value),
+        shown(x.sd) if math.isnan(x.sd) or math.isinf(x.sd) else f"{x.sd * scale:.2g}",
+        f"{shown(x.low)} to {shown(x.high)}",
+        unit,
+        "yes" if x.determined else "no",
+    )
 
 
 def _figures(found: Identification, j: int) -> list[Any]:

@@ -7,12 +7,11 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour import _staging
-from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
 from armcontour.program import Program
 from armcontour.report import sections
-from armcontour.report.figure import Figure, plotly_js
+from armcontour.report.figure import render_page
 from armcontour.report.planned import forget
 from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
-# Largest number of tiles in a row.
-MOST_COLUMNS = 5
 
 
 def render_report(study: Study, *, certificate: Certificate | None = None) -> str:
@@ -130,33 +127,15 @@ def _page(
     refresh: int | None = None,
 ) -> str:
     """Render sections as one HTML page, of a job or with another title."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
-    )
-    environment.filters["columns"] = _columns
-
-    def drawing(figure: Figure, number: str) -> Markup:
-        return Markup(figure.to_html(f"figure-{number}"))
-
-    return environment.get_template("report.html").render(
+    return render_page(
+        "report.html",
         job=job,
         title=title if job is None else job.title,
         about=about,
         source="" if job is None else source,
-        version=__version__,
         sections=found,
         refresh=refresh,
-        drawing=drawing,
-        plotly=Markup(plotly_js()),
     )
-
-
-def _columns(count: int) -> int:
-    """Number of columns for a number of tiles, so that rows are about equally full."""
-    return -(-count // -(-count // MOST_COLUMNS))
 
 
 def write_report(study: Study, file: str | FilePath) -> None:

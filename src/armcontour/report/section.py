@@ -57,6 +57,5 @@ def marked_run(study: Study) -> RunResult | None:
     """The run whose switching points are drawn: that with published times, or the last."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     published = study.job.published
-    if published is not None and published.time_stamps_of is not None:
-        return study.runs[published.time_stamps_of]
-    return switched[-1] if switched else None
+    stamped = None if published is None else study.runs.get(published.time_stamps_of or "")
+    return stamped or (switched[-1] if switched else None)

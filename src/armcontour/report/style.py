@@ -21,6 +21,8 @@ EXPERIMENT_COLOUR = "#009E73"
 EXPERIMENT_DASH = "dot"
 RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
+# A logarithmic axis that is longer than this has numbers at powers of ten only.
+DECADES = 1e3
 # Largest number of points in one curve; more points are not visible.
 MOST_POINTS = 3000
 # Largest number of sentences of one kind.
@@ -78,18 +80,33 @@ def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
 def finish(figure: Any, *, title: str, height: int = 460) -> Any:
     """Apply the layout of all figures."""
     figure.update_layout(
-        title={"text": title, "x": 0, "xanchor": "left", "font": {"size": 16}},
+        title=title,
         height=height,
         font={"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
-        margin={"l": 70, "r": 20, "t": 70, "b": 60},
-        legend={"orientation": "h", "yref": "container", "yanchor": "bottom", "y": 0, "x": 0},
+        margin={"l": 70, "r": 20, "t": 30, "b": 60},
+        legend={
+            **{"orientation": "h", "xref": "container", "x": 0},
+            **{"yref": "container", "yanchor": "bottom", "y": 0},
+        },
         hovermode="closest",
     )
     axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
     # Ticks such as 100µ on an axis in mm would be read as µm.
     figure.update_xaxes(**axes, exponentformat="power")
     figure.update_yaxes(**axes, exponentformat="power")
+    for letter in "xy":
+        axis = figure.layout[f"{letter}axis"]
+        if axis.type == "log":
+            shown = [np.asarray(x[letter], dtype=np.float64).ravel() for x in figure.data]
+            axis.merge(_log_ticks(np.concatenate(shown)))
     return figure
+
+
+def _log_ticks(values: FloatArray) -> dict[str, Any]:
+    """Ticks of a logarithmic axis: at 1, 2 and 5, on a long one at powers of ten."""
+    found = values[np.isfinite(values) & (values > 0)]
+    wide = len(found) > 0 and found.max() > DECADES * found.min()
+    return {"dtick": 1} if wide else {"tickformat": "~g", "dtick": "D2"}
 
 
 def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
@@ -129,19 +146,32 @@ def shade(
     spans: Iterable[tuple[float, float]],
     row: int,
     colour: str = SATURATION_COLOUR,
+    *,
+    ends: tuple[float, float] = (0.0, 1.0),
+    opacity: float = 1.0,
 ) -> None:
-    """Shade intervals of time in one row of subplots."""
+    """Shade intervals of time in one row of subplots.
+
+    Args:
+        figure: The figure.
+        spans: The intervals [s].
+        row: The row, from 1.
+        colour: The colour.
+        ends: Where the shade starts and ends, as shares of the height.
+        opacity: How opaque it is.
+    """
     axis = "" if row == 1 else str(row)
     figure.add_shapes(
         {
             "type": "rect",
             "x0": start,
             "x1": end,
-            "y0": 0,
-            "y1": 1,
+            "y0": ends[0],
+            "y1": ends[1],
             "xref": f"x{axis}",
             "yref": f"y{axis} domain",
             "fillcolor": colour,
+            "opacity": opacity,
             "line": {"width": 0},
             "layer": "below",
         }

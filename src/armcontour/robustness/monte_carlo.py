@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import brief, line_up, mm
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
@@ -61,6 +62,10 @@ SAME = 1e-4
 PARTS = 10
 
 
+# Number of parameters of the worst robot that are printed.
+MOST_NAMED = 4
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spread:
     """Contour errors of many executions of the same taught data.
@@ -104,6 +109,24 @@ class Spread:
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         if self.kv is not None:
             object.__setattr__(self, "kv", _checks.lock_floats(self.kv))
+
+    def __str__(self) -> str:
+        """Largest contour errors of the robots, and what is behind the worst."""
+        drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
+        worst = self.worst_deviations
+        most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        return line_up(
+            f"Spread over {len(self)} {drawn}",
+            [
+                ("contour error", f"{mm(float(self.max.max()))} largest of all"),
+                ("in 95 % of them", f"at most {mm(self.quantile(0.95))}"),
+                ("nominal robot", mm(self.nominal_max)),
+                ("demand / limit", f"{self.demand_ratio.max():.4f} at most"),
+                ("worst robot", ", ".join(f"{x} {worst[x]:+.3g}" for x in most)),
+            ],
+        )
+
+    __repr__ = brief
 
     def __len__(self) -> int:
         """Number of executions."""

@@ -21,8 +21,8 @@ from armcontour.timing import Explanation
 
 # About the largest number of points of a path.
 MOST_POINTS = 20_000
-# A path of few segments needs fewer, with so many more for each segment.
-LEAST_POINTS, PER_SEGMENT = 1_200, 8
+# A short path needs fewer, with so many more for each place that makes its curves look smooth.
+LEAST_POINTS, PER_PLACE = 1_200, 8
 # Points of a drawn rapid.
 OF_RAPID = 16
 # Longest lists in headers: corners have handles, and sentences are read.
@@ -54,8 +54,8 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     line = Line.of(planned)
     limits = _limits(planned.explanation)
     binding = line.binding(planned.explanation, limits)
-    segments = sum(len(x.path) for x in planned.path.contours)
-    kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_SEGMENT * segments))
+    places = sum(len(places_of(x.path)) for x in planned.path.contours)
+    kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_PLACE * places))
     points, s = line.points[kept], line.s[kept]
     header = {
         "run": planned.run.name,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._describing import line_up, several
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
@@ -25,6 +26,10 @@ BINDS_WITH_JERK = 0.9
 REACHED = 0.999
 # The speed has passed an extreme when it has left the extreme by this share.
 FLAT = 0.01
+# What "nothing" is called for people.
+BETWEEN = "between two limits"
+# Largest number of limits that are printed.
+MOST_LISTED = 10
 # Fields of `_LawExplanation` that are added up over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
@@ -102,14 +107,38 @@ class Explanation:
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
+        times, total = self._times, sum(self._times.values()) or 1.0
+        shares = ", ".join(f"{name} {x / total:.0%}" for name, x in times.items())
+        stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
+        return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
+
+    def __str__(self) -> str:
+        """The limits that bind, longest first, and the slowest place."""
+        times, total = self._times, sum(self._times.values()) or 1.0
+        assigned = self.assigned_length
+        said = "" if assigned is None else f", {assigned:.1%} of the length as assigned"
+        longest = [(BETWEEN if name == "nothing" else name, x) for name, x in times.items()]
+        if len(longest) > MOST_LISTED:
+            rest = sum(x for _, x in longest[MOST_LISTED - 1 :])
+            others = len(longest) - MOST_LISTED + 1
+            longest[MOST_LISTED - 1 :] = [(f"{others} other limits", rest)]
+        rows = [("limit", "time", "share")]
+        rows += [(name, f"{x:.4f} s", f"{x / total:.1%}") for name, x in longest]
+        text = line_up(f"Explanation: {total:.4f} s{said}", rows, columns=">")
+        worst = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+        if worst is not None:
+            text += f"\n  slowest place: {worst.sentence}"
+        if self.jerk_stops:
+            text += f"\n  {several(len(self.jerk_stops), 'stop')} by limits of jerk"
+        return text
+
+    @property
+    def _times(self) -> dict[str, float]:
+        """For how long each limit binds [s], the longest first."""
         times: dict[str, float] = {}
         for x in self.bindings:
             times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
-        total = sum(times.values()) or 1.0
-        longest = sorted(times, key=lambda name: -times[name])
-        shares = ", ".join(f"{name} {times[name] / total:.0%}" for name in longest)
-        stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
-        return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
+        return dict(sorted(times.items(), key=lambda x: -x[1]))
 
 
 def explain(

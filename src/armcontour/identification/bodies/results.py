@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, line_up
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.correlation import WHITE
@@ -126,6 +127,24 @@ class RobotIdentification:
     fit: BodyFit = field(repr=False)
     gains: ServoModel = field(repr=False)
     gains_known: bool
+
+    def __str__(self) -> str:
+        """What the logs tell of the load and of every joint."""
+        load = [self.payload_mass.words, *(f"{x.words}" for x in self.payload_center)]
+        common = [
+            ("payload", f"{load[0]}, at ({', '.join(load[1:])})"),
+            ("dead time", self.dead_time.words),
+            (
+                "drive inertias",
+                "" if self.armature is None else f"{self.armature.words} of nominal",
+            ),
+        ]
+        joints = [
+            (x.name, ", ".join(f"{y.name} {y.words}" for y in x.estimates)) for x in self.joints
+        ]
+        return line_up(f"{self.nominal.name}, identified from {self.source}", [*common, *joints])
+
+    __repr__ = brief
 
     @property
     def source(self) -> str:

@@ -15,8 +15,6 @@ from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
 # Largest number of figures on a page.
 MOST_FIGURES = 6
-# A logarithmic axis that is longer than this has numbers at powers of ten only.
-DECADES = 1e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +137,5 @@ def _figure(view: BatchView, of: Axis) -> Any:
 
 
 def _scale(of: Axis) -> dict[str, Any]:
-    """Title and scale of an axis; numbers of a short logarithmic one at 1, 2 and 5."""
-    if not of.log:
-        return {"title": of.title, "type": "linear"}
-    wide = np.nanmax(of.values) > DECADES * np.nanmin(of.values)
-    step = 1 if wide else "D2"
-    return {"title": of.title, "type": "log", "tickformat": "~g", "dtick": step}
+    """Title and scale of an axis."""
+    return {"title": of.title, "type": "log" if of.log else "linear"}

@@ -12,10 +12,10 @@ from armcontour.report.section import Section, Table
 from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
+from armcontour.timing.explanation import BETWEEN
 
 # Largest number of listed places below the assigned velocity per run.
 MOST_NOTES = 8
-BETWEEN = "between two limits"
 # Patterns of bars, when there are more limits than colours.
 PATTERNS = ("", "/", "x", ".")
 # Largest number of visible bars, and of bars with edges.

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.jobs.job import FREE
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
+from armcontour.report.sections.overview import SATURATED
 from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -92,19 +94,32 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
             note=f"of {_mm(budget.servo_allowed if budget.allowed is None else budget.allowed)}",
         ),
         _demand(found),
-        Tile(
-            label="acceleration derated",
-            value=", ".join(f"{x:.2%}" for x in found.headroom),
-            note="mean; at most " + ", ".join(f"{x:.2%}" for x in found.largest_headroom),
-        ),
+        _derated(found),
         _certified_contours(found) if _several(found) else _smoothing(found),
     )
+
+
+def _derated(found: Certificate) -> Tile:
+    """Tile with the joint whose acceleration limit is derated most."""
+    worst = int(found.headroom.argmax())
+    name = found.job.arm.joint_names[worst]
+    at_most = f"at most {found.largest_headroom.max():.2%} of any joint"
+    share = float(found.headroom[worst])
+    # Less than what is shown is none.
+    which = f"mean of {name}; " if share >= 5e-5 else "mean; "
+    return Tile(label="acceleration derated", value=f"{share:.2%}", note=which + at_most)
+
+
+def _saturated(found: Certificate, shares: FloatArray) -> str:
+    """Joints that saturate, with their shares of the time."""
+    known = zip(found.job.arm.joint_names, shares, strict=True)
+    return ", ".join(f"{name} {x:.1%}" for name, x in known if x >= SATURATED) or "no joint"
 
 
 def _demand(found: Certificate) -> Tile:
     """Tile with what drives need of their limits: acceleration, or torque of rigid bodies."""
     e = found.evaluation
-    note = "saturated " + ", ".join(f"{x:.1%}" for x in e.saturated) + " of the time"
+    note = f"saturated: {_saturated(found, e.saturated)}"
     spreads = [x for x in (found.corners, found.spread) if x is not None]
     if found.linear is None:
         return Tile(label="joint demand / limit", value=f"{e.demand_ratio.max():.6f}", note=note)
@@ -271,14 +286,14 @@ def _comparison(found: Certificate) -> Table:
             f"{before.duration:.4f} s",
             _mm(before.contour_error[0]),
             _mm(before.contour_error[1]),
-            ", ".join(f"{x:.1%}" for x in before.saturated),
+            _saturated(found, before.saturated),
         ),
         (
             "certified",
             f"{found.duration:.4f} s",
             _mm(e.contour_error.max),
             _mm(e.contour_error.rms),
-            ", ".join(f"{x:.1%}" for x in e.saturated),
+            _saturated(found, e.saturated),
         ),
     ]
     if found.corners is not None and before.box is not None:
@@ -293,7 +308,7 @@ def _comparison(found: Certificate) -> Table:
             f"{found.duration:.4f} s",
             _mm(e.contour_error.max),
             _mm(e.contour_error.rms),
-            ", ".join(f"{x:.1%}" for x in e.saturated),
+            _saturated(found, e.saturated),
         )
         rows.append((*row, "") if found.corners is not None else row)
     return Table(header=tuple(header), rows=tuple(rows))

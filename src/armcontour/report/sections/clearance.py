@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from armcontour._checks import FloatArray
 from armcontour._text import list_some
 from armcontour.arms.chain import link_poses
 from armcontour.clearance import Cell, Clearance, PairClearance
 from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
-from armcontour.report.figure import Figure, make_trace
+from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
 from armcontour.report.section import Section, Table
-from armcontour.report.sections.scene import box, in_space, line_in_space, view_buttons
+from armcontour.report.sections.bodies import (
+    LINK_COLOUR,
+    TOOL_COLOUR,
+    draw_body,
+    draw_surroundings,
+    points_of,
+    seen_from_base,
+)
+from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
 from armcontour.report.style import LIMIT_COLOUR, PATH_COLOUR, RUN_COLOURS, finish, line
-from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
-from armcontour.scene.scene import BASE
+from armcontour.scene import Scene
 
 # What kinds of pairs are called.
 KINDS = {
@@ -28,11 +34,8 @@ KINDS = {
     "own": "links among each other",
     "tool": "tool and others",
 }
-# Times of the curves, rows of the table, and points around a round shape.
-TIMES, MOST_ROWS, AROUND = 200, 12, 24
-LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
-# A half-space is drawn as a plate that is larger than the arm's path by this factor.
-PLATE = 1.5
+# Times of the curves, and rows of the table.
+TIMES, MOST_ROWS = 200, 12
 
 
 def clearance(study: Study) -> Section | None:
@@ -62,12 +65,18 @@ def clearance(study: Study) -> Section | None:
         notes=tuple(
             x
             for x in (
-                *(x.clearance_note or f"Run {name}: {x.clearance}" for name, x in runs.items()),
+                *(_note(name, x) for name, x in runs.items()),
                 f"Pairs that are not looked at: {left}." if reasons else None,
             )
             if x is not None
         ),
     )
+
+
+def _note(name: str, result: RunResult) -> str:
+    """How near a run comes to anything, as a sentence."""
+    assert result.clearance is not None
+    return result.clearance_note or f"Run {name}: {result.clearance.sentence}"
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:
@@ -131,70 +140,25 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     chain, shapes = job.arm.chain, job.arm.shapes
     assert chain is not None
     q = result.trajectory(np.array([min(nearest.t, result.trajectory.duration)]))
-    poses = link_poses(chain, q)[0]
-    path = outline_points(result.path) * 1e3
+    poses = link_poses(replace(chain, base=Frame()), q)[0]
+    path = seen_from_base(job.arm, outline_points(result.path))
     figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
     drawn = [path]
+    # The base is one of the surroundings.
     for x in () if shapes is None else shapes.shapes:
+        if x.link == 0 and not x.tool:
+            continue
         place = Frame(position=poses[x.link][:, 3], rotation=poses[x.link][:, :3]) @ x.place
-        points = _points(x.shape, place)
-        colour = TOOL_COLOUR if x.tool else LINK_COLOUR
-        figure.add_trace(_body(points, x.name, colour, 0.6))
+        points = points_of(x.shape, place)
+        figure.add_trace(draw_body(points, x.name, TOOL_COLOUR if x.tool else LINK_COLOUR, 0.6))
         drawn.append(points)
-    size = float(np.ptp(np.concatenate(drawn)[:, :3], axis=0).max()) / 1e3
-    for obstacle in (job.scene or Scene()).obstacles:
-        place = chain.base @ obstacle.place if obstacle.fixed_to == BASE else obstacle.place
-        points = _points(obstacle.shape, place, PLATE * size)
-        figure.add_trace(_body(points, obstacle.name, OBSTACLE_COLOUR, 0.5))
+    for trace, points in draw_surroundings(job, np.concatenate(drawn)):
+        figure.add_trace(trace)
         drawn.append(points)
     name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm"
-    figure.add_trace(line_in_space(nearest.points * 1e3, name, LIMIT_COLOUR, width=8))
-    in_space(figure, title="Posture of the least distance", height=620)
+    between = seen_from_base(job.arm, nearest.points)
+    figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
+    in_space(figure, title="Posture of the least distance, as the base has it", height=620)
     figure.update_layout(box(np.concatenate(drawn)))
-    figure.update_layout(updatemenus=[view_buttons()])
+    figure.update_layout(updatemenus=[view_buttons()], annotations=[row_label("view")])
     return figure
-
-
-def _body(points: FloatArray, name: str, colour: str, opacity: float) -> Any:
-    """The convex hull of points [mm] as a body."""
-    x, y, z = np.round(points, 2).T
-    return make_trace(
-        "mesh3d",
-        x=x, y=y, z=z, alphahull=0, name=name, color=colour, opacity=opacity, hoverinfo="name",
-        flatshading=True, showlegend=False,
-    )  # fmt: skip
-
-
-def _points(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
-    """Points whose hull is a shape at a place, (n, 3) [mm]."""
-    own = _own_points(shape, size)
-    return np.asarray((place.position + own @ place.rotation.T) * 1e3)
-
-
-def _own_points(shape: Shape, size: float) -> FloatArray:
-    """Points whose hull is a shape in its own frame; of a half-space a plate [m], (n, 3)."""
-    turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
-    up = np.array([0.0, 0.0, 1.0])
-    match shape:
-        case Mesh():
-            # Only the hull is drawn, and a scan has a million points.
-            return np.asarray(shape.points[ConvexHull(shape.points).vertices])
-        case Box():
-            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-            return np.asarray(signs * shape.size / 2)
-        case HalfSpace():
-            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.005, 0)])
-            return np.asarray(signs * size / 2)
-        case Cylinder():
-            ends = [circle * shape.radius + k * shape.length / 2 * up for k in (-1, 1)]
-            return np.concatenate(ends)
-        case Sphere() | Capsule():
-            half = shape.length / 2 if isinstance(shape, Capsule) else 0.0
-            tilts = np.linspace(-np.pi / 2, np.pi / 2, AROUND // 2)
-            rings = [
-                shape.radius * (np.cos(x) * circle + np.sin(x) * up) + np.sign(x) * half * up
-                for x in tilts
-            ]
-            return np.concatenate(rings)
-    raise TypeError(f"A shape of the kind {type(shape).__name__} cannot be drawn.")

@@ -34,9 +34,7 @@ ZOOM = 4.0
 MOST_CORNERS = 4
 # Pictures in a row, the height of a figure with one row, and of every other row [px].
 COLUMNS = 2
-HEIGHT, MORE_HEIGHT = 540, 400
-# Entries of a legend for which there is room, and the height of another [px].
-SHORT_LEGEND, LEGEND_LINE = 6, 20
+HEIGHT, MORE_HEIGHT = 500, 400
 # Number of drawn points per executed sample.
 FINER = 6
 MOST_POINTS = 800
@@ -137,13 +135,8 @@ def draw_corners(
     )
     for k, corner in enumerate(shown):
         _corner(figure, tools, paths, corner, k, looks)
-    entries = sum(x.showlegend is not False for x in figure.data)
-    legend = LEGEND_LINE * max(entries - SHORT_LEGEND, 0)
-    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT + legend)
-    figure.update_layout(
-        margin={"t": 125},
-        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
-    )
+    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
+    figure.update_layout(margin={"t": 70})
     return figure
 
 
@@ -155,7 +148,7 @@ def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bo
     if known > shown:
         title += f": the first {shown} of {known}"
     if len(names) > 1 and not shaped:
-        title += f"<br>(r, error: {names[0]})"
+        title += f" (r, error: {names[0]})"
     return title
 
 

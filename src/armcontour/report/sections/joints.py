@@ -124,7 +124,7 @@ def _figure(name: str, result: RunResult) -> Any:
     figure.add_shapes(shapes)
     finish(figure, title=f"Run {name}: joints", height=130 * n + 170)
     figure.update_layout(
-        margin={"t": 90, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
+        margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
     )
     figure.update_xaxes(range=[0, _end(result)])
     return figure
@@ -304,7 +304,7 @@ def _torques(name: str, result: RunResult, plan: Torques) -> Any:
             figure.update_xaxes(title="time [s]", showticklabels=True, row=last, col=column)
     finish(figure, title=f"Run {name}: torques", height=200 * rows + 170)
     figure.update_layout(
-        margin={"t": 90, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
+        margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
     )
     figure.update_xaxes(range=[0, _end(result)])
     return figure

@@ -12,13 +12,13 @@ from armcontour.jobs.quantities import assumed_numbers, unknown_notes
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.section import Section, Table, marked_run
 from armcontour.report.sections.along import assigned_speeds
+from armcontour.report.sections.rapids import shade_rapids
 from armcontour.report.sections.turning import angular_speeds, orientation_errors
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
     PLANNED_COLOUR,
-    RAPID_SHADE,
     finish,
     line,
     run_colours,
@@ -34,8 +34,6 @@ SMALLEST_ERROR = 1e-6
 SATURATED = 1e-3
 # Number of samples of planned accelerations.
 MOST_TIMES = 20_000
-# Largest number of shaded rapids.
-MOST_SHADES = 300
 # If contours are slower than this share of the fastest rapid, the axis shows the contours.
 SQUEEZED = 0.5
 
@@ -50,15 +48,13 @@ def tool_speed(study: Study) -> Section:
         figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
     for trace in _assigned(study):
         figure.add_trace(trace)
-    marked = marked_run(study)
-    text, rapids = "As executed.", _rapids(study)
+    marked, text = marked_run(study), "As executed."
     if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
-        where = "between them, in grey," if rapids else "between them"
+        where = shade_rapids(figure, study)
         text += (
-            f" Assigned velocities apply along contours; {where} rapids run at the limits of the "
-            "joints."
+            f" Assigned velocities apply along contours; between them{where} rapids run at the "
+            "limits of the joints."
         )
-        shade(figure, rapids, 1, RAPID_SHADE)
     if marked is not None:
         switching_labels(figure, marked.trajectory.switching_points)
         text += f" Dotted lines are the switching points of the run {marked.run.name}."
@@ -74,7 +70,7 @@ def tool_speed(study: Study) -> Section:
         text=text,
         figures=(
             finish(figure, title="Tool speed over time"),
-            *angular_speeds(study, rapids),
+            *angular_speeds(study),
         ),
     )
 
@@ -115,15 +111,6 @@ def _assigned(study: Study) -> list[Any]:
     return found
 
 
-def _rapids(study: Study) -> list[tuple[float, float]]:
-    """Times of rapids that all runs have; empty if runs differ, or if there are too many to see."""
-    first, *others = (
-        [x.t for x in y.trajectory.spans if x.kind != "contour"] for y in study.runs.values()
-    )
-    alike = all(np.shape(x) == np.shape(first) and np.allclose(x, first) for x in others)
-    return first if alike and len(first) <= MOST_SHADES else []
-
-
 def accelerations(study: Study) -> Section | None:
     """Joint accelerations of every run of an arm in the plane, with limits and saturation."""
     if study.job.program.dimension != 2:
@@ -147,17 +134,17 @@ def contour_error(study: Study) -> Section:
     for name, result in study.runs.items():
         e = result.evaluation.contour_error
         t, values = thin(e.t, e.values * 1e3)
-        label = f"{name}: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
+        label = f"{name}: RMS {e.rms * 1e3:.4f}, largest {e.max * 1e3:.4f} mm"
         figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
         if result.experiment is not None:
             e = result.experiment.evaluation.contour_error
             t, values = thin(e.t, e.values * 1e3)
-            label = f"{name}, experiment: RMS {e.rms * 1e3:.4f} mm, largest {e.max * 1e3:.4f} mm"
+            label = f"{name}, experiment: RMS {e.rms * 1e3:.4f}, largest {e.max * 1e3:.4f} mm"
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             values = np.maximum(values, SMALLEST_ERROR)
             figure.add_trace(line(t, values, label, colours[name], **look))
     figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="contour error [mm]", type="log", exponentformat="power")
+    figure.update_yaxes(title="contour error [mm]", type="log")
     text = "Distance from the executed tool to the path of its run, on a logarithmic scale."
     notes: tuple[str, ...] = ()
     if any(x.experiment is not None for x in study.runs.values()):

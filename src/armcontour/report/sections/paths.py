@@ -19,8 +19,6 @@ from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_
 # Number of samples of a planned joint path, before it is simplified.
 DRAWN_TIMES = 800
 MOST_TIMES = 100_000
-# Height of a line of a legend [px].
-LEGEND_LINE = 20
 # Ratio of height to width from which a path leaves room for corners in the same row.
 TALL = 0.8
 # Relative widths of such a path and of its enlarged corners.
@@ -43,7 +41,7 @@ def paths(study: Study) -> Section | None:
             + (" along the contours" if len(study.job.program.contours) > 1 else "")
             + ". The enlarged corners show the gap between corner point and path: the corner error."
         ),
-        figures=(_cartesian(study, objective * 1e3, narrow=beside), *enlarged),
+        figures=(_cartesian(study, objective * 1e3), *enlarged),
         columns=COLUMNS if beside else (),
     )
 
@@ -104,7 +102,7 @@ def _tall(points: FloatArray) -> bool:
     return bool(height > TALL * width)
 
 
-def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
+def _cartesian(study: Study, objective: FloatArray) -> Any:
     """Figure of the objective path and the executed paths in the plane."""
     figure = Figure()
     figure.add_trace(
@@ -119,11 +117,7 @@ def _cartesian(study: Study, objective: FloatArray, *, narrow: bool) -> Any:
         _switching_points(figure, marked, None, colours[marked.run.name])
     figure.update_xaxes(title="x [mm]")
     figure.update_yaxes(title="y [mm]", scaleanchor="x")
-    finish(figure, title="Cartesian path", height=640)
-    if narrow:
-        # The legend has a line for every run.
-        figure.update_layout(margin={"b": 80 + LEGEND_LINE * len(figure.data)})
-    return figure
+    return finish(figure, title="Cartesian path", height=640)
 
 
 def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: str) -> None:

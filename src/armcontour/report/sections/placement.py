@@ -133,9 +133,12 @@ def _table(found: Placement) -> Table:
     if found.refined is not found.best and found.refined.values != found.best.values:
         rows.append(("refined", found.refined.verdict, str(found.refined)))
     rows.append(("the job's own", found.own, ""))
+    cells = [(f"{name} ({at})" if at else name, *_cells(x)) for name, x, at in rows]
+    # Without a cell there is no clearance, and without masses no torque.
+    known = [k for k in range(len(header)) if any(row[k] for row in cells)]
     return Table(
-        header=header,
-        rows=tuple((f"{name} ({at})" if at else name, *_cells(x)) for name, x, at in rows),
+        header=tuple(header[k] for k in known),
+        rows=tuple(tuple(row[k] for k in known) for row in cells),
         caption=f"{len(found.verdicts)} places, {found.planned} of them planned",
     )
 

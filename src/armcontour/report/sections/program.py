@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armcontour._describing import several
 from armcontour._text import list_some
 from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
@@ -63,7 +64,7 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="contours",
             value=f"{len(contours)}",
-            note=f"{closed} closed, {_several(layers, 'layer')}",
+            note=f"{closed} closed, {several(layers, 'layer')}",
         ),
         Tile(
             label="length at work",
@@ -78,8 +79,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="time of rapids",
             value=f"{_time(rapids):.3f} s",
-            note=_several(len(rapids), "rapid")
-            + (f"; {_several(len(dwells), 'dwell')}, {_time(dwells):.3g} s" if dwells else ""),
+            note=several(len(rapids), "rapid")
+            + (f"; {several(len(dwells), 'dwell')}, {_time(dwells):.3g} s" if dwells else ""),
         ),
         Tile(label="events", value=f"{len(result.trajectory.events)}", note=_names(result)),
     ]
@@ -93,11 +94,6 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
             )
         )
     return tuple(tiles)
-
-
-def _several(count: int, what: str) -> str:
-    """A count with its noun."""
-    return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 def _work(x: Contour) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from armcontour.jobs import Published, Study
 from armcontour.report.section import Section, Table
 
@@ -15,10 +17,13 @@ FIGURES = {
 
 
 def published(study: Study) -> Section | None:
-    """Tables of published figures and results; None without published figures."""
+    """Tables of published figures and results; None without published figures of its runs."""
     found = study.job.published
-    if found is None or not found.runs:
+    # A study may have some of the job's runs only.
+    known = {} if found is None else {x: y for x, y in found.runs.items() if x in study.runs}
+    if found is None or not known:
         return None
+    found = replace(found, runs=known)
     tables = [_figures(study, found)]
     ratios = _ratios(study, found)
     if ratios is not None:

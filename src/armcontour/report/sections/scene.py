@@ -39,10 +39,6 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
     """Set the layout of a figure in space: equal axes, a legend at the left, rows of buttons."""
     finish(figure, title=title, height=height)
-    # Above the rows of buttons, not in the middle of the margin.
-    figure.update_layout(
-        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
-    )
     axis = {
         "nticks": 6,
         "backgroundcolor": "#FAFAFA",
@@ -58,13 +54,14 @@ def in_space(figure: Any, *, title: str, height: int, rows: int = 1) -> None:
         legend={
             "orientation": "v",
             "x": 0,
+            "xref": "paper",
             "xanchor": "left",
             "yref": "paper",
             "y": 1,
             "yanchor": "top",
             "bgcolor": "rgba(255,255,255,0.8)",
         },
-        margin={"l": 10, "r": 10, "t": 72 + ROW * rows, "b": 10},
+        margin={"l": 10, "r": 10, "t": 12 + ROW * rows, "b": 10},
     )
 
 

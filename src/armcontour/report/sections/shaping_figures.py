@@ -12,7 +12,7 @@ from armcontour.geometry import Path, ShapedPath
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.outline import simplify
-from armcontour.report.sections.scene import buttons, row_label
+from armcontour.report.sections.scene import ROW, buttons, row_label
 from armcontour.report.sections.shape_comparison import (
     Variant,
     across,
@@ -79,8 +79,7 @@ def magnified(path: ShapedPath, variants: Mapping[str, Variant]) -> Any:
     figure.update_layout(
         updatemenus=[{**buttons(choices, label=label), "active": factors.index(first)}],
         annotations=[row_label(label)],
-        margin={"t": 110},
-        title={"y": 1, "yref": "container", "yanchor": "top", "pad": {"t": 20}},
+        margin={"t": ROW},
     )
     return figure
 

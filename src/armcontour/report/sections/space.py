@@ -12,10 +12,11 @@ from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.program import Program
-from armcontour.report.figure import Figure, Node, make_trace
+from armcontour.report.figure import Figure, Node
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
 from armcontour.report.sections.along import executed_contours
+from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
 from armcontour.report.sections.paths import objective_of
 from armcontour.report.sections.scene import (
@@ -62,7 +63,8 @@ def space(study: Study) -> Section | None:
             "each run. "
             "Errors can be magnified: the vector from the nearest point of the path to the tool is "
             "drawn with that factor. Sticks are the tool in the first run: its axis, and "
-            "shorter its x axis where that is given."
+            "shorter its x axis where that is given. The arm below moves as executed, in the "
+            "coordinates of its base, among what is known of its cell."
         ),
         figures=(_path(study), *corners(study), _arm(study)),
     )
@@ -202,24 +204,6 @@ def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.stack([start, end, np.full_like(start, np.nan)], axis=1).reshape(-1, 3)
 
 
-def _mounting_plane(points: FloatArray) -> Any:
-    """The plane of the arm's base, z = 0, below or above all points [mm]."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    return make_trace(
-        "surface",
-        x=[low[0], high[0]],
-        y=[low[1], high[1]],
-        z=np.zeros((2, 2)),
-        surfacecolor=np.zeros((2, 2)),
-        colorscale=[[0, PATH_COLOUR], [1, PATH_COLOUR]],
-        opacity=0.25,
-        showscale=False,
-        name="plane of the base",
-        showlegend=True,
-        hoverinfo="skip",
-    )
-
-
 def _arm(study: Study) -> Any:
     """Animation of the arm along the executed motions."""
     colours = run_colours(study.runs)
@@ -227,7 +211,7 @@ def _arm(study: Study) -> Any:
     last = min(last, max(x.evaluation.until for x in study.runs.values()))
     times = np.linspace(0, last, FRAMES)
     arms = {name: _arm_points(x.execution, times) for name, x in study.runs.items()}
-    path = outline_points(objective_of(study)) * 1e3
+    path = seen_from_base(study.job.arm, outline_points(objective_of(study)))
     figure = Figure(*[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)
@@ -237,7 +221,10 @@ def _arm(study: Study) -> Any:
         figure.add_trace(trace)
     which = list(range(1, len(figure.data)))
     everywhere = np.concatenate([path, *(x.reshape(-1, 3) for x in arms.values())])
-    figure.add_trace(_mounting_plane(everywhere))
+    drawn = [everywhere]
+    for trace, points in draw_surroundings(study.job, everywhere):
+        figure.add_trace(trace)
+        drawn.append(points)
     figure.frames = [
         Node(
             {
@@ -251,38 +238,48 @@ def _arm(study: Study) -> Any:
         )
         for k in range(FRAMES)
     ]
-    in_space(figure, title="The arm along its motion, as executed", height=700, rows=2)
-    figure.update_layout(box(everywhere))
+    in_space(
+        figure,
+        title="The arm along its motion, as its base has it",
+        height=700,
+        rows=2,
+    )
+    figure.update_layout(box(np.concatenate(drawn)))
+    figure.update_layout(_playing(times))
+    return figure
+
+
+def _playing(times: FloatArray) -> dict[str, Any]:
+    """Layout of an animation: buttons, and a slider over the times of its frames [s]."""
     steps = [
         {"label": f"{t:.2f}", "method": "animate", "args": [[str(k)], _at_once()]}
         for k, t in enumerate(times)
     ]
+    each = 1e3 * float(times[-1]) / FRAMES
     play: list[dict[str, Any]] = [
-        {"label": "play", "method": "animate", "args": [None, _at_once(1e3 * last / FRAMES)]},
+        {"label": "play", "method": "animate", "args": [None, _at_once(each)]},
         {"label": "stop", "method": "animate", "args": [[None], _at_once()]},
     ]
-    figure.update_layout(
-        updatemenus=[{**buttons(play), "showactive": False}, view_buttons(1)],
-        annotations=[row_label("view", 1)],
-        sliders=[
-            {
-                "steps": steps,
-                "currentvalue": {"prefix": "time ", "suffix": " s", "font": SHOWN},
-                "pad": {"t": 10, "b": 10},
-                "len": 1.0,
-                "ticklen": 0,
-                "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
-            }
-        ],
-        margin={"b": 20},
-    )
-    return figure
+    slider = {
+        "steps": steps,
+        "currentvalue": {"prefix": "time ", "suffix": " s", "font": SHOWN},
+        "pad": {"t": 10, "b": 10},
+        "len": 1.0,
+        "ticklen": 0,
+        "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
+    }
+    return {
+        "updatemenus": [{**buttons(play), "showactive": False}, view_buttons(1)],
+        "annotations": [row_label("view", 1)],
+        "sliders": [slider],
+        "margin": {"b": 20},
+    }
 
 
 def _arm_points(execution: Execution, times: FloatArray) -> FloatArray:
     """Points of the arm's links at some times [mm], (n, points, 3)."""
     q = np.column_stack([np.interp(times, execution.t, x) for x in execution.q.T])
-    return np.round(execution.arm.links(q) * 1e3, 2).astype(np.float32)
+    return np.round(seen_from_base(execution.arm, execution.arm.links(q)), 2).astype(np.float32)
 
 
 def _at_once(duration: float = 0.0) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,29 +11,25 @@ from armcontour.jobs import Study
 from armcontour.jobs.quantities import angular_speed
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure
+from armcontour.report.sections.rapids import shade_rapids
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
-    RAPID_SHADE,
     finish,
     line,
     run_colours,
     run_widths,
-    shade,
     thin,
 )
 
 # Smallest range of the axis of angular speeds [deg/s].
 SLOWEST_TURN = 1.0
+# Smallest range of the axis of orientation errors [deg]: less is numerical noise.
+LEAST_ERROR = 1e-3
 
 
-def angular_speeds(study: Study, rapids: Sequence[tuple[float, float]] = ()) -> list[Any]:
-    """Figure of the executed angular speed of the tool; empty for a planar arm.
-
-    Args:
-        study: The study.
-        rapids: Times to shade, in which the limit of the angular speed does not hold.
-    """
+def angular_speeds(study: Study) -> list[Any]:
+    """Figure of the executed angular speed of the tool; empty for a planar arm."""
     figure = Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     limits: dict[float, Trajectory] = {}
@@ -52,7 +47,7 @@ def angular_speeds(study: Study, rapids: Sequence[tuple[float, float]] = ()) -> 
         label = f"limit {np.degrees(value):g} deg/s"
         level = np.where(np.isnan(times), np.nan, np.degrees(value))
         figure.add_trace(line(times, level, label, LIMIT_COLOUR, dash="dash", width=1))
-    shade(figure, rapids, 1, RAPID_SHADE)
+    shade_rapids(figure, study)
     figure.update_xaxes(title="time [s]")
     # So that a tool of constant orientation does not show numerical noise.
     top = max(SLOWEST_TURN, *(1.05 * float(np.nanmax(x.y)) for x in figure.data))
@@ -84,5 +79,6 @@ def orientation_errors(study: Study) -> list[Any]:
     if not figure.data:
         return []
     figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="orientation error [deg]", rangemode="tozero")
+    top = max(LEAST_ERROR, *(1.05 * float(np.nanmax(x.y)) for x in figure.data))
+    figure.update_yaxes(title="orientation error [deg]", range=[0, top])
     return [finish(figure, title="Orientation error over time", height=420)]

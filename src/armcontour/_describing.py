@@ -1,0 +1,150 @@
+"""What results say of themselves in a terminal: aligned lines for people, one line for `repr`."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from armcontour._text import make_printable, shorten, show
+
+# Widest line and widest name of a row [characters], and most lines.
+WIDTH, WIDEST_NAME, MOST_LINES = 98, 40, 15
+GAP = "  "
+# Values of an array, or members of a list, that `repr` writes out.
+FEW = 6
+
+
+def line_up(title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<") -> str:
+    """A title, and below it rows of aligned cells, for `print`.
+
+    Rows whose cells behind the first are all empty are left out. Long lines go on in the next one;
+    of too many lines, the number of the others is said.
+
+    Args:
+        title: The first line.
+        rows: The cells, the name of the row first.
+        columns: Alignment of the columns behind the first, as in a format, "<" or ">"; the last one
+            holds for all columns that follow.
+    """
+    kept = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
+    widths = [max(map(len, x)) for x in zip(*kept, strict=True)]
+    align = "<" + columns.ljust(len(widths), columns[-1])
+    margin = " " * (sum(widths[:-1]) + len(GAP) * len(widths))
+    lines = []
+    for row in kept:
+        cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
+        line = make_printable(GAP + GAP.join(cells)).rstrip()
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=margin[: WIDTH // 2])
+    if len(lines) >= MOST_LINES:
+        others = len(lines) + 2 - MOST_LINES
+        lines[MOST_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
+    return "\n".join([shorten(make_printable(title), WIDTH), *lines])
+
+
+def brief(value: Any) -> str:
+    """A dataclass in one line: arrays by their shapes, what it holds by its classes; for `repr`."""
+    shown = ", ".join(
+        f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
+    )
+    return f"{type(value).__name__}({shown})"
+
+
+def _member(value: Any, depth: int = 0) -> str:
+    """A member of a dataclass in a few characters."""
+    if hasattr(value, "shape") and hasattr(value, "tolist"):
+        few = value.size <= FEW
+        return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
+    if is_dataclass(value):
+        return f"{type(value).__name__}(...)"
+    if isinstance(value, Mapping | tuple | list | frozenset) and value:
+        return _members(value, depth)
+    return value.__name__ if isinstance(value, type) else show(value)
+
+
+def _members(value: Any, depth: int) -> str:
+    """A mapping or a list in a few characters."""
+    if len(value) > FEW or depth > 1:
+        return f"<{len(value)} {type(next(iter(value))).__name__}>"
+    if isinstance(value, Mapping):
+        inner = [f"{show(name)}: {_member(x, depth + 1)}" for name, x in value.items()]
+        return f"{{{', '.join(inner)}}}"
+    inner = [_member(x, depth + 1) for x in value]
+    return f"[{', '.join(inner)}]" if isinstance(value, list) else f"({', '.join(inner)})"
+
+
+def digits(value: float, count: int = 4) -> str:
+    """A number with some digits that count, and without an exponent where it is large.
+
+    Args:
+        value: The number.
+        count: Number of digits.
+    """
+    return f"{value:.0f}" if abs(value) >= 10**count else f"{value:.{count}g}"
+
+
+def mm(value: float) -> str:
+    """A short length in m, in mm."""
+    return f"{digits(value * 1e3)} mm"
+
+
+def degrees(value: float) -> str:
+    """An angle in rad, in degrees."""
+    return f"{digits(math.degrees(value))} deg"
+
+
+def milliseconds(value: float) -> str:
+    """A short time in s, in ms."""
+    return f"{digits(value * 1e3)} ms"
+
+
+def place_and_time(t: float, s: float) -> str:
+    """When and where something is largest.
+
+    Args:
+        t: The time [s].
+        s: The arc length [m].
+    """
+    return f"t = {t:.3f} s, s = {digits(s)} m"
+
+
+def several(count: int, what: str) -> str:
+    """A count with its noun."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def count_kinds(counts: Mapping[str, int]) -> str:
+    """Counts with their nouns, without what there is none of.
+
+    Args:
+        counts: Counts by their nouns.
+    """
+    return ", ".join(several(n, what) for what, n in counts.items() if n)
+
+
+def extremes(values: Iterable[float], unit: Callable[[float], str] = mm) -> str:
+    """The smallest and the largest of some values; one of them if they look the same.
+
+    Args:
+        values: The values; "" for none.
+        unit: Writes one of them.
+    """
+    known = sorted(values)
+    low, high = (unit(x) for x in (known[0], known[-1])) if known else ("", "")
+    return low if low == high else f"{low} to {high}"
+
+
+def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Rows that say between which positions joints are.
+
+    Args:
+        q: Joint positions [rad], (n, dof).
+        names: Names of the joints; by default their numbers from 1.
+    """
+    ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
+    return [
+        (names[j] if names else f"joint {j + 1}", f"{low:z.4f} to {high:z.4f} rad")
+        for j, (low, high) in enumerate(ends)
+    ]

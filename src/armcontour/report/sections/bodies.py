@@ -1,0 +1,129 @@
+"""Bodies of figures in space: obstacles of the cell, the base of the arm, in its coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from armcontour._checks import FloatArray
+from armcontour.arms import Arm
+from armcontour.frames import Frame
+from armcontour.jobs import Job
+from armcontour.report.figure import make_trace
+from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from armcontour.scene.scene import BASE
+
+LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
+# Points around a round shape.
+AROUND = 24
+# A half-space is drawn as a plate that is larger than everything else by this factor.
+PLATE = 1.5
+
+
+def base_of(arm: Arm) -> Frame:
+    """The base of an arm in the coordinates of its paths."""
+    return Frame() if arm.chain is None else arm.chain.base
+
+
+def seen_from_base(arm: Arm, points: FloatArray) -> FloatArray:
+    """Points in the coordinates of paths [m], as an arm's base has them: it stands upright [mm].
+
+    Args:
+        arm: The arm.
+        points: The points [m], (..., 3).
+    """
+    frame = base_of(arm).inverse
+    return np.asarray((frame.position + points @ frame.rotation.T) * 1e3)
+
+
+def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArray]]:
+    """The obstacles of a cell, or the plane of the base if none are known, and the arm's base.
+
+    Args:
+        job: The job.
+        points: What else is drawn, in the coordinates of the arm's base [mm], (n, 3).
+
+    Returns:
+        Each body with its points [mm].
+    """
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    size = float((high - low).max()) / 1e3
+    found = []
+    to_base = base_of(job.arm).inverse
+    for x in () if job.scene is None else job.scene.obstacles:
+        place = x.place if x.fixed_to == BASE else to_base @ x.place
+        corners = points_of(x.shape, place, PLATE * size)
+        found.append((draw_body(corners, x.name, OBSTACLE_COLOUR, 0.45), corners))
+    if not found:
+        x, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
+        corners = np.column_stack([x, y, 0 * x])
+        found.append((_plane(corners), corners))
+    return [*found, *_base_shapes(job.arm)]
+
+
+def _plane(corners: FloatArray) -> Any:
+    """The plane in which the arm's base stands."""
+    x, y, z = np.round(corners, 2).T
+    look = {"color": OBSTACLE_COLOUR, "opacity": 0.25, "hoverinfo": "skip"}
+    which = {"i": [0, 0], "j": [1, 3], "k": [3, 2]}
+    name = "plane of the base"
+    return make_trace("mesh3d", x=x, y=y, z=z, name=name, showlegend=True, **which, **look)
+
+
+def _base_shapes(arm: Arm) -> list[tuple[Any, FloatArray]]:
+    """The shapes of the arm's base, which does not move."""
+    if not arm.knows_shapes or arm.shapes is None:
+        return []
+    shapes = [x for x in arm.shapes.shapes if x.link == 0 and not x.tool]
+    corners = [points_of(x.shape, x.place) for x in shapes]
+    return [
+        (draw_body(points, x.name, LINK_COLOUR, 0.6), points)
+        for x, points in zip(shapes, corners, strict=True)
+    ]
+
+
+def draw_body(points: FloatArray, name: str, colour: str, opacity: float) -> Any:
+    """The convex hull of points [mm] as a body."""
+    x, y, z = np.round(points, 2).T
+    return make_trace(
+        "mesh3d",
+        x=x, y=y, z=z, alphahull=0, name=name, color=colour, opacity=opacity, hoverinfo="name",
+        flatshading=True, showlegend=False,
+    )  # fmt: skip
+
+
+def points_of(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
+    """Points whose hull is a shape at a place, (n, 3) [mm]."""
+    own = _own_points(shape, size)
+    return np.asarray((place.position + own @ place.rotation.T) * 1e3)
+
+
+def _own_points(shape: Shape, size: float) -> FloatArray:
+    """Points whose hull is a shape in its own frame; of a half-space a plate [m], (n, 3)."""
+    turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    match shape:
+        case Mesh():
+            # Only the hull is drawn, and a scan has a million points.
+            return np.asarray(shape.points[ConvexHull(shape.points).vertices])
+        case Box():
+            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            return np.asarray(signs * shape.size / 2)
+        case HalfSpace():
+            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.005, 0)])
+            return np.asarray(signs * size / 2)
+        case Cylinder():
+            ends = [circle * shape.radius + k * shape.length / 2 * up for k in (-1, 1)]
+            return np.concatenate(ends)
+        case Sphere() | Capsule():
+            half = shape.length / 2 if isinstance(shape, Capsule) else 0.0
+            tilts = np.linspace(-np.pi / 2, np.pi / 2, AROUND // 2)
+            rings = [
+                shape.radius * (np.cos(x) * circle + np.sin(x) * up) + np.sign(x) * half * up
+                for x in tilts
+            ]
+            return np.concatenate(rings)
+    raise TypeError(f"A shape of the kind {type(shape).__name__} cannot be drawn.")

@@ -1,0 +1,102 @@
+"use strict";
+// plotly.js comes packed, so that a page is a third as large. Figures wait until it is unpacked.
+const plotly = unpack("plotly").then(function (code) {
+  const script = document.createElement("script");
+  script.textContent = code;
+  document.head.append(script);
+});
+plotly.catch(function () {
+  document.body.classList.add("without-figures");
+});
+const figures = [];
+// Height of a legend of two lines [pixels], for which figures have room.
+const USUAL_LEGEND = 45;
+
+async function unpack(name) {
+  const text = document.getElementById(name).textContent;
+  const packed = Uint8Array.from(atob(text), (x) => x.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).text();
+}
+
+function draw(key, data, layout, config, frames) {
+  figures.push(plotly.then(async function () {
+    const place = document.getElementById(key);
+    place.fullHeight = layout.height;
+    layout.template = template;
+    // On a narrow page everything else is smaller, too; and a finger scrolls the page.
+    if (place.clientWidth < 600) layout.font.size = 11;
+    if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
+    await Plotly.newPlot(place, data, layout, config);
+    if (place.clientWidth) await fit(place);
+    if (frames.length) await Plotly.addFrames(place, frames);
+  }));
+}
+
+// A scene is as large as its figure is high: on narrow pages it would be cut off at the sides. And
+// a legend of many lines takes no height of the plots above it.
+async function fit(place) {
+  let height = place.fullHeight;
+  const entries = place.querySelector(".legend .scrollbox");
+  const below = entries && place.layout.legend.orientation === "h";
+  if (below) height += Math.max(0, Math.round(entries.getBBox().height) - USUAL_LEGEND);
+  if (place.layout.scene) height = Math.min(height, Math.round(place.clientWidth * 0.8) + 150);
+  if (height === place.layout.height) return;
+  place.style.height = `${height}px`;
+  await Plotly.relayout(place, { height: height });
+}
+
+// Fits everything that is seen to the present width of the page.
+async function fitPage() {
+  const seen = [...document.querySelectorAll(".js-plotly-plot")].filter((x) => x.clientWidth);
+  await Promise.all(seen.map(Plotly.Plots.resize));
+  await Promise.all(seen.map(fit));
+  fitBoxes();
+}
+
+// Only what goes on at the side says so, and is a stop of the Tab key.
+function fitBoxes() {
+  for (const box of document.querySelectorAll(".scroll")) {
+    const wide = box.scrollWidth > box.clientWidth + 1;
+    box.classList.toggle("wide", wide);
+    if (wide) box.tabIndex = 0;
+    else box.removeAttribute("tabindex");
+  }
+}
+
+// Shows one of several groups of figures; hidden figures do not know their width.
+function choose(selector) {
+  selector.closest("section").querySelectorAll(".choice").forEach(function (group, i) {
+    group.hidden = i !== selector.selectedIndex;
+  });
+  fitPage();
+}
+
+// Paper is narrower than most windows, and what is not shown is not printed.
+function resizeForPaper(paper) {
+  for (const place of document.querySelectorAll(".js-plotly-plot")) {
+    Plotly.relayout(place, paper ? { width: 680 } : { width: null, autosize: true });
+  }
+  document.querySelectorAll("details").forEach((x) => { x.open = paper; });
+}
+
+// The page of work that is not done loads itself again, unless that is switched off.
+function loadAgain() {
+  const again = document.getElementById("again");
+  if (again) setInterval(() => again.checked && location.reload(), 1e3 * again.dataset.after);
+}
+
+window.addEventListener("load", async function () {
+  loadAgain();
+  fitBoxes();
+  await Promise.allSettled(figures);
+  fitBoxes();
+  document.body.dataset.drawn = "true";
+});
+let resized = 0;
+window.addEventListener("resize", function () {
+  clearTimeout(resized);
+  resized = setTimeout(fitPage, 100);
+});
+window.addEventListener("beforeprint", () => resizeForPaper(true));
+window.addEventListener("afterprint", () => resizeForPaper(false));

@@ -1,0 +1,166 @@
+"""Reports in a real browser: no serious fault of accessibility, nothing cut off at any width."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from soak.corner_job import CORNER_JOB
+
+import armcontour as ac
+from armcontour.io import parse_job
+from armcontour.report import sections
+from armcontour.report.figure import render_page
+from armcontour.report.identification import render_identification
+from armcontour.report.sections.batch import Axis, BatchView
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+pytestmark = pytest.mark.browser
+AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+# Two parts of a drawing on the UR5e, before a table; two runs whose rapids differ.
+PARTS = """
+name: parts
+title: Two parts on the UR5e
+arm: {name: ur5e, work: {position: [0.4, -0.05, 0.2], rpy: [0, 0.2, 0.5]}}
+path: {points: [[0, 0, 0], [0.02, 0, 0]], orientation: {axis: [0, 0, -1]}}
+limits: {speed: 0.25, centripetal_acceleration: 1}
+corners: {tolerance: 0.5 mm}
+servo: {kp: 25, kv: 150}
+command_interval: 4 ms
+runs:
+  taught: {compensation: {method: inverse}}
+  slower: {limits: {speed: 0.1}}
+scene: {halfspaces: [{name: table, at: [0, 0, -0.1]}]}
+"""
+
+
+def parts() -> ac.Job:
+    """A job of two contours, one of them with a corner."""
+    bend = ac.Path.polyline([[0, 0, 0], [0.02, 0, 0], [0.02, 0.02, 0]]).pointing([0, 0, -1])
+    line = ac.Path.polyline([[0.04, 0, 0], [0.05, 0.01, 0]]).pointing([0, 0, -1])
+    contours = tuple(ac.Contour(path=x, name=n) for x, n in ((bend, "bend"), (line, "tick")))
+    return dataclasses.replace(parse_job(PARTS), path=ac.Program(moves=contours))
+
+
+def bend() -> ac.Job:
+    return parse_job(CORNER_JOB)
+
+
+def bends() -> BatchView:
+    speeds, errors = np.array([0.01, 0.02, 0.04]), np.array([1e-3, 2e-3, np.nan])
+    return BatchView(
+        name="bends",
+        about="3 jobs",
+        total=4,
+        counts={"done": 2, "refused": 1},
+        errors={"Unreachable": 1},
+        axes=(Axis("limits.speed [m/s]", speeds, False),),
+        figures=(Axis("contour_error.max [mm]", errors, True),),
+        status=("done", "done", "refused"),
+        done="done",
+        stride=1,
+        left=60.0,
+    )
+
+
+def every_kind() -> str:
+    """A page with sections of all kinds of reports."""
+    study = ac.run(parts())
+    over = {"x": (-0.01, 0.01, 2), "y": (-0.01, 0.01, 2)}
+    space = sections.space(study)
+    assert space is not None
+    found = [
+        sections.certificate(ac.certify(bend())),
+        sections.overview(study),
+        sections.program(study),
+        # Scenes are slow without a graphics card.
+        dataclasses.replace(space, figures=space.figures[-1:]),
+        sections.tool_speed(study),
+        sections.torques(study),
+        sections.sweep(ac.sweep(bend(), certified=False)),
+        sections.placement(ac.place(bend(), over=over, refined=False)),
+        sections.batch(bends()),
+        sections.drawing(ac.Program.of(bend().path)),
+    ]
+    return render_page(
+        "report.html", job=study.job, title="", about="", source="", sections=found, refresh=3600
+    )
+
+
+def identified() -> str:
+    t = np.linspace(0.0, 1.0, 501)
+    command = 0.1 * np.sin(2 * t[:, None]) ** 2
+    measured = command + 1e-5 * np.random.default_rng(0).standard_normal(command.shape)
+    return render_identification(ac.identify(ac.Log(t=t, command=command, measured=measured)))
+
+
+# What lies outside of its page or its figure, but for what has a box of its own to scroll in.
+CUT_OFF = """() => {
+  const found = [], wide = document.documentElement.clientWidth;
+  if (document.documentElement.scrollWidth > wide) found.push("the page");
+  for (const text of document.querySelectorAll(".js-plotly-plot text, main p, li, figcaption, b")) {
+    if (text.closest(".wide")) continue;
+    const own = text.getBoundingClientRect();
+    const box = text.closest(".js-plotly-plot, section")?.getBoundingClientRect();
+    if (!box || !own.width || text.closest("[hidden], details:not([open])")) continue;
+    if (own.left < box.left - 1 || own.right > box.right + 1
+        || own.top < box.top - 1 || own.bottom > box.bottom + 1) found.push(text.textContent);
+  }
+  for (const box of document.querySelectorAll(".scroll")) {
+    const goesOn = box.scrollWidth > box.clientWidth + 1;
+    const hinted = box.nextElementSibling.getBoundingClientRect().height > 0;
+    if (goesOn !== hinted || goesOn !== (box.tabIndex === 0)) found.push(box.textContent);
+  }
+  return found;
+}"""
+
+
+@contextmanager
+def opened(browser: Browser, text: str, folder: Path, width: int) -> Iterator[Page]:
+    """A page whose figures are drawn, and that has had no trouble."""
+    file = folder / "report.html"
+    file.write_text(text, encoding="utf-8")
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    troubles: list[str] = []
+    page.on("pageerror", lambda x: troubles.append(str(x)))
+    page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
+    page.on("request", lambda x: None if x.url == file.as_uri() else troubles.append(x.url))
+    page.goto(file.as_uri())
+    page.wait_for_selector("body[data-drawn]", state="attached", timeout=120_000)
+    yield page
+    assert not troubles, troubles
+    page.close()
+
+
+@pytest.mark.parametrize(("make", "widths"), [(every_kind, (1400, 900, 500)), (identified, (500,))])
+def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, make, widths):
+    with opened(browser, make(), tmp_path, widths[0]) as page:
+        page.evaluate(AXE)
+        assert page.locator(".js-plotly-plot").count() == page.locator("figure").count() > 0
+        found = []
+        for width in widths:
+            page.set_viewport_size({"width": width, "height": 900})
+            page.evaluate("fitPage()")
+            found += [f"{width}: cut off: {x}" for x in page.evaluate(CUT_OFF)]
+            # What plotly draws is the same at any width, and a page has ten thousand pieces of it.
+            inner = [] if width == widths[0] else [[".js-plotly-plot svg"]]
+            done = page.evaluate(
+                "([rules, inner]) => axe.run({include: document, exclude: inner}, "
+                "{runOnly: rules, resultTypes: ['violations']})",
+                [RULES, inner],
+            )
+            found += [
+                f"{width}: {x['id']}: {node['html'][:120]}"
+                for x in done["violations"]
+                if x["impact"] in ("serious", "critical")
+                for node in x["nodes"]
+            ]
+        assert not found, "\n".join(found)
