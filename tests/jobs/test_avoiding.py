@@ -148,3 +148,17 @@ def test_without_its_library_no_clearance_is_a_warning(
     assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
     with pytest.raises(ac.InvalidInput, match="coal"):
         teach(dataclasses.replace(job, scene=Scene()))
+
+
+def test_an_arm_whose_shapes_nobody_knows_is_a_warning(job: ac.Job) -> None:
+    (plan,) = teach(dataclasses.replace(job, arm=job.arm.with_shapes(None))).values()
+    assert plan.clearance is None
+    assert [x for x in plan.warnings if "shapes of its links are not known" in x]
+
+
+def test_meshes_that_are_not_there_are_a_note_of_the_arm_and_no_warning(job: ac.Job) -> None:
+    def lacking() -> ArmShapes:
+        raise ac.InvalidInput("The mesh is not there.")
+
+    (plan,) = teach(dataclasses.replace(job, arm=job.arm.with_shapes(lacking))).values()
+    assert not [x for x in plan.warnings if "how near the arm comes to itself" in x]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -438,3 +439,18 @@ class TestQuantities:
         rates = angular_speed(found.execution)
         angle = np.trapezoid(rates, found.execution.t)
         assert angle == pytest.approx(0.4, rel=1e-3)
+
+
+def test_an_experiment_without_mujoco_is_refused_before_any_run_starts(job, refuses, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    bodies = dataclasses.replace(job.runs[1], experiment=Experiment())
+    started: list[object] = []
+    refuses(
+        lambda: ac.run(
+            dataclasses.replace(job, runs=(job.runs[0], bodies)), progress=started.append
+        ),
+        ac.InvalidInput,
+        f"Run {bodies.name}: experiment: ",
+        "armcontour[experiment]",
+    )
+    assert not started

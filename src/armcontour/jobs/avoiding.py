@@ -15,7 +15,7 @@ from armcontour.arms.inverse import configurations
 from armcontour.clearance import Cell, Clearance
 from armcontour.clearance.connecting import connect, through
 from armcontour.clearance.distances import can_measure
-from armcontour.errors import ArmContourError, locate_errors
+from armcontour.errors import ArmContourError, InvalidInput, locate_errors
 from armcontour.frames import exp
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
@@ -42,6 +42,10 @@ WHOLE_POSE = 6
 NOT_LOOKED_AT = (
     "nothing looked at how near the arm comes to itself: that needs the package pin, which is not "
     "installed and has no wheels for Windows."
+)
+NO_SHAPES = (
+    "nothing looked at how near the arm comes to itself: the shapes of its links are not known; "
+    "give its description <collision> elements, or the job arm.shapes."
 )
 
 
@@ -82,8 +86,8 @@ def keep_clear(
     """
     progress(Step(("clearance",)))
     if job.scene is None and not (job.arm.knows_shapes and can_measure()):
-        # Nobody asked for it; notes of the arm say which meshes are lacking.
-        unseen = (NOT_LOOKED_AT,) if job.arm.knows_shapes and job.arm.dimension == 3 else ()
+        # Nobody asked for it.
+        unseen = _why_unseen(job.arm)
         return Cleared(traced=traced, trajectory=trajectory, clearance=None, notes=unseen)
     cell = Cell(job.arm, job.scene or Scene())
     if job.scene is None and not cell.pairs:
@@ -101,6 +105,19 @@ def keep_clear(
         _refuse(traced.program, trajectory, cell)
         found.refuse()
     return Cleared(traced=traced, trajectory=trajectory, clearance=found, notes=notes)
+
+
+def _why_unseen(arm: Arm) -> tuple[str, ...]:
+    """Why nothing looks at how near an arm comes to itself, if that is not said elsewhere."""
+    if arm.dimension != 3:
+        return ()
+    if arm.knows_shapes:
+        return (NOT_LOOKED_AT,)
+    try:
+        return (NO_SHAPES,) if arm.shapes is None else ()
+    except InvalidInput:
+        # Notes of the arm say which meshes are lacking.
+        return ()
 
 
 def _refuse(program: Program, trajectory: Trajectory, cell: Cell) -> None:

@@ -17,6 +17,7 @@ from armcontour.clearance import Clearance, check_clearance
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, execute
+from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.avoiding import keep_clear
 from armcontour.jobs.experiment import build_plant
@@ -363,6 +364,11 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Raises:
         ArmContourError: The error of the first run that fails.
     """
+    for x in job.runs:
+        if x.experiment is not None:
+            # Refused before any work, which can take minutes.
+            with locate_errors(f"Run {x.name}"), locate_errors("experiment"):
+                refuse_without_mujoco()
     return Study(job=job, runs=_do_runs(job, _run, progress))
 
 
