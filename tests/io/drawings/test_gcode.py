@@ -556,7 +556,7 @@ def test_lines_left_out_are_noted():
 
 def test_the_guide_s_example_is_what_the_guide_says():
     guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
-    (text,) = re.findall(r"```ngc\n(.*?)```", guide.read_text(), re.DOTALL)
+    (text,) = re.findall(r"```text\n(.*?)```", guide.read_text(), re.DOTALL)
     program = read(text)
     assert [type(x) for x in program.moves] == [Event, Event, Contour, Rapid]
     contour = program.contours[0]
