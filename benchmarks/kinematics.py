@@ -110,8 +110,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
     solver = Numeric(path, arm, 6, FirstPoses.of(path, first), Solution(q=q, cost=0.0), 1e-10)
-    begin = solver.ends(first, first.u0, None)
-    end = solver.ends(first, first.u1, None, at_end=True)
+    begin, end = solver.first_ends(first)
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)
     x = (s - first.s0[i]) / (first.u1 - first.u0)[i]
