@@ -206,34 +206,43 @@ def _other_start(
     """Joint paths from another start whose contours keep clear, the fastest of them; or None."""
     if job.start is not None or not isinstance(job.arm, SerialArm):
         return None
-    best: tuple[float, Tracing] | None = None
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = this.limits.for_joints(job.arm.dof)
-    starts = [x for x in _starts(job.arm.with_limits(bounds), first) if cell.keeps(_rest(x))]
-    for k, q in enumerate(starts):
-        progress(Step(("clearance",), k / len(starts)))
-        try:
-            found = trace_program(program, job.arm, this.limits, start=q)
-        except ArmContourError:
-            continue
-        least = sum(bound_duration(x, bounds) for x in found.joint_paths)
-        if (best is None or least < best[0]) and _contours_clear(found, cell):
-            best = least, found
-    return None if best is None else best[1]
+    for starts in _starts(job.arm.with_limits(bounds), first):
+        best: tuple[float, Tracing] | None = None
+        clear = [x for x in starts if cell.keeps(_rest(x))]
+        for k, q in enumerate(clear):
+            progress(Step(("clearance",), k / len(clear)))
+            try:
+                found = trace_program(program, job.arm, this.limits, start=q)
+            except ArmContourError:
+                continue
+            least = sum(bound_duration(x, bounds) for x in found.joint_paths)
+            if (best is None or least < best[0]) and _contours_clear(found, cell):
+                best = least, found
+        if best is not None:
+            return best[1]
+    return None
 
 
-def _starts(arm: SerialArm, path: Path) -> Iterator[FloatArray]:
-    """Joint positions in which a path can start: its configurations, turned about a free axis."""
+def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
+    """Joint positions in which a path can start: its configurations, then turned about a free axis.
+
+    The turn at the start of a configuration is a good one already, so that the others only help
+    where none of these is clear.
+    """
     try:
-        yield from (x(0.0) for x in trace_all(path, arm))
+        yield [x(0.0) for x in trace_all(path, arm)]
     except ArmContourError:
         return
     if path.orientation is None or not path.orientation.axis_only:
         return
     point, rotation = path([0.0])[0], path.orientation([0.0])[0]
+    turned: list[FloatArray] = []
     for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
-        turned = rotation @ exp(np.array([0.0, 0.0, angle]))
-        yield from configurations(arm, np.column_stack([turned, point]), WHOLE_POSE)
+        pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
+        turned += list(configurations(arm, pose, WHOLE_POSE))
+    yield turned
 
 
 def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
