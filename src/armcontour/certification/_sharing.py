@@ -282,6 +282,7 @@ def _refuse_other_jobs(program: Program, robot: Robot) -> None:
     if len(program.moves) > 1:
         raise InvalidInput(
             f"A certificate on rigid bodies is for one contour, but this program has "
-            f"{len(program.moves)} moves: make a job of each contour, or certify with plant: servo."
+            f"{len(program.moves)} moves, rapids of approach and retract included: make a job of "
+            "each contour without these, or certify with plant: servo."
         )
     Unknowns.of(robot.box or Box(), robot.arm, robot.servo)

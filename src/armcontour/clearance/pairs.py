@@ -111,7 +111,7 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
         raise InvalidInput(
             f"The shapes of the links of the arm {arm.name} are not known, so nothing can be said "
             "of its clearance: give a description (URDF) with collision geometry, or "
-            "arm.with_shapes(...)."
+            "arm.shapes of a job (arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes
 

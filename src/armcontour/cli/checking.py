@@ -215,7 +215,7 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
             f"The positions scatter by {noise * 1e3:.2g} mrad from sample to sample, as measured "
             "ones do, and this noise counts as motion. If they are measured, declare the largest "
             f"error with --noise, such as '{4e3 * noise:.2g} mrad': then only what is beyond it is "
-            "a violation."
+            "a violation. If they are taught data, whose accelerations jump, check planned.csv."
         )
     return lines
 

@@ -172,7 +172,8 @@ def _refuse_objective(judge: Judge) -> None:
     if judge.objective == CLEARANCE and arm.shapes is None:
         raise InvalidInput(
             f"The shapes of the arm {arm.name} are not known, so no place has the largest "
-            "clearance: give a description (URDF) with collision geometry, or arm.with_shapes(...)."
+            "clearance: give a description (URDF) with collision geometry, or arm.shapes of a job "
+            "(arm.with_shapes in Python)."
         )
     if judge.objective == TORQUE and (judge.run.limits.joint_torque is None or not arm.has_bodies):
         raise InvalidInput(

@@ -23,8 +23,9 @@ from armcontour.scene import ArmShapes
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
-    "give load_arm a joint_limits.yaml of MoveIt, joint_limits=..., with has_acceleration_limits "
-    "and max_acceleration for every joint, or set joint_acceleration with limits.replace"
+    "give the arm a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of "
+    "load_arm) with has_acceleration_limits and max_acceleration for every joint, or set "
+    "limits.joint_acceleration"
 )
 # Limits that a description gives in its limit elements; attribute of the element and kind in
 # joint_limits.yaml.
