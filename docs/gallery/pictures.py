@@ -1,4 +1,4 @@
-"""Pictures of the examples: each is drawn from the names that its example leaves behind."""
+"""Pictures of the examples: each is drawn from the names that its example defines."""
 
 from __future__ import annotations
 

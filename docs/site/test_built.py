@@ -19,14 +19,14 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from docs.site.names import by_room
+from soak.axe import faults, load_axe
 from soak.studio_page import browsing, find_browser
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser
 
 ROOT = Path(__file__).parents[2]
 SITE = ROOT / "docs" / "_build" / "html"
-AXE = ROOT / "tests" / "browser" / "axe" / "axe.min.js"
 # One page of each kind.
 KINDS = (
     "index",
@@ -39,7 +39,6 @@ KINDS = (
     "search",
 )
 WIDTHS = (1400, 900, 500)
-GRAVE = ("serious", "critical")
 # What a page loads by itself, not only when somebody clicks.
 LOADS = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src"}
 # Links that say what a page belongs to, and load nothing.
@@ -173,17 +172,6 @@ def browser() -> Iterator[Browser]:
         yield found
 
 
-def faults(page: Page) -> list[str]:
-    """Serious and critical faults that axe-core finds."""
-    found = page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
-    return [
-        f"{x['id']}: {node['html'][:160]}"
-        for x in found["violations"]
-        if x["impact"] in GRAVE
-        for node in x["nodes"]
-    ]
-
-
 # What reaches over the right edge, and is not in a box that scrolls and that the tab key reaches.
 CUT_OFF = """() => {
   const wide = document.documentElement.clientWidth
@@ -210,14 +198,14 @@ TWO_FRAMES = "() => new Promise(x => requestAnimationFrame(() => requestAnimatio
 def test_a_page_has_no_serious_fault_and_nothing_cut_off(browser: Browser, name: str) -> None:
     page = browser.new_page(offline=True)
     page.goto((SITE / f"{name}.html").as_uri())
-    page.evaluate(AXE.read_text(encoding="utf-8"))
+    load_axe(page)
     found = []
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         for colours in ("light", "dark"):
             page.emulate_media(color_scheme=colours)
             page.evaluate(TWO_FRAMES)
-            seen = [f"cut off: {x}" for x in page.evaluate(CUT_OFF)] + faults(page)
+            seen = [f"cut off: {x}" for x in page.evaluate(CUT_OFF)] + faults(page, rules=())
             found += [f"{width} px, {colours}: {x}" for x in seen]
     page.close()
     assert found == [], "\n".join(found)

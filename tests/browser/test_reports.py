@@ -21,10 +21,9 @@ from armcontour.report.sections.batch import Axis, BatchView
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
+from soak.axe import faults, load_axe
 
 pytestmark = pytest.mark.browser
-AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 # Two parts of a drawing on the UR5e, before a table; two runs whose rapids differ.
 PARTS = """
 name: parts
@@ -143,7 +142,7 @@ def opened(browser: Browser, text: str, folder: Path, width: int) -> Iterator[Pa
 @pytest.mark.parametrize(("make", "widths"), [(every_kind, (1400, 900, 500)), (identified, (500,))])
 def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, make, widths):
     with opened(browser, make(), tmp_path, widths[0]) as page:
-        page.evaluate(AXE)
+        load_axe(page)
         assert page.locator(".js-plotly-plot").count() == page.locator("figure").count() > 0
         found = []
         for width in widths:
@@ -151,16 +150,6 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, m
             page.evaluate("fitPage()")
             found += [f"{width}: cut off: {x}" for x in page.evaluate(CUT_OFF)]
             # What plotly draws is the same at any width, and a page has ten thousand pieces of it.
-            inner = [] if width == widths[0] else [[".js-plotly-plot svg"]]
-            done = page.evaluate(
-                "([rules, inner]) => axe.run({include: document, exclude: inner}, "
-                "{runOnly: rules, resultTypes: ['violations']})",
-                [RULES, inner],
-            )
-            found += [
-                f"{width}: {x['id']}: {node['html'][:120]}"
-                for x in done["violations"]
-                if x["impact"] in ("serious", "critical")
-                for node in x["nodes"]
-            ]
+            without = [] if width == widths[0] else [".js-plotly-plot svg"]
+            found += [f"{width}: {x}" for x in faults(page, without=without)]
         assert not found, "\n".join(found)

@@ -24,10 +24,6 @@ SHORTEST_STEPS = 2.0
 # Inertia that counts as zero: as a fraction of the arm's largest one, and absolute [kg m²].
 SINGULAR = 1e-12
 NOTHING = 1e-13
-MISSING = (
-    "A rigid-body plant needs the package mujoco, which is not installed: "
-    "pip install 'armcontour[experiment]'."
-)
 
 
 class Springs(NamedTuple):
@@ -52,7 +48,10 @@ def load() -> Any:
         # Imported by name, because mujoco has no type annotations.
         return importlib.import_module("mujoco")
     except ImportError:
-        raise InvalidInput(MISSING) from None
+        raise InvalidInput(
+            "A rigid-body plant needs the package mujoco, which is not installed: "
+            "pip install 'armcontour[experiment]'."
+        ) from None
 
 
 def functions() -> Functions:

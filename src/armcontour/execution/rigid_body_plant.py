@@ -15,7 +15,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco, _stepping
-from armcontour.execution._mujoco import MISSING, Springs
+from armcontour.execution._mujoco import Springs
 from armcontour.execution._stepping import Bodies, Loops, Rows
 from armcontour.execution.plant import (
     PATIENCE,
@@ -534,13 +534,12 @@ def can_simulate() -> bool:
 
 
 def refuse_without_mujoco() -> None:
-    """Refuse what needs a rigid-body plant where there can be none, without loading anything.
+    """Refuse what needs a rigid-body plant where there can be none.
 
     Raises:
         InvalidInput: MuJoCo is not installed.
     """
-    if not can_simulate():
-        raise InvalidInput(MISSING)
+    _mujoco.load()
 
 
 def bytes_of(

@@ -124,7 +124,7 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
     if not kept:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
     header, first = kept[0]
-    separator = next((x for x in ";\t," if x in first), ",")
+    separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
         # As the recorder of a UR's RTDE writes it.
         kept = [(number, "\t".join(line.split())) for number, line in kept]

@@ -111,10 +111,8 @@ def _why_unseen(arm: Arm) -> tuple[str, ...]:
     """Why nothing looks at how near an arm comes to itself, if that is not said elsewhere."""
     if arm.dimension != 3:
         return ()
-    if arm.knows_shapes:
-        return (NOT_LOOKED_AT,)
     try:
-        return (NO_SHAPES,) if arm.shapes is None else ()
+        return (NO_SHAPES,) if arm.shapes is None else (NOT_LOOKED_AT,)
     except InvalidInput:
         # Notes of the arm say which meshes are lacking.
         return ()

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
-from armcontour.motion import Trajectory
+from armcontour.motion import Execution, Trajectory
 from armcontour.studio.thinning import thin
 from armcontour.studio.view import short
 
@@ -71,3 +71,9 @@ def largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
     """
     found: list[float] = np.abs(demand_shares(demand_range, limits)).max(axis=0).tolist()
     return found
+
+
+def saturated_joints(execution: Execution) -> list[dict[str, Any]]:
+    """The joints that saturate in an execution, and for how long [s]."""
+    times = zip(execution.arm.joint_names, execution.saturated_time.tolist(), strict=True)
+    return [{"joint": name, "time": time} for name, time in times if time > 0]

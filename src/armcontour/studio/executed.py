@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.studio.demand import demand_shares, largest_demand
+from armcontour.studio.demand import demand_shares, largest_demand, saturated_joints
 from armcontour.studio.previewed import Executed
 from armcontour.studio.thinning import thin
 from armcontour.studio.view import View, in_space, short
@@ -38,7 +38,6 @@ def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame
         [*offset.T.astype(np.float64), distance, *demand.T],
         MOST_SAMPLES,
     )
-    joints = execution.arm.joint_names
     begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
     worst = int(np.argmax(distance))
@@ -50,11 +49,7 @@ def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame
         "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
         "period": executed.taught.period,
         "settled": executed.settled,
-        "saturated": [
-            {"joint": name, "time": time}
-            for name, time in zip(joints, execution.saturated_time.tolist(), strict=True)
-            if time > 0
-        ],
+        "saturated": saturated_joints(execution),
         "demand": largest_demand(execution.demand_range, planned.run.limits),
         "preview_period": executed.taught.period,
         "centre": view.centre,

@@ -15,6 +15,8 @@ def test_a_check_has_a_row_per_limit(coarse, drawings):
 def test_clearance_over_time_is_not_below_what_is_proven(square, drawings):
     found = ask("clearance", square, "optimal", drawings)
     assert found.header["kept"]
+    sentence = found.header["sentence"]
+    assert sentence.endswith(".") and "\n" not in sentence
     least = min(x["least"] for x in found.header["nearest"])
     assert found.header["kinds"] == ["own"]
     assert found.arrays["own"].min() >= least - 1e-3

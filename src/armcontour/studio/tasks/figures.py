@@ -20,6 +20,7 @@ def figures(x: Request) -> Frame:
 
     Options: `start`, joint positions at the start of the preview, to say where they differ.
     """
+    from armcontour.studio.demand import saturated_joints
     from armcontour.studio.refusals import refusal_header
 
     try:
@@ -39,13 +40,7 @@ def figures(x: Request) -> Frame:
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
         "missed": e.missed.max,
-        "saturated": [
-            {"joint": name, "time": span}
-            for name, span in zip(
-                x.job.arm.joint_names, result.execution.saturated_time.tolist(), strict=True
-            )
-            if span > 0
-        ],
+        "saturated": saturated_joints(result.execution),
         "demand": e.demand_ratio,
         "limit_use": e.limit_ratios,
         "clearance": None

@@ -55,9 +55,7 @@ def certify(x: Request) -> Frame:
     from armcontour.io import certificate_json
     from armcontour.report import render_report
 
-    # Published figures are of other plans, whose runs the report would not have.
-    job = replace(x.whole_job, published=None)
-    found = certify(job, x.run, progress=x.progress, **x.options)
+    found = certify(x.whole_job, x.run, progress=x.progress, **x.options)
     x.progress(Step(("writing",)))
     data = json.loads(certificate_json(found))["certificate"]
     budget = found.budget

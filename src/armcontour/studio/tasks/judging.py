@@ -16,7 +16,6 @@ CLEARANCE_TIMES, MOST_PAIRS = 400, 10
 
 def check(x: Request) -> Frame:
     """The plan checked against all limits, by code that shares nothing with the planner."""
-    from armcontour.arms.limits import UNITS
     from armcontour.evaluation import check
 
     plan = x.taught
@@ -26,7 +25,7 @@ def check(x: Request) -> Frame:
     rows = [
         {
             **{"limit": y.name, "ratio": y.certain, "value": y.value, "allowed": y.limit},
-            **{"unit": UNITS.get(y.name, "m"), "t": y.t, "s": y.s, "joint": y.joint},
+            **{"unit": y.unit, "t": y.t, "s": y.s, "joint": y.joint},
             "verdict": y.verdict,
         }
         for y in found.uses
@@ -59,7 +58,7 @@ def clearance(x: Request) -> Frame:
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
     over_time = cell.least_over(plan.trajectory(t))
     header = {
-        **{"run": plan.run.name, "sentence": str(found), "kept": found.kept},
+        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept},
         "kinds": list(over_time),
         "nearest": [
             {
