@@ -4,7 +4,7 @@ import os
 import sys
 from functools import partial
 from operator import truediv
-from threading import Condition, Timer
+from threading import Condition, Event, Timer, current_thread
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ import armcontour as ac
 from armcontour._pool import STARTS, ProcessPool, Worker
 from armcontour._process import ProcessEnded, pack, unpack
 from armcontour._processes import map_ahead, map_in_processes, share_work
-from armcontour._threads import map_in_threads, split_evenly
+from armcontour._threads import Beside, map_in_threads, split_evenly
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -48,6 +48,36 @@ def test_threads_give_results_in_order_and_their_errors(monkeypatch):
     assert map_in_threads(halve, []) == []
     with pytest.raises(ZeroDivisionError):
         map_in_threads(halve, [1.0, 0.0, 2.0])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_work_beside_comes_in_order_with_its_errors(monkeypatch, count):
+    monkeypatch.setattr("armcontour._threads.processors", lambda: count)
+    where = []
+    with Beside() as beside:
+        first = beside.start(lambda: where.append(current_thread()) or 1)
+        fails = beside.start(partial(halve, 0.0))
+        last = beside.start(lambda: where.append(current_thread()) or 2)
+        assert (last(), first()) == (2, 1)
+        with pytest.raises(ZeroDivisionError):
+            fails()
+    assert where[0] is where[1]
+    assert (where[0] is current_thread()) == (count == 1)
+    if count == 2:
+        where[0].join(10)
+        assert not where[0].is_alive()
+
+
+def test_work_beside_that_has_not_begun_is_dropped(monkeypatch):
+    monkeypatch.setattr("armcontour._threads.processors", lambda: 2)
+    begun, go, done = Event(), Event(), []
+    with Beside() as beside:
+        beside.start(lambda: (begun.set(), done.append(current_thread()), go.wait()))
+        beside.start(lambda: done.append("dropped"))
+        assert begun.wait(10)
+    go.set()
+    done[0].join(10)
+    assert not done[0].is_alive() and len(done) == 1
 
 
 @given(st.integers(0, 100), st.integers(1, 20))

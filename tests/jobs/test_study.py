@@ -177,8 +177,10 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
     assert (found.experiment.plant.noise, found.experiment.plant.seed) == (1e-6, 3)
     assert study.runs["conventional"].experiment is None
     assert [x.names for x in told if x.done is None] == [
-        *(("proposed", x) for x in (*STEPS, "experiment")),
+        *(("proposed", x) for x in STEPS),
         *(("conventional", x) for x in STEPS),
+        # It goes on beside the other run.
+        ("proposed", "experiment"),
     ]
     assert steps_of(this) == (*STEPS, "experiment")
 
@@ -247,7 +249,7 @@ def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):
 
 
 def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
-    def fails(*_):
+    def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
 
     monkeypatch.setattr("armcontour.jobs.study.on_bodies", fails)
@@ -289,14 +291,18 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
         assert found[name].trajectory is not found["one"].trajectory
 
 
-def test_an_experiment_that_cannot_be_says_so_with_its_run(job, refuses):
+def test_an_experiment_that_cannot_be_says_so_with_its_run_before_any_work(job, refuses):
+    told = []
     this = dataclasses.replace(job.runs[0], experiment=Experiment())
     lag = ac.ServoModel(kp=25.0, order="first")
     refuses(
-        lambda: ac.run(dataclasses.replace(job, runs=(this,), plant_servo=lag)),
+        lambda: ac.run(
+            dataclasses.replace(job, runs=(this,), plant_servo=lag), progress=told.append
+        ),
         ac.InvalidInput,
         "Run proposed: experiment: The drives of the rigid-body plant",
     )
+    assert told == []
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
 from armcontour._progress import Progress, Step, under
+from armcontour._threads import Beside
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance, check_clearance
 from armcontour.errors import ExecutionError, locate_errors
@@ -354,7 +356,8 @@ def warnings_of(plans: Iterable[TimedRun]) -> tuple[str, ...]:
 def run(job: Job, *, progress: Progress | None = None) -> Study:
     """Do every run of a job, from the objective path to the evaluation.
 
-    An experiment whose joints do not come to rest raises no error: it is the `failure` of its run.
+    Experiments go on beside the runs that follow. An experiment whose joints do not come to rest
+    raises no error: it is the `failure` of its run.
 
     Args:
         job: The job.
@@ -364,12 +367,35 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Raises:
         ArmContourError: The error of the first run that fails.
     """
+    plants: dict[str, RigidBodyPlant] = {}
     for x in job.runs:
         if x.experiment is not None:
             # Refused before any work, which can take minutes.
-            with locate_errors(f"Run {x.name}"), locate_errors("experiment"):
+            with locate_errors(f"Run {x.name}"), locate_errors(EXPERIMENT):
                 refuse_without_mujoco()
-    return Study(job=job, runs=_do_runs(job, _run, progress))
+                plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
+    started: dict[str, Callable[[], ExperimentResult]] = {}
+
+    with Beside() as beside:
+
+        def do(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
+            found = _run(job, this, progress, earlier)
+            if this.name in plants:
+                # Nearly all of it is in MuJoCo, and no later run depends on it.
+                work = partial(on_bodies, job, this, found.taught, found.path, found.objective)
+                started[this.name] = beside.start(partial(work, plant=plants[this.name]))
+            return found
+
+        runs = dict(_do_runs(job, do, progress))
+        for name, wait in started.items():
+            under(progress, name)(Step((EXPERIMENT,)))
+            with locate_errors(f"Run {name}"):
+                try:
+                    with locate_errors(EXPERIMENT):
+                        runs[name] = replace(runs[name], experiment=wait())
+                except ExecutionError as error:
+                    runs[name] = replace(runs[name], failure=error)
+    return Study(job=job, runs=MappingProxyType(runs))
 
 
 def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan]:
@@ -424,7 +450,7 @@ def path_of(job: Job, this: Run) -> Path:
 
 
 def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
-    """Do one run, from its objective path to its evaluation."""
+    """Do one run, from its objective path to its evaluation, without its experiment."""
     earlier = list(earlier)
     plan = _teach(job, this, progress, earlier, simulated=True)
     progress(Step(("execution",)))
@@ -438,22 +464,12 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         until=this.until,
         limit_use=True,
     )
-    experiment, failure = None, None
-    if this.experiment is not None:
-        progress(Step((EXPERIMENT,)))
-        try:
-            with locate_errors("experiment"):
-                experiment = on_bodies(job, this, plan.taught, plan.path, plan.objective)
-        except ExecutionError as error:
-            failure = error
     return RunResult(
         **{x.name: getattr(plan, x.name) for x in fields(RunPlan)},
         explanation=explain_run(job, this, plan.trajectory),
         execution=executed,
         evaluation=evaluation,
         executed_clearance=_executed_clearance(job, plan, executed),
-        experiment=experiment,
-        failure=failure,
     )
 
 
@@ -567,11 +583,27 @@ def traced_alike(first: Run, second: Run) -> bool:
 
 
 def on_bodies(
-    job: Job, this: Run, taught: TaughtData, path: Program, objective: Program
+    job: Job,
+    this: Run,
+    taught: TaughtData,
+    path: Program,
+    objective: Program,
+    *,
+    plant: RigidBodyPlant | None = None,
 ) -> ExperimentResult:
-    """Execute taught data on the simulated rigid bodies of the arm."""
-    assert this.experiment is not None
-    plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
+    """Execute taught data on the simulated rigid bodies of the arm.
+
+    Args:
+        job: The job.
+        this: A run with an experiment.
+        taught: The set-points.
+        path: The program that the tool follows.
+        objective: The program with sharp corners.
+        plant: The bodies, if they are built already.
+    """
+    if plant is None:
+        assert this.experiment is not None
+        plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     # The plant has no results between two cycles of the drives.
     executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
     return ExperimentResult(

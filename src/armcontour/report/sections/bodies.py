@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
@@ -107,7 +106,10 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
     up = np.array([0.0, 0.0, 1.0])
     match shape:
         case Mesh():
-            # Only the hull is drawn, and a scan has a million points.
+            # Only the hull is drawn, and a scan has a million points. Imported here, as it takes a
+            # third of a second.
+            from scipy.spatial import ConvexHull
+
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])
         case Box():
             signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
