@@ -86,6 +86,11 @@ class Piece:
         return self._follow(self.path, self.work)
 
     @cached_property
+    def on_path(self) -> FloatArray:
+        """Points of the path at which the tool is found [m], (n, dimension)."""
+        return self.path(self.found.s)
+
+    @cached_property
     def off_objective(self) -> Followed | None:
         """Places of the tool on the objective path; None if unknown."""
         return None if self.objective is None else self._follow(self.objective, self.before_work)
@@ -99,7 +104,10 @@ class Piece:
     def contour_error(self) -> ErrorProfile:
         """Distance from the tool to the path [m]."""
         s = self.found.s
-        return self._over_time(self.found.distance, s, _side(self.path, self.tool, s))
+        side = None
+        if self.path.dimension == 2:
+            side = _side(self.path, s, self.tool - self.on_path)
+        return self._over_time(self.found.distance, s, side)
 
     @property
     def missed(self) -> Missed:
@@ -235,13 +243,16 @@ def _find_window(executed: Execution, span: Span) -> tuple[slice, float, float]:
     return slice(start, max(int(end), start + 2)), span.work[1], span.s[0]
 
 
-def _side(path: Path, tool: FloatArray, s: FloatArray) -> FloatArray | None:
-    """1 where the tool is to the left of the path, -1 to its right; None in space."""
-    if path.dimension != 2:
-        return None
+def _side(path: Path, s: FloatArray, offset: FloatArray) -> FloatArray:
+    """1 where the tool is to the left of a path in the plane, -1 to its right.
+
+    Args:
+        path: The path.
+        s: Places of the tool on the path [m], (n,).
+        offset: From these places to the tool [m], (n, 2).
+    """
     tangent = path(s, 1)
     # At a corner, the sum of both tangents decides.
     corner = np.isin(s, path.breaks)
     tangent[corner] += path(s[corner], 1, side="left")
-    offset = tool - path(s)
     return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)

@@ -231,10 +231,16 @@ class Segments:
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
         """What `at` gives for lines and arcs."""
         k = self.curvatures[i]
+        if order == 0 and not np.any(k):
+            return np.asarray(self.starts[i] + u[..., None] * self.tangents[i])
         angle = k * u
         if order == 0:
-            along = u * np.sinc(angle / np.pi)
-            across = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
+            half = angle / 2
+            # The chord over the arc: sin(half) / half, and 1 where that is 0 / 0.
+            sine, bent = np.sin(half), half != 0
+            share = np.divide(sine, half, out=np.ones_like(half), where=bent)
+            chord = u * share
+            along, across = chord * np.cos(half), chord * sine
             return np.asarray(
                 self.starts[i]
                 + along[..., None] * self.tangents[i]

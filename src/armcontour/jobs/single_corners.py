@@ -143,7 +143,7 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
 def _numbers(path: Path) -> IntArray:
     """The numbers of the points of a path that were kept, from 1, (waypoints,)."""
     count = len(path.waypoints) + len(path.merged)
-    return np.setdiff1d(np.arange(count), path.merged) + 1
+    return np.delete(np.arange(count), path.merged) + 1
 
 
 def _why_not(number: int, count: int, path: Path) -> str:

@@ -194,7 +194,8 @@ class Trajectory:
     @property
     def dof(self) -> int:
         """Number of joints."""
-        return int(self(0.0).shape[-1])
+        start = self.laws[0].on_interval(np.zeros(1, dtype=np.intp), np.zeros(1), 0)
+        return int(start.shape[-1])
 
     @property
     def contour_spans(self) -> tuple[Span, ...]:

@@ -28,7 +28,7 @@ def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame
     """
     planned, execution, errors = executed.planned, executed.execution, executed.errors
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
-    base = np.concatenate([x.path(x.found.s) for x in executed.pieces])
+    base = np.concatenate([x.on_path for x in executed.pieces])
     tool = np.concatenate([x.tool for x in executed.pieces])
     distance = np.concatenate([x.found.distance for x in executed.pieces])
     demand = demand_shares(execution.demand[which], planned.run.limits)

@@ -62,7 +62,7 @@ class Frame:
             parts += [data, bytes(-len(data) % ALIGNED)]
             end += len(data) + len(parts[-1])
         told = {**self.header, "kind": self.kind, "arrays": places}
-        text = json.dumps(plain(told), ensure_ascii=False, allow_nan=False).encode()
+        text = _to_json(told).encode()
         gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
@@ -79,6 +79,15 @@ class Frame:
             values = np.frombuffer(data, f"<{x['type']}", size, begin + x["at"])
             arrays[name] = values.reshape(x["shape"])
         return cls(header.pop("kind"), header, arrays)
+
+
+def _to_json(header: Mapping[str, Any]) -> str:
+    """A header as JSON."""
+    try:
+        return json.dumps(header, ensure_ascii=False, allow_nan=False, default=plain)
+    except (TypeError, ValueError):
+        # Keys that are no texts, and numbers that are not finite, are rare.
+        return json.dumps(plain(header), ensure_ascii=False, allow_nan=False)
 
 
 def plain(value: Any) -> Any:

@@ -36,6 +36,13 @@ class ClosedForm(Solver[PlanarTwoLink]):
         super().__init__(path, arm)
         self.branch, self.tolerance = branch, tolerance
 
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals, at once."""
+        n = len(knots)
+        both = knots.part(np.tile(np.arange(n), 2))
+        q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
+        return (q[:n], dq_ds[:n], d2q_ds2[:n]), (q[n:], dq_ds[n:], d2q_ds2[n:])
+
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         try:
