@@ -56,9 +56,7 @@ class Keys:
 
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
-        # For a field with a default factory, null means the default.
-        made = {x.name for x in dataclasses.fields(self.of) if _is_made(x)}
-        values = _values(self.of, model)
+        values, made = _values(self.of, model), _made(self.of)
         return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
 
 
@@ -144,11 +142,22 @@ def _is_made(x: dataclasses.Field[Any]) -> bool:
     return x.default_factory is not dataclasses.MISSING
 
 
+@cache
+def _made(of: type) -> frozenset[str]:
+    """Fields of a dataclass with a default factory, for which null means the default."""
+    return frozenset(x.name for x in dataclasses.fields(of) if _is_made(x))
+
+
 def _values(of: type, model: BaseModel) -> dict[str, Any]:
     """The values that a file gives, by the fields of the dataclass."""
-    names = {key: name for name, key in FORMS.get(of, Form()).names.items()}
-    given = (key for key in type(model).model_fields if key in model.model_fields_set)
-    return {names.get(key, key): getattr(model, key) for key in given}
+    names, given = _names_of(of), model.model_fields_set
+    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in given}
+
+
+@cache
+def _names_of(of: type) -> dict[str, str]:
+    """Names of the fields of a dataclass by their keys, where these differ."""
+    return {key: name for name, key in FORMS.get(of, Form()).names.items()}
 
 
 def descriptions(of: type) -> dict[str, str]:

@@ -197,10 +197,9 @@ class Previewer:
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
         model = with_one_run(self._model(data), run)
         arm, path = self._arm_and_path(model, data)
-        part = part_of(model.path)
         scene: Scene | None = None
         if model.scene is not None:
-            given = model.scene
+            given, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
             scene = self._kept.get("scene", made_of, lambda: scene_of(given, self.folder, part))
         return job_on(model, arm, path, scene), path
