@@ -338,7 +338,10 @@ def test_tool_axis_and_tangent() -> None:
             "a spline takes one orientation",
         ),
         ({"spline": {"points": POINTS, "closed": True}}, "closed spline must end at its first"),
-        ({"spline": {"points": POINTS, "tolerance": 0}}, "spline tolerance must be above zero"),
+        (
+            {"spline": {"points": POINTS, "tolerance": 0}},
+            "path.spline.tolerance: must be above zero",
+        ),
         ({"spline": {"points": []}}, "points of path.spline are empty"),
         ({"spline": {"points": POINTS}, "points": POINTS}, "either points, or start and segments"),
         ({"start": POINTS[0]}, "either points, or start and segments, or spline"),

@@ -18,8 +18,9 @@ from armcontour._quantities import (
     Length,
     Memory,
     Pole,
-    Ratio,
+    Reserve,
     Time,
+    Tolerance,
 )
 from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
@@ -167,7 +168,7 @@ class SplineModel:
 
     points: list[Point]
     closed: bool = False
-    tolerance: Distance = 1e-6
+    tolerance: Tolerance = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,8 +283,8 @@ class PathModel:
     colors: list[str | int] | None = None
     repeat: RepeatModel | None = None
     flat: bool = False
-    chord_tolerance: Distance = 1e-5
-    join_tolerance: Distance = 1e-5
+    chord_tolerance: Tolerance = 1e-5
+    join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
@@ -318,7 +319,7 @@ class TimingModel:
     method: Annotated[str, Choice(methods.METHODS), BeforeValidator(_method)] = "optimal"
     knots: Annotated[int, AtLeast(8)] | None = None
     intervals: Annotated[int, AtLeast(2)] | None = None
-    reserve: Ratio = 0.0
+    reserve: Reserve = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

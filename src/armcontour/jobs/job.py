@@ -17,6 +17,7 @@ from armcontour._quantities import (
     Choice,
     Distance,
     Speed,
+    Tolerance,
 )
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
@@ -76,7 +77,7 @@ class Rounding:
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Distance | None = None
-    zone: Distance | None = None
+    zone: Tolerance | None = None
     iterations: Annotated[int, AtLeast(0)] | None = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
@@ -382,7 +383,10 @@ class Job:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
-        objective = None if self.process.automatic else prepare(program, self.process)
+        objective = None
+        if not self.process.automatic:
+            with locate_errors("process"):
+                objective = prepare(program, self.process)
         object.__setattr__(self, "objective", objective)
         single_path = None if objective is None else objective.single_path
         if single_path is None and any(x.until is not None for x in self.runs):
