@@ -28,6 +28,7 @@ from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.io.length_hint import hint_at_length
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
 from armcontour.motion import check_interval
@@ -216,6 +217,8 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         memory=model.memory,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
+        part=part_of(model.path),
+        length_hint=hint_at_length(model, Program.of(path)),
     )
 
 

@@ -21,6 +21,7 @@ from armcontour._quantities import (
 )
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.frames import Frame
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
@@ -339,6 +340,8 @@ class Job:
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
             results say so.
+        part: The frame of the part: path, file or points are placed by it already.
+        length_hint: Which length probably lacks its unit, for messages.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -362,6 +365,8 @@ class Job:
     memory: float = _memory.DEFAULT
     scene: Scene | None = None
     ignore_collisions: bool = False
+    part: Frame = field(default_factory=Frame)
+    length_hint: str = ""
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
 

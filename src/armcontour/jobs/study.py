@@ -32,6 +32,7 @@ from armcontour.jobs.programs import (
     time_run,
     trace_run,
 )
+from armcontour.jobs.reach import reach_told
 from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
@@ -525,9 +526,10 @@ def _trace(
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
             return x.objective, x.path, x.traced
     progress(Step((steps_of(this)[0],)))
-    objective, path = programs_of(job, this, progress)
-    progress(Step(("tracing",)))
-    return objective, path, trace_run(job, this, path, progress)
+    with reach_told(job):
+        objective, path = programs_of(job, this, progress)
+        progress(Step(("tracing",)))
+        return objective, path, trace_run(job, this, path, progress)
 
 
 def _planned_before(this: Run, traced: Tracing, earlier: Iterable[RunPlan]) -> Trajectory | None:
