@@ -155,6 +155,13 @@ class TimedRun:
         return f"Run {self.run.name}: {what} inside contours ({why})."
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what the plan is like, with the name of the run, which are no warnings."""
+        own = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
+        found = (self.shape_note, self.stops_note, self.clearance_note)
+        return (*own, *(x for x in found if x is not None))
+
+    @property
     def clearance_note(self) -> str | None:
         """A sentence on the clearance of the plan; None for an arm whose shapes are not known.
 
