@@ -332,7 +332,7 @@ class Job:
         start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
-        plant_servo: The simulated servo.
+        plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
@@ -355,7 +355,7 @@ class Job:
     arm: Arm
     path: Path | Program
     servo: ServoModel
-    plant_servo: ServoModel
+    plant_servo: ServoModel = None  # type: ignore[assignment]
     runs: tuple[Run, ...]
     branch: str | None = None
     start: FloatArray | None = None
@@ -371,6 +371,8 @@ class Job:
     objective: Program | None = field(init=False)
 
     def __post_init__(self) -> None:
+        if self.plant_servo is None:
+            object.__setattr__(self, "plant_servo", self.servo)
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         _checks.check_name("name of the job", self.name)
