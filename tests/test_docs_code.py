@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import typer
 import yaml
-from docs.pages import Block, agree, blocks, read_page, run_command
+from docs.pages import Block, agree, blocks, read_page, run_command, run_python
 from markdown_it import MarkdownIt
 from soak.joint import move
 
@@ -76,17 +76,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], P
     return make
 
 
-def run_python(page: str, names: dict[str, Any]) -> dict[str, Any]:
-    """Run the Python of a page, in order, after that of the page that it continues."""
+def run_page(page: str, names: dict[str, Any]) -> str:
+    """Run the Python of a page, and before it of the page that it continues; what is printed."""
+    printed = ""
     for block in blocks(PAGES[page]):
         if "continues" in block.marks:
-            run_python(block.marks["continues"], names)
+            printed += run_page(block.marks["continues"], names)
         if block.language == "python" and "not run" not in block.marks:
             if 'read_log("log.csv")' in block.text:
                 write_log(Path("log.csv"), names["t"], names["u"])
-            code = "\n" * (block.line - 1) + block.text
-            exec(compile(code, str(PAGES[page]), "exec"), names)
-    return names
+            printed += run_python(block, names)
+    return printed
 
 
 def write_log(file: Path, t: Any, u: Any) -> None:
@@ -129,22 +129,18 @@ def test_outputs_agree_by_the_stated_rule(expected: str, printed: str, same: boo
 
 
 @pytest.mark.parametrize("page", PYTHON)
-def test_python_runs(
-    page: str, folder: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_python_runs(page: str, folder: Callable[[str], Path]) -> None:
     folder(page)
-    names = run_python(page, {"__name__": page})
+    names: dict[str, Any] = {"__name__": page}
+    printed = run_page(page, names)
     if page == "README.md":
-        printed = [float(x) for x in capsys.readouterr().out.split()]
-        assert printed == [names["result"].duration, *vars_of(names["result"].contour_error)]
+        result = names["result"]
+        said = [result.duration, result.contour_error.rms, result.contour_error.max]
+        assert [float(x) for x in printed.split()] == said
     if page == "docs/guides/controllers/index.md":
-        assert "`" + capsys.readouterr().out.splitlines()[0] + "`" in PAGES[page].read_text("utf-8")
+        assert "`" + printed.splitlines()[0] + "`" in PAGES[page].read_text("utf-8")
     if page == "docs/guides/identify.md":
         assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
-
-
-def vars_of(error: Any) -> list[float]:
-    return [error.rms, error.max]
 
 
 GROUP: Any = typer.main.get_command(app)

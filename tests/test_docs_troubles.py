@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 import yaml
+from docs.pages import run_command
 from markdown_it import MarkdownIt
 
 from armcontour._progress import tell_compiling
-from armcontour.cli import main
 from armcontour.cli.progress import compiling_said
 
 ROOT = Path(__file__).parents[1]
@@ -211,21 +211,18 @@ def test_the_page_says_what_the_tool_says(
     name: str,
     folder: Callable[[Trouble], None],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder(TROUBLES[name])
-    monkeypatch.setattr(sys, "argv", shlex.split(TROUBLES[name].command))
+    _, *arguments = shlex.split(TROUBLES[name].command)
     monkeypatch.setenv("COLUMNS", "200")
     with ExitStack() as held:
-        if "--port" in sys.argv:
+        if "--port" in arguments:
             taken = held.enter_context(socket.socket())
             with suppress(OSError):  # If another program has it, it is taken as well.
-                taken.bind(("127.0.0.1", int(sys.argv[-1])))
+                taken.bind(("127.0.0.1", int(arguments[-1])))
                 taken.listen()
-        with pytest.raises(SystemExit):
-            main()
-    shown = capsys.readouterr()
-    told = " ".join((shown.out + shown.err).split())
+        _, out, errors = run_command(arguments)
+    told = " ".join((out + errors).split())
     words = NUMBER.split(SAID[name])
     found = re.search(f"({NUMBER.pattern})".join(map(re.escape, words)), told)
     assert found, told

@@ -153,7 +153,7 @@ def test_what_is_compiled_is_not_compiled_again(tmp_path):
 
     functions, compiled, folder, *steps = warm()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
-    assert steps[0].startswith("compiling, first run only: 2 functions in ")
+    assert steps[0].startswith("compiling, once: 2 functions in ")
     assert steps[-1].endswith(": program._inside.winding")
     # The second time it says nothing of its steps.
     assert warm() == ["2", "0", folder]

@@ -41,7 +41,7 @@ def under(progress: Progress | None, *names: str) -> Progress:
 
 
 # What a user reads while functions are compiled.
-COMPILING = "compiling, first run only"
+COMPILING = "compiling, once"
 
 # Who is told that a function is being compiled.
 _listeners: list[Callable[[str], None]] = []

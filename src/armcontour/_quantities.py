@@ -18,12 +18,12 @@ class Quantity:
     Args:
         unit: The SI unit; "1" is a share, which users may write in percent.
         example: Text that users may write.
-        sign: Allowed range of the value.
+        sign: Allowed range of the value; a "share" is from 0 to below 1.
     """
 
     unit: str
     example: str
-    sign: Literal["any", "positive", "not negative", "negative"] = "any"
+    sign: Literal["any", "positive", "not negative", "negative", "share"] = "any"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,7 @@ class Some:
 
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
+Tolerance = Annotated[float, Quantity("m", "0.2 mm", "positive")]
 Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]
 Acceleration = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive")]
 Angle = Annotated[float, Quantity("rad", "90 deg")]
@@ -64,6 +65,7 @@ Mass = Annotated[float, Quantity("kg", "2 kg")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Memory = Annotated[float, Quantity("byte", "4 GB", "positive")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
+Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
 VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")

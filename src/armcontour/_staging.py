@@ -7,6 +7,7 @@ can be distinguished from the files of a running one.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import threading
@@ -21,6 +22,15 @@ PREFIX = ".armcontour-"
 # Number of characters of a file's name in the name of its staging folder: enough to recognise it,
 # and with prefix and checksum below 255 bytes.
 LONGEST_NAME = 40
+
+# What mends it that the system refuses to write; of others nothing is known.
+MENDS = {
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS), "name a place where you may write, or allow it"
+    ),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or name another place"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "name a place in a folder that is there"),
+}
 
 # A thread that moves results into place has this lock; a thread that ends the program waits for it.
 _placing = threading.Lock()
@@ -106,6 +116,17 @@ def moving() -> Iterator[None]:
     """
     with _placing:
         yield
+
+
+def unwritable(what: object, error: OSError) -> InvalidInput:
+    """The refusal of a place that the system does not let us write, with what mends it.
+
+    Args:
+        what: The file; or the folder, after "to the folder".
+        error: What the system said.
+    """
+    mend = MENDS.get(error.errno or 0, "name another place")
+    return InvalidInput(f"Cannot write {what}: {error.strerror or error}; {mend}.")
 
 
 def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:

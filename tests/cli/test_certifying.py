@@ -36,6 +36,9 @@ def test_options_take_the_place_of_the_jobs_keys(command, job):
     assert json.loads(shown)["certificate"]["goal"]["servo"] == 5e-5
     code, _, errors = command("certify", job, "--servo", "5 kg")
     assert code == 2 and "--servo" in errors
+    for option in ("--servo", "--total-tolerance"):
+        code, _, errors = command("certify", job, option, "-0.5 mm")
+        assert code == 2 and errors == f"Error: {option}: must be above zero, but is -0.5 mm.\n"
     code, _, errors = command("certify", job, "--plant", "robot")
     assert code == 2 and "plant must be one of" in errors and "rigid_body" in errors
     code, _, errors = command("certify", job, "--plant", "rigid_body")

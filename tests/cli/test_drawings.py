@@ -144,7 +144,7 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
         ("none.csv --cell pmk3s", ("none.csv", "There is no file")),
         ("plain.txt --cell pmk3s", ("plain.txt", ".dxf")),
         ("deep.ngc --cell pmk3s", ("deep.ngc has z", "--flat")),
-        ("two.csv --cell pmk3s --at 0.5m,0.3m", ("contour a", "out of reach")),
+        ("two.csv --cell pmk3s --at 0.5m,0.3m", ("Contour b", "out of reach")),
         ("two.csv --cell pmk3s --at 0.3m", ("--at", "2 or 3", "'0.3m'")),
         ("two.csv --cell pmk3s --at 0.3m,b", ("--at", "'b'")),
         ("two.csv --cell pmk3s --at 0.3m,0.1m,0.1m", ("path.frame", "z = 0")),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import subprocess
 import sys
@@ -122,6 +124,29 @@ def test_an_unwritable_folder_is_refused_before_the_work(
     done = command_in(tmp_path, "run", "job.yaml", "--out", "job.yaml/out")
     assert done.code == 2
     assert "Cannot write to the folder" in done.errors
+
+
+@pytest.mark.parametrize(
+    ("number", "mend"),
+    [
+        (errno.EACCES, "Permission denied; name a place where you may write, or allow it."),
+        (errno.ENOSPC, "No space left on device; free some space, or name another place."),
+    ],
+)
+def test_a_refusal_of_the_system_says_what_mends_it(
+    number: int, mend: str, tmp_path: FilePath, command_in: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = FilePath.mkdir
+
+    def refuse(place: FilePath, *arguments: Any, **more: Any) -> None:
+        if place.name.startswith(".armcontour-"):
+            raise OSError(number, os.strerror(number))
+        make(place, *arguments, **more)
+
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
+    monkeypatch.setattr(FilePath, "mkdir", refuse)
+    done = command_in(tmp_path, "run", "job.yaml", "--out", "out")
+    assert (done.code, done.errors) == (2, f"Error: Cannot write to the folder out: {mend}\n")
 
 
 def test_an_experiment_has_its_columns_and_files(tmp_path: FilePath, command_in: Command) -> None:

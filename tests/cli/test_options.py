@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from armcontour._quantities import Angle, Length, Memory, Speed
+from armcontour._quantities import Angle, Length, Memory, Speed, Tolerance
 from armcontour.cli.options import grouped
 from armcontour.cli.quantities import read_option, read_option_list
 from armcontour.errors import InvalidInput
@@ -75,6 +75,11 @@ def test_what_is_no_quantity_is_refused_with_its_option(text: str, words: str) -
         read_option("--speed", text, Speed)
     with pytest.raises(InvalidInput, match=words):
         read_option_list("--speed", f"0.1 m/s, {text}", Speed)
+
+
+def test_a_refused_quantity_is_said_in_the_unit_in_which_it_is_written() -> None:
+    with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
+        read_option("--servo", " -0.5 mm ", Tolerance)
 
 
 def test_a_list_has_as_many_values_as_there_may_be() -> None:

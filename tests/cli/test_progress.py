@@ -127,9 +127,15 @@ def test_compiling_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
         tell_compiling("armcontour.arms._newton.follow")
     tell_compiling("armcontour.arms._newton.newton")
     said = capsys.readouterr().err
-    assert said == (
-        "Compiling, first run only; `armcontour warm` compiles everything beforehand.\n"
+    words = (
+        "once: no command before has needed them all; `armcontour warm` compiles everything "
+        "beforehand."
     )
+    assert said == f"Compiling functions, {words}\n"
+    with compiling_said():
+        tell_compiling("63 functions in 2 processes")
+    said = capsys.readouterr().err
+    assert said == f"Compiling up to 63 functions in 2 processes, {words}\n"
 
 
 def test_a_bar_names_what_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,13 +144,13 @@ def test_a_bar_names_what_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     with search_progress("certifying"), job_progress():
         tell_compiling("armcontour.arms._newton.solve")
     tell_compiling("armcontour.arms._newton.follow")
-    named = "compiling, first run only: armcontour.arms._newton.solve"
+    named = "compiling, once: armcontour.arms._newton.solve"
     assert told == [f"certifying: {named}", named]
 
 
 def test_a_share_is_shown_at_once_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
     with share_progress() as progress:
-        progress(Step(("compiling, first run only", "3 functions in 2 processes"), 0.0))
-        progress(Step(("compiling, first run only", "3 functions in 2 processes", "one"), 0.5))
+        progress(Step(("compiling, once", "3 functions in 2 processes"), 0.0))
+        progress(Step(("compiling, once", "3 functions in 2 processes", "one"), 0.5))
     said = capsys.readouterr().err
-    assert said == "compiling, first run only: 3 functions in 2 processes\n"
+    assert said == "compiling, once: 3 functions in 2 processes\n"

@@ -55,7 +55,7 @@ def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(
     for arguments, words in (
         (("lathe",), "There is no cell 'lathe'"),
         (("ur5e", "-o", "cell.dxf"), "A cell is a .yaml file"),
-        (("ur5e", "-o", "none/cell.yaml"), "none/cell.yaml cannot be written"),
+        (("ur5e", "-o", "none/cell.yaml"), "Cannot write none/cell.yaml: "),
     ):
         code, said = call("init", *arguments)
         assert code != 0 and words in said

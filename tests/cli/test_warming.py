@@ -23,7 +23,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def warm(which: str, progress: _warming.Progress) -> _warming.Warmed:
         asked.append(which)
-        progress(Step(("compiling, first run only", "5 functions in 2 processes"), 0.0))
+        progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
         return _warming.Warmed(5, 2, PACKAGE / "__pycache__")
 
     monkeypatch.setattr(_warming, "warm", warm)
@@ -36,7 +36,7 @@ def test_it_says_what_is_compiled_and_where_it_is_kept(command: Command, asked: 
     assert ended.code == 0 and asked == ["all"]
     kept = PACKAGE / "__pycache__"
     assert ended.out == f"5 functions are compiled, 2 of them now. They are kept in {kept}.\n"
-    assert ended.errors == "compiling, first run only: 5 functions in 2 processes\n"
+    assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
     assert command("warm", "plane").code == 0 and asked == ["all", "plane"]
     assert command("warm", "moon").code == 2
 

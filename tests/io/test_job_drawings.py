@@ -443,3 +443,20 @@ def test_words_of_g_code_are_left_out_by_name(folder: FilePath, refuses: Any) ->
             words,
         )
     refuses(lambda: job(folder, path={"file": "part.nc"}), InvalidInput, "line 3", "offsets: zero")
+
+
+def test_a_wrong_drawing_is_not_the_fault_of_its_cell(folder: FilePath, refuses) -> None:
+    for name, path, words in (
+        ("nope.dxf", {}, f"There is no file {folder / 'nope.dxf'}."),
+        ("plain.csv", {"units": "mm", "names": ["7"]}, "plain.csv has no contour '7'"),
+    ):
+        with pytest.raises(InvalidInput) as caught:
+            read_cell("ur5e", folder / name, path=path)
+        assert str(caught.value).startswith(words)
+    # What the cell says of the drawing is the cell's.
+    bad = {"frame": {"position": [0.3, 0.2, 0.1]}}
+    refuses(
+        lambda: read_cell("pmk3s", folder / "plain.csv", path=bad),
+        InvalidInput,
+        "the cell pmk3s: path.frame lifts",
+    )

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from docs.reference.job_keys import published
+from soak.number_cases import PLANE
 
 from armcontour import load_arm
 from armcontour.cli.running import built_in_job
@@ -387,3 +388,12 @@ def test_windows_of_smoothing(given, windows) -> None:
 def test_windows_that_cannot_be(given) -> None:
     with pytest.raises(InvalidInput, match="runs.one.smoothing"):
         parse_job(with_change("runs", {"one": {"smoothing": given}}))
+
+
+def test_a_reserve_of_ten_is_ten_percent() -> None:
+    with pytest.raises(InvalidInput) as caught:
+        parse_job(yaml.safe_dump(PLANE | {"runs": {"one": {"timing": {"reserve": 10}}}}))
+    assert str(caught.value) == (
+        "job: runs.one.timing.reserve: must be from 0 to below 1, which is 100 %, but is 10: for "
+        "10 percent write 10 %."
+    )

@@ -12,6 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
+from soak.number_cases import SPACE
 
 from armcontour._xacro.expanding import expand_xacro
 from armcontour.errors import InvalidInput
@@ -338,7 +339,10 @@ def test_tool_axis_and_tangent() -> None:
             "a spline takes one orientation",
         ),
         ({"spline": {"points": POINTS, "closed": True}}, "closed spline must end at its first"),
-        ({"spline": {"points": POINTS, "tolerance": 0}}, "spline tolerance must be above zero"),
+        (
+            {"spline": {"points": POINTS, "tolerance": 0}},
+            "path.spline.tolerance: must be above zero",
+        ),
         ({"spline": {"points": []}}, "points of path.spline are empty"),
         ({"spline": {"points": POINTS}, "points": POINTS}, "either points, or start and segments"),
         ({"start": POINTS[0]}, "either points, or start and segments, or spline"),
@@ -524,3 +528,28 @@ def test_the_schema_accepts_all_of_it() -> None:
     }
     assert list(validator.iter_errors(json.loads(json.dumps(whole)))) == []
     assert list(validator.iter_errors({**whole, "experiment": {"steps": 1}}))
+
+
+@pytest.mark.parametrize(
+    ("orientation", "words"),
+    [
+        (
+            {"axis": [[0, 0, -1], [0, 0.1, -1]]},
+            "path.orientation.axis: is one direction, such as [0, 0, -1]: for one per waypoint "
+            "write a list in the place of the mapping, orientation: [{axis: [0, 0, -1]}, ",
+        ),
+        (
+            {"axis": [0, 1]},
+            "path.orientation.axis: must be three numbers such as [0, 0, -1], not [0, 1]",
+        ),
+        ({"axis": "down"}, "path.orientation.axis: must be three numbers such as [0, 0, -1], not"),
+        ([0, 0, -1], "path.orientation: must be a mapping such as {axis: [0, 0, -1]} or {rpy: "),
+    ],
+)
+def test_an_orientation_of_another_shape_is_answered_with_the_wanted_one(
+    orientation: object, words: str
+) -> None:
+    path = {"points": POINTS, "orientation": orientation}
+    with pytest.raises(InvalidInput) as caught:
+        parse_job(yaml.safe_dump(SPACE | {"path": path}))
+    assert str(caught.value).startswith(f"job: {words}"), caught.value

@@ -326,13 +326,13 @@ def in_space():
         arm=arm,
         path=path,
         servo=servo,
-        plant_servo=servo,
         runs=(this,),
     )
 
 
 def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space):
     (this,) = in_space.runs
+    assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
     found = ac.run(in_space).runs["one"].trajectory
     planned = ac.plan(in_space.path, in_space.arm, this.limits)
     np.testing.assert_array_equal(found(0.0), planned(0.0))

@@ -154,3 +154,24 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     (warning,) = seen.warnings
     assert f"its experiment judges it (up to {on_bodies:.3g} mm off)" in warning
     assert f"no bodies (up to {off:.3g} mm off)" in warning
+
+
+def test_no_corner_tolerance_is_capped_where_there_is_no_corner():
+    line = ac.Path.polyline([(0.3, 0.2), (0.34, 0.2)], demand=ac.Demand(tolerance=0.5e-3))
+    assert warnings_of(job(line)) == ()
+    arcs = ac.Path.from_segments(
+        [
+            ac.Arc(start=(0.3, 0.2), center=(0.3, 0.21), angle=x, demand=ac.Demand(tolerance=y))
+            for x, y in ((np.pi, 0.5e-3),)
+        ]
+    )
+    assert warnings_of(job(arcs)) == ()
+    # A corner has the smaller one of the two tolerances beside it.
+    sides = [
+        ac.Line(start=a, end=b, demand=ac.Demand(tolerance=y))
+        for a, b, y in (
+            ((0.3, 0.2), (0.34, 0.2), 0.5e-3),
+            ((0.34, 0.2), (0.34, 0.24), 0.1e-3),
+        )
+    ]
+    assert warnings_of(job(ac.Path.from_segments(sides))) == ()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,18 @@ FIELDS = fields()
 DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 # Half a million arcs are made before that is refused.
 SLOW = [("path.spline.points.0.0", "1e9")]
+
+
+# Refusals that need not say the key: they name the file, the run, or the option that is a key too.
+WITHOUT_KEY = (
+    "job: run one: At its assigned velocities",
+    "robot.urdf takes no arguments",
+    "part.svg",
+    "job: scale must",
+    "job: Segment 3 starts at (40000000.0",
+    "job: chord tolerance must be at least 1e-30",
+    "job: join tolerance must be at least 1e-30",
+)
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +82,8 @@ def test_a_number_is_read_or_refused_with_one_sentence(
         said = read(put(base, place, value), folder)
         if said is not None:
             assert "\n" not in said, word
+            key = re.search(rf"\b{place[0]}[.: ]", said)
+            assert key or any(x in said for x in WITHOUT_KEY), said
         # What is no finite number is refused in any field, but for text where that may stand.
         if word in ("nan", "inf", "-inf"):
             assert said is not None, word

@@ -34,9 +34,7 @@ def hint_at_unit(gap: float) -> str:
     """The end of a sentence on a point that is `gap` [m] out of reach; "" for near ones."""
     if gap < FAR_OUT:
         return ""
-    return (
-        "; lengths without a unit are metres: say so if they are mm, by `units: mm` or --units mm"
-    )
+    return "; lengths without a unit are metres: one may be missing"
 
 
 class Arm(Locked, ABC):

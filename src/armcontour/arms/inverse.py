@@ -82,11 +82,27 @@ def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) ->
         task: Task dimension, as in `configurations`.
         q: Joint positions to start the search from [rad], (k, dof).
     """
-    distances = np.empty(len(poses))
-    for i, pose in enumerate(poses):
-        tried = q.copy()
-        residuals = _newton.approach(
-            *arm.arrays, np.ascontiguousarray(pose), task, tried, REACH_WEIGHT, MOST_STEPS
-        )
-        distances[i] = residuals[:, 0].min()
-    return distances
+    return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
+
+
+def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Joint positions with which the tool is nearest to a pose, by the same search [rad], (dof,).
+
+    Args:
+        arm: The arm.
+        pose: Rotation and position of the tool, (3, 4).
+        task: As in `out_of_reach`.
+        q: As in `out_of_reach`.
+    """
+    tried, distances = _approach(arm, pose, task, q)
+    return np.asarray(tried[np.argmin(distances)])
+
+
+def _approach(
+    arm: SerialArm, pose: FloatArray, task: int, q: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
+    tried = q.copy()
+    own = task, tried, REACH_WEIGHT, MOST_STEPS
+    residuals = _newton.approach(*arm.arrays, np.ascontiguousarray(pose), *own)
+    return tried, np.asarray(residuals[:, 0])

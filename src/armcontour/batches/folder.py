@@ -56,9 +56,7 @@ class BatchFolder:
                 folder / f"{_staging.PREFIX}{self._name}", folder, growing=True
             )
         except OSError as error:
-            raise InvalidInput(
-                f"Cannot write to the folder {folder}: {error.strerror or error}."
-            ) from None
+            raise _staging.unwritable(f"to the folder {folder}", error) from None
         self._staging.empty()
         self._next = 1 + max(
             (int(x[1]) for f in result_files(folder) if (x := NUMBER.search(f.name))), default=0

@@ -36,6 +36,7 @@ from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.programs import trace_run
+from armcontour.jobs.reach import reach_told
 from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
@@ -82,7 +83,8 @@ def certify(
     if this.rounding is not None and this.rounding.free:
         refuse_unkept_jerk(Method.SHAPED, this.limits)
     search = _Certifying(job, this, goal, under(progress))
-    return search.certificate()
+    with reach_told(job):
+        return search.certificate()
 
 
 def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:

@@ -39,7 +39,7 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     Raises:
         ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
-    from armcontour._quantities import Length
+    from armcontour._quantities import Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
@@ -48,8 +48,8 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     lengths = {
-        "tolerance": read_option("--total-tolerance", x.total_tolerance, Length),
-        "servo": read_option("--servo", x.servo, Length),
+        "tolerance": read_option("--total-tolerance", x.total_tolerance, Tolerance),
+        "servo": read_option("--servo", x.servo, Tolerance),
     }
     given = {**lengths, "plant": x.plant}
     overrides = {name: value for name, value in given.items() if value is not None}

@@ -23,6 +23,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     Raises:
         InvalidInput: Text that is no quantity of the required unit.
     """
+    from armcontour import _checks
     from armcontour import _quantities as kinds
     from armcontour.io.job_overrides import JobOverrides
 
@@ -32,7 +33,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     turn = read_option_list("--turn", x.turn, kinds.Angle, counts=(3,), example="0, 0, 90 deg")
     return JobOverrides(
         units=x.units,
-        scale=x.scale,
+        scale=None if x.scale is None else _checks.positive("--scale", x.scale),
         position=None if place is None else (*place, 0.0)[:3],
         turn=turn,
         layers=tuple(x.layer) if x.layer else None,
@@ -46,7 +47,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
         corner_shape=x.corner_shape,
         line_tolerance=read_option("--line-tolerance", x.line_tolerance, kinds.Distance),
-        zone=read_option("--zone", x.zone, kinds.Distance),
+        zone=read_option("--zone", x.zone, kinds.Tolerance),
         iterations=x.iterations,
         continuity=x.continuity,
         from_s=read_option("--from-s", x.from_s, kinds.Distance),

@@ -103,8 +103,12 @@ def compiling_said() -> Iterator[None]:
         nonlocal said
         if not said:
             said = True
-            words = COMPILING[0].upper() + COMPILING[1:]
-            sys.stderr.write(f"{words}; `armcontour warm` compiles everything beforehand.\n")
+            # Of the functions that a run needs, others may have been compiled already.
+            what = f"up to {name}" if name[:1].isdigit() else "functions"
+            sys.stderr.write(
+                f"Compiling {what}, once: no command before has needed them all; `armcontour warm` "
+                "compiles everything beforehand.\n"
+            )
             sys.stderr.flush()
 
     with hear_compiling(say):

@@ -185,9 +185,8 @@ def _print_plans(
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
-        for note in (x.shape_note, x.stops_note, x.clearance_note):
-            if note is not None:
-                console.say(note)
+        for note in x.remarks:
+            console.say(note)
     for note in (*warnings_of(plans.values()), *notes):
         console.say(f"Warning: {note}")
     for note in job.arm.notes:
@@ -234,11 +233,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
     for name, result in study.runs.items():
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
-        lines += [
-            x
-            for x in (result.shape_note, result.stops_note, result.clearance_note)
-            if x is not None
-        ]
+        lines += result.remarks
     lines += [f"Warning: {x}" for x in (*warnings_of(study.runs.values()), *notes)]
     lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):

@@ -31,7 +31,7 @@ def write_cell(cell: str, out: FilePath | None, *, force: bool) -> None:
     try:
         _staging.put_in_place(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
-        raise InvalidInput(f"{file} cannot be written: {error.strerror}.") from None
+        raise _staging.unwritable(file, error) from None
     Console().say(
         f"{file} is a copy of the cell {cell}: set its arm, servo and place of the drawing, then "
         f"armcontour run DRAWING --cell {file} --out FOLDER"

@@ -26,14 +26,14 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
     Raises:
         ArmContourError: An invalid job; then nothing is written.
     """
-    from armcontour._quantities import Length, Speed
+    from armcontour._quantities import Speed, Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
     from armcontour.io import ResultFolder, sweep_csv, sweep_json
 
-    corners = read_option_list("--tolerances", x.tolerances, Length)
+    corners = read_option_list("--tolerances", x.tolerances, Tolerance)
     speeds = read_option_list("--speeds", x.speeds, Speed)
-    servo = read_option("--servo", x.servo, Length)
+    servo = read_option("--servo", x.servo, Tolerance)
     goal: dict[str, Any] = {} if servo is None else {"servo": servo}
     with ResultFolder(out, force=x.force) as folder:
         from armcontour.certification import sweep

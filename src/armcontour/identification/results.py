@@ -41,11 +41,16 @@ class Estimate:
     advice: str = ""
 
     @property
+    def shown(self) -> tuple[float, str]:
+        """The factor and the unit with which it is shown: times in ms."""
+        return (1e3, "ms") if self.unit == "s" else (1.0, self.unit)
+
+    @property
     def words(self) -> str:
         """Value, standard deviation and unit as text; times in ms."""
         if math.isnan(self.value):
             return f"above {self.low:.4g} {self.unit}" if self.low > 0 else "not found"
-        scale, unit = (1e3, "ms") if self.unit == "s" else (1.0, self.unit)
+        scale, unit = self.shown
         sd = "" if math.isnan(self.sd) else f" ±{self.sd * scale:.2g}"
         sure = "" if self.determined else " (open)"
         return f"{digits(self.value * scale, 5)}{sd}{f' {unit}' if unit else ''}{sure}"

@@ -18,6 +18,7 @@ from armcontour.io.job_edits import Change, change_text, move_files
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
 from armcontour.io.job_overrides import JobOverrides, override
+from armcontour.io.job_path import read_drawing
 from armcontour.io.keys import Given, read_keys
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -79,11 +80,15 @@ def read_cell(
     found = read_model(CellModel, text, source)
     given = read_keys(Given(PathModel), path or {}, f"{source}: path")
     drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
-    model = dataclasses.replace(
+    own = dataclasses.replace(
         found, **_names(found, place), path=dataclasses.replace(found.path, **drawn)
     )
     with locate_errors(source):
-        return job_of(override(model, overrides), folder, reading, trust_xacro)
+        model = override(own, overrides)
+    # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
+    program = read_drawing(model.path, drawn["file"], folder, reading)
+    with locate_errors(source):
+        return job_of(model, folder, reading, trust_xacro, program)
 
 
 def open_text(cell: str) -> tuple[str, FilePath]:

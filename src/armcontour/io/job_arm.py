@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._quantities import Quantity
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
@@ -16,7 +17,7 @@ from armcontour.io.robots.shapes import with_more_shapes
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.io.scene import more_link_shapes, rotation_of, tool_shapes
-from armcontour.io.units import parse
+from armcontour.io.units import read_quantity
 from armcontour.scene import LinkShape
 
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
@@ -112,7 +113,7 @@ def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
     for name, value in (model.locked or {}).items():
         slides = name in joints and joints[name].kind == "prismatic"
         try:
-            found[name] = parse(value, "m" if slides else "rad")
+            found[name] = read_quantity(value, Quantity("m" if slides else "rad", "90 deg"))
         except ValueError as error:
             raise InvalidInput(f"arm.locked.{name}: {error}.") from None
     return found

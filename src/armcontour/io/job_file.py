@@ -28,8 +28,10 @@ from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.io.length_hint import hint_at_length
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Published, Rounding, Run
+from armcontour.motion import check_interval
 from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
@@ -132,7 +134,13 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
 
 
-def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xacro: bool) -> Job:
+def job_of(
+    model: JobModel,
+    folder: FilePath,
+    reading: Progress | None,
+    trust_xacro: bool,
+    drawing: Program | None = None,
+) -> Job:
     """Make the job of a job file; reads its arm and its drawing.
 
     Args:
@@ -140,11 +148,13 @@ def job_of(model: JobModel, folder: FilePath, reading: Progress | None, trust_xa
         folder: Folder of relative file names.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
+        drawing: The drawing, if it is read already.
 
     Raises:
         InvalidInput: Values that do not make a job.
     """
-    return job_on(model, *parts_of(model, folder, reading, trust_xacro=trust_xacro))
+    parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
+    return job_on(model, *parts)
 
 
 def parts_of(
@@ -153,6 +163,7 @@ def parts_of(
     reading: Progress | None = None,
     *,
     trust_xacro: bool = False,
+    drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
     """Make what a job file reads other files for: its arm, its path and its scene.
 
@@ -161,12 +172,13 @@ def parts_of(
         folder: Folder of relative file names.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
+        drawing: The drawing, if it is read already.
 
     Raises:
         InvalidInput: Files or values that do not make them.
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
-    drawn = path_of(model.path, folder, arm.dimension, reading)
+    drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene
 
@@ -205,6 +217,8 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         memory=model.memory,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
+        part=part_of(model.path),
+        length_hint=hint_at_length(model, Program.of(path)),
     )
 
 
@@ -239,25 +253,30 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             _refuse_no_speed(key, corners, limits)
     timing = model.timing
     experiment = _experiment(name, job.experiment, arm)
-    period = job.command_interval if model.command_interval is None else model.command_interval
+    period, key = job.command_interval, "command_interval"
+    if model.command_interval is not None:
+        period, key = model.command_interval, f"runs.{name}.command_interval"
+    with locate_errors(key):
+        check_interval(period)
     options: dict[str, float | None] = {"knots": timing.knots, "intervals": timing.intervals}
     if timing.method == "mac":
         options["period"] = period
-    return Run(
-        name=name,
-        timing=timing.method,
-        compensation=model.compensation.method,
-        limits=limits,
-        rounding=None if isinstance(corners, str) else corners,
-        period=period,
-        timing_options={key: value for key, value in options.items() if value is not None},
-        compensation_options=_compensation_options(model.compensation, experiment),
-        until=model.until,
-        duration=model.duration,
-        smoothing=_windows(model.smoothing),
-        reserve=timing.reserve,
-        experiment=experiment,
-    )
+    with locate_errors(f"runs.{name}"):
+        return Run(
+            name=name,
+            timing=timing.method,
+            compensation=model.compensation.method,
+            limits=limits,
+            rounding=None if isinstance(corners, str) else corners,
+            period=period,
+            timing_options={key: value for key, value in options.items() if value is not None},
+            compensation_options=_compensation_options(model.compensation, experiment),
+            until=model.until,
+            duration=model.duration,
+            smoothing=_windows(model.smoothing),
+            reserve=timing.reserve,
+            experiment=experiment,
+        )
 
 
 def _windows(given: float | list[float] | None) -> tuple[float, ...]:

@@ -18,9 +18,11 @@ from armcontour._quantities import (
     Length,
     Memory,
     Pole,
-    Ratio,
+    Reserve,
     Time,
+    Tolerance,
 )
+from armcontour._text import show
 from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
 from armcontour.compensation import compensator
@@ -58,6 +60,26 @@ def _method(value: Any) -> Any:
         raise ValueError(
             "shaped is no timing of a job: write corners: {shape: free, tolerance: 1 mm}, with "
             "timing: {method: optimal}"
+        )
+    return value
+
+
+def _axis(value: Any) -> Any:
+    """Refuse several axes in the place of one; return one as written."""
+    if isinstance(value, list) and value and all(isinstance(x, list) for x in value):
+        raise ValueError(
+            "is one direction, such as [0, 0, -1]: for one per waypoint write a list in the place "
+            "of the mapping, orientation: [{axis: [0, 0, -1]}, {axis: [0, 0.1, -1]}, ...]"
+        )
+    return value
+
+
+def _orientation(value: Any) -> Any:
+    """Refuse bare numbers in the place of an orientation; return an orientation as written."""
+    if isinstance(value, list) and value and not isinstance(value[0], dict):
+        raise ValueError(
+            f"must be a mapping such as {{axis: [0, 0, -1]}} or {{rpy: [180 deg, 0, 0]}}, or a "
+            f"list of one per waypoint, not {show(value)}"
         )
     return value
 
@@ -167,7 +189,7 @@ class SplineModel:
 
     points: list[Point]
     closed: bool = False
-    tolerance: Distance = 1e-6
+    tolerance: Tolerance = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +217,7 @@ class OrientationModel(RotationModel):
             axis is free.
     """
 
-    axis: Direction | None = None
+    axis: Annotated[Direction | None, BeforeValidator(_axis)] = None
     follow_tangent: FollowModel | None = None
     axis_only: bool = False
 
@@ -282,14 +304,16 @@ class PathModel:
     colors: list[str | int] | None = None
     repeat: RepeatModel | None = None
     flat: bool = False
-    chord_tolerance: Distance = 1e-5
-    join_tolerance: Distance = 1e-5
+    chord_tolerance: Tolerance = 1e-5
+    join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"
     tools: dict[int, Length] | None = None
-    orientation: OrientationModel | list[OrientationModel] | None = None
+    orientation: Annotated[
+        OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -318,7 +342,7 @@ class TimingModel:
     method: Annotated[str, Choice(methods.METHODS), BeforeValidator(_method)] = "optimal"
     knots: Annotated[int, AtLeast(8)] | None = None
     intervals: Annotated[int, AtLeast(2)] | None = None
-    reserve: Ratio = 0.0
+    reserve: Reserve = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,7 +42,11 @@ ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
 def path_of(
-    model: PathModel, folder: FilePath, dimension: int, progress: Progress | None = None
+    model: PathModel,
+    folder: FilePath,
+    dimension: int,
+    progress: Progress | None = None,
+    drawing: Program | None = None,
 ) -> Path | Program:
     """The objective path of a job, or its program, with the tool orientation if the job gives one.
 
@@ -51,15 +55,21 @@ def path_of(
         folder: Folder of relative file names.
         dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
         progress: Called while a file is read.
+        drawing: What `read_drawing` made of the file; by default it is read here.
 
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
     """
-    return placed_path(model, unplaced_path(model, folder, dimension, progress), dimension)
+    unplaced = unplaced_path(model, folder, dimension, progress, drawing)
+    return placed_path(model, unplaced, dimension)
 
 
 def unplaced_path(
-    model: PathModel, folder: FilePath, dimension: int, progress: Progress | None = None
+    model: PathModel,
+    folder: FilePath,
+    dimension: int,
+    progress: Progress | None = None,
+    drawing: Program | None = None,
 ) -> Path | Program:
     """The same before its frame places it: what takes long to read stays where the part moves.
 
@@ -68,12 +78,18 @@ def unplaced_path(
         folder: As of `path_of`.
         dimension: As of `path_of`.
         progress: As of `path_of`.
+        drawing: As of `path_of`.
 
     Raises:
         InvalidInput: As of `path_of`.
     """
     if model.file is not None:
-        return _drawn(model, model.file, folder, dimension, progress)
+        if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
+            raise InvalidInput(
+                "path takes either a file, or points, start and segments, or spline."
+            )
+        read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
+        return _drawn(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
     options = (*READING, "repeat", *(() if written else ("frame",)))
     for x in dataclasses.fields(model):
@@ -110,7 +126,7 @@ def _oriented(model: PathModel) -> Path:
     if model.orientation is None:
         return path
     if isinstance(model.orientation, OrientationModel):
-        return _orient(path, model.orientation)
+        return _orient(path, model.orientation, "path.orientation")
     if model.spline is not None:
         raise InvalidInput(
             "path.orientation: a spline takes one orientation for its whole length, not a list."
@@ -134,19 +150,31 @@ def _refuse_space(model: PathModel, program: Program) -> None:
         raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
 
 
-def _drawn(
-    model: PathModel, file: str, folder: FilePath, dimension: int, progress: Progress | None
+def read_drawing(
+    model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """Read a drawing, and orient the tool."""
-    if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
-        raise InvalidInput("path takes either a file, or points, start and segments, or spline.")
+    """The program of a file, by the keys of a job's path that are options for reading it.
+
+    Args:
+        model: The key `path` of the job.
+        file: Its file.
+        folder: Folder of relative file names.
+        progress: Called while the file is read.
+
+    Raises:
+        InvalidInput: The file cannot be read; the sentence names it.
+    """
     options = {name: getattr(model, name) for name in READING}
     if isinstance(model.unknown, SkipModel):
         options["unknown"] = {"skip": model.unknown.skip}
     if model.repeat is not None:
         # The names may be those of copies.
         options["names"] = None
-    program = read_path(folder / file, **options, progress=progress)
+    return read_path(folder / file, **options, progress=progress)
+
+
+def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
+    """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:
@@ -201,8 +229,8 @@ def _orient_contours(program: Program, how: OrientationModel) -> Program:
     for i, x in enumerate(moves):
         if not isinstance(x, Contour):
             continue
-        with locate_errors(f"path.orientation, {contour_called(x, number)}"):
-            moves[i] = dataclasses.replace(x, path=_orient(x.path, how))
+        where = f"path.orientation, {contour_called(x, number)}"
+        moves[i] = dataclasses.replace(x, path=_orient(x.path, how, where))
         number += 1
     return dataclasses.replace(program, moves=tuple(moves))
 
@@ -213,11 +241,14 @@ def _positions(model: PathModel) -> Path:
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
         raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
     if model.points is not None:
-        return Path.polyline(_points("path", model.points))
+        points = _points("path", model.points)
+        with locate_errors("path.points"):
+            return Path.polyline(points)
     if model.spline is not None:
         x = model.spline
         points = _points("path.spline", x.points)
-        return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
+        with locate_errors("path.spline"):
+            return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
     assert model.start is not None and model.segments is not None
     return _chain(model.start, model.segments)
 
@@ -254,7 +285,8 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
             _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
         segments.append(_segment(here, x, place(("path", "segments", i))))
         here = list(x.to) if x.to is not None else _end(segments)
-    return Path.from_segments(segments)
+    with locate_errors("path.segments"):
+        return Path.from_segments(segments)
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
@@ -263,7 +295,8 @@ def _end(segments: list[Line | Arc]) -> list[float]:
         (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
     except InvalidInput:
         # Raises the error again, with the number of the segment in the whole path.
-        (*_, end) = Path.from_segments(segments).vertices.tolist()
+        with locate_errors("path.segments"):
+            (*_, end) = Path.from_segments(segments).vertices.tolist()
     return list(end)
 
 
@@ -284,15 +317,18 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     )
 
 
-def _orient(path: Path, x: OrientationModel) -> Path:
-    """Give a path one tool orientation for its whole length."""
+def _orient(path: Path, x: OrientationModel, where: str) -> Path:
+    """Give a path one tool orientation for its whole length; `where` locates what it refuses."""
     _refuse_unclear("path.orientation", x)
-    if x.axis is not None:
-        return path.pointing(x.axis)
-    if x.follow_tangent is not None:
-        tool = rotation_of("path.orientation.follow_tangent", x.follow_tangent)
-        return path.following_tangent(x.follow_tangent.up, tool=tool, axis_only=x.axis_only)
-    return path.oriented(rotation_of("path.orientation", x), axis_only=x.axis_only)
+    follow = x.follow_tangent
+    key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
+    rotation = rotation_of(key, x if follow is None else follow)
+    with locate_errors(where):
+        if x.axis is not None:
+            return path.pointing(x.axis)
+        if follow is not None:
+            return path.following_tangent(follow.up, tool=rotation, axis_only=x.axis_only)
+        return path.oriented(rotation, axis_only=x.axis_only)
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
@@ -308,14 +344,16 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
         raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
     axes = [x.axis for x in models if x.axis is not None]
     if len(axes) == len(models):
-        return path.pointing(np.array(axes))
+        with locate_errors("path.orientation"):
+            return path.pointing(np.array(axes))
     if axes or len({x.axis_only for x in models}) > 1:
         raise InvalidInput(
             "path.orientation: either all waypoints or none give axis, and all or none are "
             "axis_only."
         )
     turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
-    return path.oriented(np.array(turned), axis_only=models[0].axis_only)
+    with locate_errors("path.orientation"):
+        return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 
 def _refuse_unclear(key: str, x: OrientationModel) -> None:

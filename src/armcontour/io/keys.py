@@ -39,6 +39,7 @@ BOUNDS = {
     "positive": {"exclusiveMinimum": 0},
     "not negative": {"minimum": 0},
     "negative": {"exclusiveMaximum": 0},
+    "share": {"minimum": 0, "exclusiveMaximum": 1},
 }
 # Shapes of arrays in docstrings, which are left out of the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")

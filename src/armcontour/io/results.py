@@ -99,7 +99,7 @@ class ResultFolder:
             file.parent.mkdir(parents=True, exist_ok=True)
             write(file)
         except OSError as error:
-            raise InvalidInput(f"Cannot write {self.folder / name}: {error.strerror}.") from None
+            raise _staging.unwritable(self.folder / name, error) from None
         inside = sorted(x for x in file.rglob("*") if x.is_file()) if file.is_dir() else [file]
         self.files += [x.relative_to(self._new).as_posix() for x in inside]
 
@@ -209,7 +209,7 @@ class ResultFolder:
                 )
 
     def _unwritable(self, error: OSError) -> InvalidInput:
-        return InvalidInput(f"Cannot write to the folder {self.folder}: {error.strerror or error}.")
+        return _staging.unwritable(f"to the folder {self.folder}", error)
 
 
 def _resolve(folder: FilePath) -> FilePath:

@@ -124,16 +124,16 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
 
     Args:
-        key: Key of the model, for messages.
+        key: Key of the model, for messages; empty if these are located already.
         model: The model.
 
     Raises:
         InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
     """
     if model.rpy is not None and model.quaternion is not None:
-        raise InvalidInput(f"{key} takes either rpy or quaternion, not both.")
+        raise InvalidInput(f"{key or 'It'} takes either rpy or quaternion, not both.")
     if model.quaternion is not None:
-        return rotations(f"{key}.quaternion", model.quaternion)
+        return rotations(f"{key}.quaternion".lstrip("."), model.quaternion)
     return None if model.rpy is None else from_rpy(model.rpy)
 
 
@@ -175,7 +175,7 @@ def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
 
 def _place(model: PlacedModel) -> Frame:
     """The frame of a body."""
-    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("place", model)
+    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
@@ -184,7 +184,7 @@ def _place(model: PlacedModel) -> Frame:
 
 def _normal(model: HalfSpaceModel) -> FloatArray | None:
     """The rotation whose z axis is the direction out of a half-space."""
-    turned = rotation_of("place", model)
+    turned = rotation_of("", model)
     if model.normal is None:
         return turned
     if turned is not None:

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from armcontour._quantities import Angle, Choice, Distance
+from armcontour._text import show
 from armcontour.io.forms import Place
 from armcontour.io.keys import Number
 from armcontour.scene.scene import BASE, PART, Margins
 
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
+
+
+def three_numbers(value: Any) -> Any:
+    """Refuse a direction that has another shape than three numbers; return it as written."""
+    shaped = isinstance(value, list) and len(value) == 3
+    if not shaped or any(isinstance(x, list | dict) for x in value):
+        raise ValueError(f"must be three numbers such as [0, 0, -1], not {show(value)}")
+    return value
+
+
+Direction = Annotated[
+    list[Number], Field(min_length=3, max_length=3), BeforeValidator(three_numbers)
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

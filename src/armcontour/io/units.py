@@ -144,22 +144,22 @@ def read_quantity(value: Any, kind: Quantity) -> float:
     Raises:
         ValueError: No quantity of this unit, or out of range.
     """
-    if kind.unit == "1":
-        return share(value)
-    found = parse(value, kind.unit)
+    found = read_plain(value, kind)
     outside, words = {
         "any": (False, ""),
         "positive": (found <= 0, "be above zero"),
         "not negative": (found < 0, "not be negative"),
         "negative": (found >= 0, "be below zero"),
+        "share": (not 0 <= found < 1, "be from 0 to below 1, which is 100 %"),
     }[kind.sign]
-    written = value.strip() if isinstance(value, str) else f"{found:g} {kind.unit}"
+    unit = "" if kind.unit == "1" else f" {kind.unit}"
+    written = value.strip() if isinstance(value, str) else f"{found:g}{unit}"
     if outside:
-        raise ValueError(f"must {words}, but is {written}")
+        percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
+        hint = f": for {written} percent write {written} %" if percent else ""
+        raise ValueError(f"must {words}, but is {written}{hint}")
     if abs(found) > LARGEST:
-        raise ValueError(
-            f"must be between -{LARGEST:g} and {LARGEST:g} {kind.unit}, but is {written}"
-        )
+        raise ValueError(f"must be between -{LARGEST:g} and {LARGEST:g}{unit}, but is {written}")
     return found
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from armcontour import _checks
-from armcontour._quantities import Choice, Length
+from armcontour._quantities import Choice, Tolerance
 from armcontour.errors import InvalidInput
 from armcontour.robustness.box import Box
 
@@ -43,9 +43,9 @@ class Goal:
             saturation that is not for this plant.
     """
 
-    tolerance: Length | None = None
-    servo: Length | None = None
-    rms: Length | None = None
+    tolerance: Tolerance | None = None
+    servo: Tolerance | None = None
+    rms: Tolerance | None = None
     plant: Annotated[str, Choice(PLANTS)] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None

@@ -17,9 +17,11 @@ from armcontour._quantities import (
     Choice,
     Distance,
     Speed,
+    Tolerance,
 )
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.frames import Frame
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
@@ -76,7 +78,7 @@ class Rounding:
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Distance | None = None
-    zone: Distance | None = None
+    zone: Tolerance | None = None
     iterations: Annotated[int, AtLeast(0)] | None = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
@@ -330,7 +332,7 @@ class Job:
         start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
-        plant_servo: The simulated servo.
+        plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
@@ -338,6 +340,8 @@ class Job:
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
             results say so.
+        part: The frame of the part: path, file or points are placed by it already.
+        length_hint: Which length probably lacks its unit, for messages.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -351,7 +355,7 @@ class Job:
     arm: Arm
     path: Path | Program
     servo: ServoModel
-    plant_servo: ServoModel
+    plant_servo: ServoModel = None  # type: ignore[assignment]
     runs: tuple[Run, ...]
     branch: str | None = None
     start: FloatArray | None = None
@@ -361,10 +365,14 @@ class Job:
     memory: float = _memory.DEFAULT
     scene: Scene | None = None
     ignore_collisions: bool = False
+    part: Frame = field(default_factory=Frame)
+    length_hint: str = ""
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
 
     def __post_init__(self) -> None:
+        if self.plant_servo is None:
+            object.__setattr__(self, "plant_servo", self.servo)
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         _checks.check_name("name of the job", self.name)
@@ -382,7 +390,10 @@ class Job:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
-        objective = None if self.process.automatic else prepare(program, self.process)
+        objective = None
+        if not self.process.automatic:
+            with locate_errors("process"):
+                objective = prepare(program, self.process)
         object.__setattr__(self, "objective", objective)
         single_path = None if objective is None else objective.single_path
         if single_path is None and any(x.until is not None for x in self.runs):

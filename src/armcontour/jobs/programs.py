@@ -69,7 +69,8 @@ def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[
                 f"{this.timing}: give their lengths."
             )
         leads = automatic_leads(job, this)
-        objective = prepare(job.program, job.process, leads)
+        with locate_errors("process"):
+            objective = prepare(job.program, job.process, leads)
     if this.rounding is not None and this.rounding.at:
         refuse_missing(job.program.path, objective, list(this.rounding.at))
     return objective, round_program(job, this, objective, progress)

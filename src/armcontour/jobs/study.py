@@ -34,6 +34,7 @@ from armcontour.jobs.programs import (
     time_run,
     trace_run,
 )
+from armcontour.jobs.reach import reach_told
 from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
@@ -154,6 +155,13 @@ class TimedRun:
         what = "1 full stop" if count == 1 else f"{count} full stops"
         why = ", ".join(f"{n} {reason}" for reason, n in found.items())
         return f"Run {self.run.name}: {what} inside contours ({why})."
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what the plan is like, with the name of the run, which are no warnings."""
+        own = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
+        found = (self.shape_note, self.stops_note, self.clearance_note)
+        return (*own, *(x for x in found if x is not None))
 
     @property
     def clearance_note(self) -> str | None:
@@ -541,9 +549,10 @@ def _trace(
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
             return x.objective, x.path, x.traced
     progress(Step((steps_of(this)[0],)))
-    objective, path = programs_of(job, this, progress)
-    progress(Step(("tracing",)))
-    return objective, path, trace_run(job, this, path, progress)
+    with reach_told(job):
+        objective, path = programs_of(job, this, progress)
+        progress(Step(("tracing",)))
+        return objective, path, trace_run(job, this, path, progress)
 
 
 def _planned_before(this: Run, traced: Tracing, earlier: Iterable[RunPlan]) -> Trajectory | None:

@@ -15,6 +15,7 @@ from armcontour.arms import Arm
 from armcontour.arms.limits import UNITS
 from armcontour.evaluation import Evaluation, LimitUse, check
 from armcontour.geometry import Path
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Method, Trajectory
 from armcontour.program import Program, contour_called
@@ -42,19 +43,32 @@ def capped(program: Program, this: Run) -> list[str]:
         this: The run.
     """
     tolerance = None if this.rounding is None else this.rounding.tolerance
+    # With the shape free the tolerance holds along lines, too.
+    free = this.rounding is not None and this.rounding.free
     return [
         *_capped(
             program, lambda x: x.speeds, this.limits.speed, "speed", "limits.speed", (1e3, "mm/s")
         ),
         *_capped(
             program,
-            lambda x: x.tolerances,
+            (lambda x: x.tolerances) if free else _at_corners,
             tolerance,
             "corner tolerance",
             "corners.tolerance",
             (1e3, "mm"),
         ),
     ]
+
+
+def _at_corners(path: Path) -> FloatArray:
+    """What the segments of a path allow its corners [m], (n,); NaN where they have no corner."""
+    own = path.tolerances
+    if len(own) == 1:
+        return np.array([np.nan])
+    bent = path.turns > TANGENT_TOLERANCE
+    at = np.where(bent, np.fmin(own[:-1], own[1:]), np.nan)
+    beside = np.fmax(np.append(np.nan, at), np.append(at, np.nan))
+    return np.where(np.isnan(own), np.nan, beside)
 
 
 def _capped(

@@ -32,11 +32,12 @@ def place_job(job: Job, frame: Frame, what: str = PART) -> Job:
     """
     arm = place_arm(job.arm, frame, what)
     scene = place_scene(job.scene, job.arm, frame, what)
-    path = job.path
+    path, part = job.path, job.part
     if not isinstance(arm, SerialArm):
-        path = Program.of(path).placed(_of_part(frame, what))
+        way = _of_part(frame, what)
+        path, part = Program.of(path).placed(way), way @ part
         path = path.single_path or path
-    return replace(job, arm=arm, path=path, scene=scene)
+    return replace(job, arm=arm, path=path, scene=scene, part=part)
 
 
 def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:

@@ -226,6 +226,7 @@ class Program:
         moves: The moves.
         source: Origin of the program, such as the name of a file.
         notes: Sentences on parts that were left out or changed when the program was read.
+        remarks: Sentences on what was found out or chosen, which nobody has to look at.
 
     Raises:
         InvalidInput: No contour, an object that is no move, an event between contours with an arc
@@ -235,12 +236,15 @@ class Program:
     moves: tuple[Move, ...]
     source: str = ""
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "moves", tuple(self.moves))
-        # Both contain text of files, and are printed on terminals.
+        # They contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
-        object.__setattr__(self, "notes", tuple(make_printable(shorten(x)) for x in self.notes))
+        for name in ("notes", "remarks"):
+            said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
+            object.__setattr__(self, name, said)
         for x in self.moves:
             if not isinstance(x, Contour | Rapid | Dwell | Event):
                 raise InvalidInput(

@@ -67,10 +67,8 @@ def order_contours(program: Program, process: Process) -> Program:
     if order == "nearest":
         return dataclasses.replace(program, moves=choices.taken(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
-    note = choices.describe(tour, option)
-    return dataclasses.replace(
-        program, moves=choices.taken(tour, option), notes=(*program.notes, note)
-    )
+    remarks = (*program.remarks, choices.describe(tour, option))
+    return dataclasses.replace(program, moves=choices.taken(tour, option), remarks=remarks)
 
 
 def _with_warning(program: Program, process: Process) -> Program:

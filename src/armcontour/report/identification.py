@@ -99,7 +99,7 @@ def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
 
 def _row(x: Estimate) -> tuple[str, ...]:
     """An estimate as cells of a table."""
-    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+    scale, unit = x.shown
 
     def shown(value: float) -> str:
         if math.isnan(value):

@@ -7,7 +7,6 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour import _staging
-from armcontour.errors import InvalidInput
 from armcontour.jobs import Job, Study
 from armcontour.program import Program
 from armcontour.report import sections
@@ -153,4 +152,4 @@ def write_report(study: Study, file: str | FilePath) -> None:
     try:
         _staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
     except OSError as error:
-        raise InvalidInput(f"Cannot write the report {place}: {error.strerror}.") from None
+        raise _staging.unwritable(f"the report {place}", error) from None

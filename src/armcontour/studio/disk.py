@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path as FilePath
 
 from armcontour._files import read_bytes
-from armcontour._staging import put_in_place
+from armcontour._staging import put_in_place, unwritable
 from armcontour.errors import InvalidInput
 
 # Folder beside a job file that holds its draft.
@@ -91,4 +91,4 @@ def write_whole(file: FilePath, content: bytes) -> None:
     try:
         put_in_place(place, write)
     except OSError as error:
-        raise InvalidInput(f"{file} cannot be written: {error.strerror}.") from None
+        raise unwritable(file, error) from None

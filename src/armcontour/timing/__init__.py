@@ -17,7 +17,7 @@ from armcontour.timing.planner import (
     refuse_endless,
     with_reserve,
 )
-from armcontour.timing.program_tracing import Tracing, choose_start, trace_program
+from armcontour.timing.program_tracing import Tracing, choose_start, trace_program, turn_along
 from armcontour.timing.shaping import shape
 
 __all__ = [
@@ -39,5 +39,6 @@ __all__ = [
     "shape",
     "trace_fastest",
     "trace_program",
+    "turn_along",
     "with_reserve",
 ]

@@ -171,7 +171,7 @@ class _Tracer:
             called = f"rapid to {contour_called(after[0], self.done)}"
         else:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
-        turned = _turn_tool(path, before, after)
+        turned = turn_along(path, before, after)
         with locate_errors(called):
             first = self.last is None and self.start is None
             found = self._trace_to(after[0], turned) if first else self._trace(turned)
@@ -227,13 +227,16 @@ def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     return start + 0.0, end
 
 
-def _turn_tool(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
+def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
     """Turn the tool along a rapid from the orientation of the last contour to that of the next.
 
     Args:
         path: The path of the rapid.
         before: The contour before the rapid, or nothing.
         after: The contour after the rapid, or nothing.
+
+    Returns:
+        The path with an orientation; the same path where it has one, or where none is required.
     """
     if path.orientation is not None or path.dimension == 2:
         return path

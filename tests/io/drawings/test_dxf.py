@@ -823,7 +823,11 @@ def test_a_damaged_file_is_mended_and_says_so():
     )
     program = read_dxf(data, source="part.dxf", reading=Reading())
     assert len(program.contours) == 1
-    assert "damaged" in program.notes[0] and "mended" in program.notes[0]
+    assert "damaged" in program.notes[0] and "mended in 1 place;" in program.notes[0]
+    # Nothing is mended in a file that is cut off behind its entities: one sentence says that.
+    program = read_dxf(written(document)[:-20], source="part.dxf", reading=Reading())
+    (note,) = program.notes
+    assert "no end mark (EOF)" in note
 
 
 @pytest.mark.parametrize("seed", range(3))

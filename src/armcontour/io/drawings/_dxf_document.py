@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from armcontour._describing import several
 from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.reading import SKIP
@@ -59,7 +60,13 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     except Exception as error:
         first = error
     try:
-        document, damage = _repair(data, first)
+        document, changes = _repair(data)
+        if notes and not changes:
+            # What is left of a file that is cut off is intact.
+            return document, notes
+        mended = f" and was mended in {several(changes, 'place')}" if changes else ""
+        why = ADDRESS.sub("", said(first))
+        damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
         rest, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
@@ -109,19 +116,12 @@ def _reason(error: Exception) -> str:
     return "its structure is damaged. Open it in a CAD program, and save it again."
 
 
-def _repair(data: bytes, first: Exception) -> tuple[Any, str]:
-    """Ezdxf's document of a damaged file, and a sentence on the damage.
-
-    `first` is the exception that the damage caused.
-    """
+def _repair(data: bytes) -> tuple[Any, int]:
+    """Ezdxf's document of a damaged file, and in how many places it was mended."""
     from ezdxf import recover
 
     document, auditor = recover.read(io.BytesIO(data))
-    changes = len(auditor.errors) + len(auditor.fixes)
-    return document, (
-        f"The file is damaged ({ADDRESS.sub('', said(first))}) and was mended in {changes} places; "
-        "damaged parts may be missing."
-    )
+    return document, len(auditor.errors) + len(auditor.fixes)
 
 
 def _without_broken(data: bytes) -> tuple[bytes, list[str]]:

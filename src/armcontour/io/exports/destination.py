@@ -29,7 +29,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
         _refuse_destination(file, folder)
         _staging.put_in_place(file, write)
     except OSError as error:
-        raise InvalidInput(f"Cannot write {file}: {error.strerror or error}.") from None
+        raise _staging.unwritable(file, error) from None
 
 
 def _refuse_destination(file: FilePath, folder: bool) -> None:

@@ -42,6 +42,7 @@ def overview(study: Study) -> Section:
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compare(study),) if many else (),
         notes=(
+            *few(dict.fromkeys(z for y in study.runs.values() for z in y.path.remarks), "notes"),
             *(y.stops_note for y in study.runs.values() if y.stops_note is not None),
             *few(warnings_of(study.runs.values()), "warnings"),
             *(

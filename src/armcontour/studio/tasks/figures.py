@@ -49,7 +49,7 @@ def figures(x: Request) -> Frame:
         "start": start,
         "warnings": result.warnings,
         "notes": [
-            *(y for y in (result.shape_note, result.stops_note, result.clearance_note) if y),
+            *result.remarks,
             *x.job.arm.notes,
         ],
     }
