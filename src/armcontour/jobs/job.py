@@ -25,6 +25,7 @@ from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
+from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.single_corners import refuse_no_corners
 from armcontour.motion import Method, check_interval
 from armcontour.program import Process, Program, prepare
@@ -334,6 +335,7 @@ class Job:
         runs: At least one run, with different names.
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
+        placement: Where a placement looks for the best place, and what is best.
         memory: Largest memory of the calculation [bytes].
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
@@ -342,8 +344,8 @@ class Job:
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
             a start for another number of joints, gains too large for a command interval, a speed
-            so low that the motion is endless, an analog output that needs a speed, or a process
-            that does not fit the program.
+            so low that the motion is endless, an analog output that needs a speed, axes of a
+            placement that the arm has not, or a process that does not fit the program.
     """
 
     name: str
@@ -358,6 +360,7 @@ class Job:
     process: Process = field(default_factory=Process)
     published: Published | None = None
     certificate: Goal | None = None
+    placement: PlaceSearch | None = None
     memory: float = _memory.DEFAULT
     scene: Scene | None = None
     ignore_collisions: bool = False
@@ -382,6 +385,9 @@ class Job:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
+        if self.placement is not None:
+            with locate_errors("placement"):
+                self.placement.check(self.arm.dimension)
         objective = None if self.process.automatic else prepare(program, self.process)
         object.__setattr__(self, "objective", objective)
         single_path = None if objective is None else objective.single_path
@@ -406,6 +412,7 @@ class Job:
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "asked for"),
+                ("placement", "" if self.placement is None else "asked for"),
             ],
         )
 
