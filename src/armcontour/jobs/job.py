@@ -19,6 +19,7 @@ from armcontour._quantities import (
     Speed,
 )
 from armcontour.arms import Arm, Limits
+from armcontour.clearance import Cell, CellOnce
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
@@ -366,10 +367,12 @@ class Job:
     ignore_collisions: bool = False
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
+    _cell: CellOnce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
+        object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
         _memory.check_bound(self.memory)
@@ -424,6 +427,15 @@ class Job:
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         return f"{run.timing}, {run.compensation}, every {milliseconds(run.period)}{fast}"
+
+    @property
+    def cell(self) -> Cell:
+        """The arm and what stands around it, ready for clearance; made at first use.
+
+        Raises:
+            InvalidInput: As `check_clearance`.
+        """
+        return self._cell.cell()
 
     @property
     def single_path(self) -> Path:

@@ -14,7 +14,6 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
-from armcontour.clearance import Cell
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run
@@ -28,7 +27,6 @@ from armcontour.placement.refining import refine
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
 from armcontour.placement.searching import best_of, search
 from armcontour.program import Process, Program
-from armcontour.scene import Scene
 from armcontour.scene.scene import BASE
 
 # Places of each contour at which the extent of a path is looked at.
@@ -179,7 +177,7 @@ def _refuse_objective(judge: Judge) -> None:
     arm, scene = judge.job.arm, judge.job.scene
     if arm.shapes is not None or scene is not None:
         # Refuses a scene without shapes of the arm, and what is wrong in it.
-        Cell(arm, scene or Scene())
+        _ = judge.job.cell
     if judge.objective == CLEARANCE and arm.shapes is None:
         raise InvalidInput(
             f"The shapes of the arm {arm.name} are not known, so no place has the largest "
