@@ -415,6 +415,7 @@ def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
 def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_path):
     asked = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
     file = tmp_path / "square.yaml"
+    studio.tab("tasks")
     tick = studio.find("form[data-task=place] input[name=as_job]")
     expect(tick).to_be_disabled()
     file.write_text(f"{SQUARE}{asked}")
