@@ -259,6 +259,8 @@ NEVER: set[Place] = {
         for key in ("at", "rpy", "quaternion", "normal")
     ),
 }
+_AXIS = {"from": 0.0, "to": 0.01, "places": 2}
+_ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -326,6 +328,25 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
     _with(PLANE, runs={"one": {"compensation": {"poles": [[-100.0, -100.0, -150.0]] * 2}}}),
+    *(
+        _with(of, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
+        for of, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))
+        for x in names
+    ),
+    _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
+    _with(SPACE, placement=_ASKED | {"tools": {"short": [0.0, 0.0, 0.1]}}),
+    *(
+        _with(SPACE, placement=_ASKED | {"tools": {"short": x}})
+        for x in (_TURNED, *(_BODY_TURNS[k] | {"position": [0.0, 0.0, 0.1]} for k in (0, 1)))
+    ),
+    *(
+        _with(SPACE, placement=_ASKED | {"tools": {"short": {"shapes": x}}})
+        for x in (
+            *(_bodies(*_MOVING, **turn) for turn in _BODY_TURNS),
+            *(_bodies(*_SIZES, margin=0.01, **turn) for turn in _BODY_TURNS),
+            _bodies("halfspaces", normal=[0.0, 0.0, 1.0]),
+        )
+    ),
     {**SPACE, "path": _ABOUT},
     {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
     {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},

@@ -65,6 +65,10 @@ class Outcome:
     note: str
 
 
+# The command that a key of the job is for, if that is not every one.
+COMMANDS = {"certificate": "certify", "placement": "place"}
+
+
 def cases(only: str = "") -> Iterator[Case]:
     """All of them whose name matches the expression `only`."""
     for case in (*_of_jobs(), *_of_options()):
@@ -75,7 +79,7 @@ def cases(only: str = "") -> Iterator[Case]:
 def _of_jobs() -> Iterator[Case]:
     for place in fields():
         base = base_of(place)
-        command = "certify" if place[0] == "certificate" else "run"
+        command = COMMANDS.get(str(place[0]), "run")
         for word, value in HOSTILE.items():
             yield Case(
                 f"{shown(place)} = {word}",
@@ -227,7 +231,7 @@ def warm() -> None:
         text = yaml.safe_dump(base_of(place))
         if text not in seen:
             seen.add(text)
-            command = "certify" if "certificate" in text else "run"
+            command = next((x for key, x in COMMANDS.items() if f"{key}:" in text), "run")
             _warmed(Case(shown(place), text, (command, "{job}", "--out", "{out}")))
 
 

@@ -1,6 +1,7 @@
 """Work on many items in other processes."""
 
 import os
+import subprocess
 import sys
 from functools import partial
 from operator import truediv
@@ -290,3 +291,31 @@ class TestWorker:
         with pytest.raises(ProcessEnded):
             worker.do("__import__('time').sleep(60)", print)
         worker.close()
+
+
+END = "from armcontour._process import end_at_once; end_at_once()"
+RING = """
+import sys
+class Ring:
+    def __del__(self, say=sys.stdout.write):
+        say("looked for garbage")
+ring = Ring()
+ring.own = ring
+del ring
+"""
+
+
+def test_a_process_can_end_without_a_last_look_for_garbage() -> None:
+    """That look takes as long as all else at the end, where compiled functions are loaded."""
+    for first, said in (("", "looked for garbage"), (END, "")):
+        call = [sys.executable, "-c", f"{first}{RING}"]
+        done = subprocess.run(call, capture_output=True, text=True, check=True)
+        assert done.stdout == said and done.stderr == ""
+
+
+def test_commands_end_so() -> None:
+    told = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 0))"
+    command = "sys.argv = ['armcontour', 'arms']; from armcontour.cli import main; main()"
+    call = [sys.executable, "-c", f"{told}; {command}"]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert "ur5e" in done.stdout and done.stdout.endswith("\nTrue\n")

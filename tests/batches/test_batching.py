@@ -14,7 +14,8 @@ from pathlib import Path as FilePath
 import pytest
 
 import armcontour as ac
-from armcontour.batches import read_plan
+from armcontour.batches import read_plan, working
+from armcontour.batches.executors import Engine, InProcess
 from armcontour.errors import InvalidInput
 
 # Names of columns that may differ from one run to the next.
@@ -237,3 +238,13 @@ def test_the_plan_is_what_its_file_says(small, tmp_path):
     (tmp_path / "plan.yaml").write_text(json.dumps(small))
     plan = read_plan(tmp_path / "plan.yaml")
     assert plan.name == "small" and list(plan.digests()) == list(read_plan(small).digests())
+
+
+def test_only_workers_of_a_cluster_are_told_to_end_at_once(small, monkeypatch):
+    told = []
+    monkeypatch.setattr(working, "end_at_once", lambda: told.append(1))
+    plan = read_plan(small)
+    for remote, count in ((False, 0), (True, 1)):
+        engine = Engine(InProcess(), 1, False, remote, "a test")
+        working.work_on(plan, engine, [2]).prepare()
+        assert len(told) == count

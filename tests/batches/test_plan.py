@@ -97,6 +97,17 @@ def test_a_drawing_in_a_cell_is_a_job(tmp_path):
     assert job.runs[0].limits.speed == 0.04 and job.program.length == pytest.approx(0.03)
 
 
+def test_keys_of_a_placement_take_values_and_its_run_is_that_of_the_plan(planned, jobs):
+    file = jobs / "bend.yaml"
+    asked = "placement: {over: {yaw: {from: 0 deg, to: 10 deg, places: 2}}, run: only}\n"
+    file.write_text(file.read_text() + asked)
+    over = {"placement.over.yaw.to": ["20 deg", "30 deg"], "placement.objective": "manipulability"}
+    plan = read_plan(planned(over))
+    job = plan.bases[0].job(plan.bases[0].at(plan.keys, plan.values(1)))
+    assert job.placement.over["yaw"] == (0.0, pytest.approx(math.radians(30)), 2)
+    assert job.placement.objective == "manipulability" and job.placement.run is None
+
+
 WRONG = {
     "unknown key of a plan": ({"ower": {}}, {}, ["the plan", "ower", "did you mean over?"]),
     "unknown key of a job": (
@@ -115,6 +126,11 @@ WRONG = {
         {},
         {"runs.only.timing.method": ["optimal", "fastest"]},
         ["(item 2)", "optimal", "fastest"],
+    ),
+    "unknown axis": (
+        {},
+        {"placement.over.w.to": [1]},
+        ["placement.over.w"],
     ),
     "empty list": ({}, {SPEED: []}, ["over.limits.speed", "empty"]),
     "empty range": ({}, {SPEED: {"from": 0.1, "to": 0.1, "steps": 5}}, ["empty range", "0.1"]),

@@ -410,3 +410,29 @@ def test_j14_two_tabs_show_and_change_one_job(studio, pages):
 
 def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
     assert not let_loose(studio, 10.0, seed=1)
+
+
+def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_path):
+    asked = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
+    file = tmp_path / "square.yaml"
+    studio.tab("tasks")
+    tick = studio.find("form[data-task=place] input[name=as_job]")
+    expect(tick).to_be_disabled()
+    file.write_text(f"{SQUARE}{asked}")
+    with studio.changing():
+        studio.open(file)
+    expect(tick).to_be_enabled()
+    assert tick.is_checked()
+    steps = studio.find("form[data-task=place] input[name=steps]")
+    expect(steps).to_be_disabled()
+    studio.do("place")
+    result = studio.find(".task-result[data-task=place]")
+    expect(result).to_have_attribute("data-state", "done", timeout=120_000)
+    cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
+    assert cells.count() == 2
+    with studio.changing():
+        cells.last.click()
+    # The question goes on with the part.
+    assert asked in studio.text
+    tick.uncheck()
+    expect(steps).to_be_enabled()

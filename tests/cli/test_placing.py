@@ -148,3 +148,109 @@ def test_arms_and_tools_are_compared(command, tmp_path) -> None:
     assert f"{best:.4f} s" in shown
     code, _, errors = command("place", job, "--out", tmp_path / "no", *options[:2], "--arms", "x9")
     assert code == 2 and "x9" in errors
+
+
+ASKED = """\
+placement:
+  over:
+    x: {from: -30 mm, to: 30 mm, places: 3}  # of the table
+    yaw: {from: 0 deg, to: 30 deg, places: 2}
+  uncertainty: {x: 1 mm}
+  refine: false
+  run: only
+"""
+
+
+def test_the_job_holds_the_question_and_options_replace_its_keys(command, job, tmp_path) -> None:
+    (tmp_path / "asked.yaml").write_text(JOB + ASKED, encoding="utf-8")
+    found = {}
+    for name, file, options in (
+        ("own", "asked.yaml", ()),
+        ("options", "job.yaml", (*OVER, "--uncertainty", "x: 1 mm", "--no-refine")),
+        ("one", "asked.yaml", ("--over", "x: 0 mm .. 0 mm, 1", "--uncertainty", "x: 0 mm")),
+        ("other", "asked.yaml", ("--objective", "manipulability", "--refine")),
+    ):
+        out = tmp_path / name
+        code, _, errors = command("place", tmp_path / file, "--out", out, *options)
+        assert code == 0, errors
+        found[name] = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+        found[name].pop("armcontour")
+    assert found["own"] == found["options"]
+    assert [(x["name"], x["places"]) for x in found["one"]["axes"]] == [("x", 1), ("yaw", 2)]
+    assert found["one"]["uncertainty"] == {} and found["own"]["uncertainty"] == {"x": 1e-3}
+    assert found["other"]["objective"] == "manipulability" and found["other"]["places"] == 6
+    # The answer is the job in that place, which asks no more.
+    text = (tmp_path / "own" / "job.yaml").read_text(encoding="utf-8")
+    assert "placement:" not in text and "# stays" in text
+
+
+def test_a_cell_holds_the_question_for_drawings(command, job, tmp_path) -> None:
+    job.write_text(JOB + ASKED, encoding="utf-8")
+    out = tmp_path / "placed"
+    code, shown, errors = command("place", tmp_path / "part.svg", "--cell", job, "--out", out)
+    assert code == 0, errors
+    assert "6 places" in shown and "placement:" not in (out / "job.yaml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("{}", "the key placement.over of the job"),
+        ("{objective: torque}", "the key placement.over of the job"),
+        ("{over: {w: {from: 0, to: 1, places: 2}}}", "unknown key placement.over.w"),
+        ("{over: {x: {from: 0, to: 1}}}", "placement.over.x.places is missing"),
+        ("{over: {x: {from: 0, to: 1 deg, places: 2}}}", "placement.over.x.to"),
+        ("{over: {x: {from: 1, to: 0, places: 2}}}", "placement: The range of x"),
+        ("{over: {x: {from: 0, to: 1, places: 0}}}", "placement.over.x.places"),
+        ("{over: {z: {from: 0, to: 1, places: 2}}}", "over has no axis 'z' for an arm in the"),
+        ("{uncertainty: {x: -1 mm}}", "placement.uncertainty.x"),
+        ("{about: [0, 0]}", "placement.about"),
+        (
+            "{over: {x: {from: 0, to: 1, places: 2}}, run: other}",
+            "placement.run names the run other",
+        ),
+        ("{move: table}", "placement.move"),
+        (
+            "{over: {x: {from: 0, to: 0, places: 1}}, "
+            "tools: {a: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}}}",
+            "job.yaml: placement.tools.a takes either rpy or quaternion",
+        ),
+        ("{tools: {}}", "placement.tools"),
+        ("{arms: []}", "placement.arms"),
+        ("{workers: 3}", "unknown key placement.workers"),
+    ],
+)
+def test_a_wrong_question_is_refused_by_its_key(command, job, tmp_path, keys, words: str) -> None:
+    job.write_text(f"{JOB}placement: {keys}\n", encoding="utf-8")
+    code, _, errors = command("place", job, "--out", tmp_path / "no")
+    assert code == 2 and words in " ".join(errors.split())
+    assert not (tmp_path / "no").exists()
+
+
+def test_the_job_names_arms_and_tools_to_compare(command, tmp_path) -> None:
+    mine = "name: mine\nkind: derived\nsource: a test\narm: {name: ur5e}\n"
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "cell" / "mine.yaml").write_text(mine, encoding="utf-8")
+    job = tmp_path / "cell" / "job.yaml"
+    asked = """\
+placement:
+  over: {z: {from: 0, to: 0, places: 1}}
+  refine: false
+  arms: [ur10e, mine.yaml]
+  tools: {short: [0, 0, 50 mm], turned: {position: [0, 0, 50 mm], rpy: [0, 0, 90 deg]}}
+"""
+    job.write_text(SPACE + asked, encoding="utf-8")
+    code, shown, errors = command("place", job, "--out", tmp_path / "placed")
+    assert code == 0, errors
+    data = json.loads((tmp_path / "placed" / "summary.json").read_text(encoding="utf-8"))
+    names = ["ur10e, short", "ur10e, turned", "mine.yaml, short", "mine.yaml, turned"]
+    assert [x["name"] for x in data["compared"]] == names
+    assert "compared by the command" not in shown
+    # No arms are the job's own.
+    code, _, errors = command("place", job, "--out", tmp_path / "own", "--arms", "")
+    assert code == 0, errors
+    data = json.loads((tmp_path / "own" / "summary.json").read_text(encoding="utf-8"))
+    assert [x["name"] for x in data["compared"]] == ["short", "turned"]
+    run = (tmp_path / "own" / "job.yaml", "--no-simulation", "--out", tmp_path / "run")
+    code, _, errors = command("run", *run)
+    assert code == 0, errors

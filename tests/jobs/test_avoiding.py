@@ -2,17 +2,20 @@
 
 import dataclasses
 import json
+import pickle
 import sys
 
 import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.clearance import Cell
 from armcontour.errors import Collision
 from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.io.summary import summarise_taught
 from armcontour.jobs import teach
+from armcontour.report import render_report
 from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
 # Stand-ins of the links of a UR5e.
@@ -162,3 +165,29 @@ def test_meshes_that_are_not_there_are_a_note_of_the_arm_and_no_warning(job: ac.
 
     (plan,) = teach(dataclasses.replace(job, arm=job.arm.with_shapes(lacking))).values()
     assert not [x for x in plan.warnings if "how near the arm comes to itself" in x]
+
+
+def test_a_run_and_its_report_make_one_cell(job: ac.Job, monkeypatch) -> None:
+    made = []
+    own = Cell.__init__
+
+    def count(self, arm, scene) -> None:
+        made.append(scene)
+        own(self, arm, scene)
+
+    monkeypatch.setattr(Cell, "__init__", count)
+    # A copy is another job, with a cell of its own.
+    other = dataclasses.replace(job)
+    study = ac.run(other)
+    assert "clearance" in render_report(study)
+    assert study.runs["taught"].executed_clearance is not None and len(made) == 1
+    assert other.cell is other.cell and other.cell is not dataclasses.replace(other).cell
+
+
+def test_a_job_with_a_cell_goes_to_other_processes_without_it(job: ac.Job) -> None:
+    pairs = job.cell.pairs
+    there = pickle.loads(pickle.dumps(job))
+    assert [(x.first.name, x.second.name) for x in there.cell.pairs] == [
+        (x.first.name, x.second.name) for x in pairs
+    ]
+    assert there.cell is not job.cell and there.cell.pairs

@@ -9,11 +9,20 @@ import pytest
 
 import armcontour as ac
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
+from armcontour.io import parse_job
 from armcontour.jobs import Job
 from armcontour.placement import Moves, Placement
 from armcontour.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
+CORNER = """\
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {compensation: {method: none}}}
+"""
 # Plans of a path that is moved differ by this from those in a moved frame: by rounding, which
 # decides where grids are refined.
 SAME = 1e-5
@@ -243,3 +252,24 @@ def test_a_given_duration_has_no_shortest_cycle(square: Job) -> None:
     slow = replace(square, runs=(replace(run, duration=5.0),))
     with pytest.raises(InvalidInput, match="given duration of 5 s"):
         ac.place(slow, over={"x": (0, 0.1, 2)})
+
+
+def test_the_job_holds_the_question() -> None:
+    asked = (
+        "placement: {over: {x: {from: 0 mm, to: 20 mm, places: 2}}, refine: false, about: origin}\n"
+    )
+    own = ac.place(parse_job(CORNER + asked))
+    given = ac.place(parse_job(CORNER), over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
+    assert own.verdicts == given.verdicts and own.refined.values == given.refined.values
+    assert own.moves.anchor.tolist() == [0, 0, 0] == given.moves.anchor.tolist()
+    more = ac.place(parse_job(CORNER + asked), over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
+    assert [x.name for x in more.axes] == ["x", "yaw"]
+    assert more.moves.anchor.tolist() == [0.3, 0.2, 0.0]
+    with pytest.raises(InvalidInput, match="they are the key placement.over"):
+        ac.place(parse_job(CORNER))
+
+
+def test_arms_to_compare_are_for_the_command() -> None:
+    asked = "placement: {over: {x: {from: 0, to: 0, places: 1}}, arms: [pmk3s], refine: false}\n"
+    (note,) = ac.place(parse_job(CORNER + asked)).notes
+    assert note.startswith("The arms of the key placement are compared by the command")

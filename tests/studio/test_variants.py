@@ -16,6 +16,7 @@ runs:
   second: {}
 experiment: {runs: [first, second]}
 certificate: {tolerance: 9 mm, run: second}
+placement: {every: true, run: second}
 published:
   source: a
   runs: {first: {}, second: {duration: 1 s}}
@@ -28,7 +29,7 @@ def test_a_run_is_removed_with_all_that_names_it() -> None:
     changes = remove_run(data, "second")
     gone = change_data(data, changes)
     assert list(gone["runs"]) == ["first"] and gone["experiment"] == {"runs": ["first"]}
-    assert gone["certificate"] == {"tolerance": "9 mm"}
+    assert gone["certificate"] == {"tolerance": "9 mm"} and gone["placement"] == {"every": True}
     assert gone["published"] == {"source": "a", "runs": {"first": {}}}
     # So the job is one still.
     assert [x.name for x in parse_job(change_text(JOB, changes)).runs] == ["first"]

@@ -193,8 +193,9 @@ def _with_run(
     if name is None:
         return found, None
     found["runs"] = {name: runs[name]}
-    if "certificate" in found and goal:
-        found["certificate"] = {key: x for key, x in goal.items() if key != "run"}
+    for of in ("certificate", "placement"):
+        if found.get(of):
+            found[of] = {key: x for key, x in found[of].items() if key != "run"}
     experiment = found.get("experiment")
     if isinstance(experiment, dict) and experiment.get("runs") is not None:
         if name in experiment["runs"]:

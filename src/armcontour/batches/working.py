@@ -19,7 +19,7 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
-from armcontour._process import is_other
+from armcontour._process import end_at_once, is_other
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, TEACH, figures_of
 from armcontour.batches.executors import Engine
@@ -223,6 +223,7 @@ def _prepare(packed: bytes, share: float | None, dimensions: tuple[int, ...]) ->
     """The plan, in a process that is ready for its jobs; once in each process."""
     plan: Plan = pickle.loads(packed)
     if dimensions:
+        end_at_once()
         with _alone():
             for x in dimensions:
                 warm_for_run(x, lambda step: None)

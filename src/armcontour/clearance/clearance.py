@@ -264,6 +264,34 @@ class Cell:
         return _Search(motion, self.pairs, self._distances, np.inf).run()
 
 
+class CellOnce:
+    """A `Cell` that is made when it is first asked for, and kept; copies make their own.
+
+    Args:
+        arm: The arm, with the shapes of its links.
+        scene: Obstacles and margins; by default none, with the default margins.
+    """
+
+    def __init__(self, arm: Arm, scene: Scene | None) -> None:
+        self._given = arm, scene
+        self._made: Cell | None = None
+
+    def cell(self) -> Cell:
+        """The cell.
+
+        Raises:
+            InvalidInput: As `check_clearance`.
+        """
+        if self._made is None:
+            arm, scene = self._given
+            self._made = Cell(arm, Scene() if scene is None else scene)
+        return self._made
+
+    def __reduce__(self) -> tuple[type[CellOnce], tuple[Arm, Scene | None]]:
+        """Bodies of the library of distances do not go to other processes."""
+        return CellOnce, self._given
+
+
 class _Search:
     """The search for the least distances of pairs.
 

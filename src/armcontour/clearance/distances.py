@@ -62,7 +62,6 @@ class Distances:
         ).reshape(-1, 2)
         self._request = self._coal.DistanceRequest()
         self._request.enable_signed_distance = True
-        self._result = self._coal.DistanceResult()
         self._still = self._coal.Transform3s()
 
     def measure(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
@@ -73,10 +72,10 @@ class Distances:
             at: Indices of the joint positions, (m,).
             pair: Indices of the pairs, (m,).
         """
-        relative = self._relative(q, at, pair)
+        relative, result = self._relative(q, at, pair), self._coal.DistanceResult()
         found = np.empty(len(pair))
         for k, p in enumerate(pair.tolist()):
-            found[k] = self._distance(p, relative[k])
+            found[k] = self._distance(p, relative[k], result)
         return found
 
     def points(self, q: FloatArray) -> FloatArray:
@@ -87,29 +86,29 @@ class Distances:
         """
         every = np.arange(len(self._pairs))
         relative, found = self._relative(q, every, every), np.empty((len(every), 2, 3))
+        # Not kept from call to call: several threads may ask.
+        result = self._coal.DistanceResult()
         for k, place in enumerate(relative):
-            self._distance(k, place)
-            found[k, 0] = self._result.getNearestPoint1()
-            found[k, 1] = self._result.getNearestPoint2()
+            self._distance(k, place, result)
+            found[k, 0] = result.getNearestPoint1()
+            found[k, 1] = result.getNearestPoint2()
         first = self._placements(q)[every, self._ends[:, 0]]
         return np.asarray(found @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
-    def _distance(self, pair: int, relative: FloatArray) -> float:
+    def _distance(self, pair: int, relative: FloatArray, result: Any) -> float:
         """Distance of a pair with its second body so placed in the frame of the first one."""
         place = self._coal.Transform3s(relative[:, :3], relative[:, 3])
         first, second = self._shapes[pair]
-        found = self._between(first, second, place)
+        found = self._between(first, second, place, result)
         exact = self._exact[pair]
         if exact is not None and found < self._pairs[pair].margin + UNCERTAINTY:
-            found = max(found, self._between(*exact, place))
+            found = max(found, self._between(*exact, place, result))
         return found
 
-    def _between(self, first: Any, second: Any, place: Any) -> float:
+    def _between(self, first: Any, second: Any, place: Any, result: Any) -> float:
         """Distance of two bodies of the library."""
-        self._result.clear()
-        return float(
-            self._coal.distance(first, self._still, second, place, self._request, self._result)
-        )
+        result.clear()
+        return float(self._coal.distance(first, self._still, second, place, self._request, result))
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies, (n, bodies, 3, 4)."""

@@ -6,6 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
+from armcontour._process import end_at_once
 from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
@@ -16,6 +17,7 @@ BROKEN_PIPE = 128 + 13
 
 def main() -> None:
     """Run the command line; an error is printed as one sentence and ends with its exit code."""
+    end_at_once()
     sys.exit(run_interruptibly(_command))
 
 

@@ -499,52 +499,57 @@ class SweepOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceOptions:
-    """Options of the command `place`."""
+    """Options of the command `place`; None is as the job's key `placement` has it."""
 
     over: Annotated[
         list[str] | None,
         typer.Option(
             "--over",
             help="Axis, range and number of places: 'x: -300 mm .. 300 mm, 25'; also y, z, yaw and "
-            "tilt, in the coordinates of the path; may be repeated.",
+            "tilt, in the coordinates of the path; may be repeated. The job's key placement may "
+            "hold this and the other choices; options replace its keys, one by one.",
         ),
     ] = None
     objective: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--objective",
-            help="What is best: cycle, manipulability, clearance or torque (the margin).",
+            help="What is best: cycle (default), manipulability, clearance or torque (the margin).",
         ),
-    ] = "cycle"
+    ] = None
     uncertainty: Annotated[
         list[str] | None,
         typer.Option(
             "--uncertainty",
             help="By how much the part may be off: 'x: 2 mm'; the worst corner counts; may be "
-            "repeated.",
+            "repeated; 0 takes an axis out that the job has.",
         ),
     ] = None
     move: Annotated[
-        str, typer.Option("--move", help="What is moved: the part, or the base of the arm.")
-    ] = "part"
+        str | None,
+        typer.Option("--move", help="What is moved: the part (default), or the base of the arm."),
+    ] = None
     absolute: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            "--absolute", help="Values of x, y and z are coordinates, not distances from here."
+            "--absolute/--relative",
+            help="Values of x, y and z are coordinates, or distances from here (default).",
         ),
-    ] = False
+    ] = None
     about: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--about",
-            help="Point that is placed and turned about: middle of the path, origin of its "
-            "coordinates, or '400 mm, 0 mm, 0 mm'.",
+            help="Point that is placed and turned about: middle of the path (default), origin of "
+            "its coordinates, or '400 mm, 0 mm, 0 mm'.",
         ),
-    ] = "middle"
+    ] = None
     arms: Annotated[
         str | None,
         typer.Option(
-            "--arms", help="Arms to compare: names and files, such as 'ur5e, ur10e, mine.urdf'."
+            "--arms",
+            help="Arms to compare: names and files, such as 'ur5e, ur10e, mine.urdf'; '' is "
+            "the job's own arm.",
         ),
     ] = None
     tools: Annotated[
@@ -555,14 +560,18 @@ class PlaceOptions:
         ),
     ] = None
     every: Annotated[
-        bool, typer.Option("--every", help="Plan every place, for a map without bounds; slow.")
-    ] = False
-    refined: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            "--refine/--no-refine", help="Look for a better place between those of the grid, too."
+            "--every/--no-every", help="Plan every place, for a map without bounds; slow."
         ),
-    ] = True
+    ] = None
+    refined: Annotated[
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine",
+            help="Look for a better place between those of the grid, too (default).",
+        ),
+    ] = None
     processes: Annotated[
         int | None,
         typer.Option("--processes", min=1, max=1024, help="Number of processes; all processors."),

@@ -12,7 +12,9 @@ from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
+    from armcontour.io.job_model import PlacementModel
     from armcontour.io.job_overrides import JobOverrides
+    from armcontour.jobs import Job
     from armcontour.placement import Case, Placement
 
 # The job in its best place.
@@ -37,16 +39,22 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour.cli.progress import share_progress
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, placement_csv, placement_json
+    from armcontour.io.job_model import PlacementModel
+    from armcontour.io.place_axes import AxesModel
     from armcontour.placement import best_case, place
 
+    asked, home = _asked(file, job_options)
     over = dict(read_axis(text) for text in x.over or ())
-    if not over:
-        raise InvalidInput(f"place needs --over for each axis along which to place: {OVER}.")
+    if not over and (asked is None or asked.over == AxesModel()):
+        raise InvalidInput(
+            "place needs --over for each axis along which to place, or the key placement.over of "
+            f"the job: {OVER}."
+        )
     if len(over) < len(x.over or ()):
         raise InvalidInput("--over names an axis twice: give each axis once.")
     off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
     about = _read_about(x.about)
-    variants = _variants(job_options, x)
+    variants = _variants(job_options, x, asked or PlacementModel(), home)
     with ResultFolder(out, force=x.force) as folder:
         from armcontour.report import render_placement
 
@@ -54,8 +62,9 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
 
             def find(name: str, overrides: JobOverrides) -> Placement:
                 tell = under(progress, name) if name else progress
+                job = open_job(file, job_options, under(tell, "reading"), overrides)
                 return place(
-                    open_job(file, job_options, under(tell, "reading"), overrides),
+                    _alone(job),
                     x.run_name,
                     over=over,
                     objective=x.objective,
@@ -92,7 +101,47 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
         open_page(report)
 
 
-def _variants(job_options: JobOptions, x: PlaceOptions) -> dict[str, JobOverrides]:
+def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel | None, FilePath]:
+    """What the job or the cell has under `placement`, and the folder of its files.
+
+    Raises:
+        InvalidInput: No such file, or invalid keys.
+    """
+    from armcontour.errors import locate_errors
+    from armcontour.io.cell import open_keys
+    from armcontour.io.placement import tools_of
+
+    named = _text_of(file, options)
+    if named is None:
+        # Opening the drawing says that it needs a cell.
+        return None, FilePath()
+    model, home = open_keys(named)
+    if model.placement is not None:
+        with locate_errors(FilePath(named).name):
+            tools_of(model.placement)
+    return model.placement, home
+
+
+def _text_of(file: FilePath, options: JobOptions) -> str | None:
+    """The job file, or the cell of a drawing."""
+    from armcontour.io.cell import YAML
+
+    return str(file) if file.suffix.lower() in YAML or not file.suffix else options.cell
+
+
+def _alone(job: Job) -> Job:
+    """The job without the arms and tools that it is compared with."""
+    from dataclasses import replace
+
+    asked = job.placement
+    if asked is None or not (asked.arms or asked.tools):
+        return job
+    return replace(job, placement=replace(asked, arms=(), tools=()))
+
+
+def _variants(
+    job_options: JobOptions, x: PlaceOptions, asked: PlacementModel, home: FilePath
+) -> dict[str, JobOverrides]:
     """The values that replace those of the job, for every arm and tool to compare, by names.
 
     Raises:
@@ -102,19 +151,21 @@ def _variants(job_options: JobOptions, x: PlaceOptions) -> dict[str, JobOverride
 
     from armcontour.cli.opening import read_overrides
     from armcontour.io.job_arm import ARM_FILES
-    from armcontour.io.placement import read_tools
+    from armcontour.io.placement import read_tools, tools_of
 
     found = {"": read_overrides(job_options)}
+    arms = asked.arms or []
     if x.arms is not None:
-        names = dict.fromkeys(y.strip() for y in x.arms.split(",") if y.strip())
-        files = {y: str(FilePath(y).absolute()) for y in names if y.lower().endswith(ARM_FILES)}
-        found = {y: replace(found[""], arm=files.get(y, y)) for y in names}
-    if x.tools is not None:
-        frames = read_tools(x.tools)
+        arms, home = [y.strip() for y in x.arms.split(",") if y.strip()], FilePath()
+    if arms:
+        files = {y: str((home / y).absolute()) for y in arms if y.lower().endswith(ARM_FILES)}
+        found = {y: replace(found[""], arm=files.get(y, y)) for y in arms}
+    tools = tools_of(asked) if x.tools is None else read_tools(x.tools)
+    if tools:
         found = {
             ", ".join(filter(None, (name, tool))): replace(of, arm_tool=frame)
             for name, of in found.items()
-            for tool, frame in frames.items()
+            for tool, frame in tools.items()
         }
     return found
 
@@ -210,15 +261,15 @@ def _kind(option: str, name: str) -> object:
     return Length if UNITS[name] == "m" else Angle
 
 
-def _read_about(text: str) -> str | tuple[float, ...]:
-    """The point that is placed: its name, or its coordinates [m].
+def _read_about(text: str | None) -> str | tuple[float, ...] | None:
+    """The point that is placed: its name, or its coordinates [m]; None without the option.
 
     Raises:
         InvalidInput: No such point.
     """
     from armcontour._quantities import Length
 
-    if "," not in text:
+    if text is None or "," not in text:
         return text
     example = "400 mm, 0 mm, 0 mm"
     found = read_option_list("--about", text, Length, counts=(3,), example=example)
@@ -235,16 +286,16 @@ def _job_text(
         InvalidInput: It cannot be written with keys of a job.
     """
     from armcontour.io import placed_job_text
-    from armcontour.io.cell import YAML, open_text
+    from armcontour.io.cell import open_text
 
-    is_job = file.suffix.lower() in YAML or not file.suffix
-    text, folder = open_text(str(file if is_job else options.cell))
+    named = _text_of(file, options)
+    text, folder = open_text(str(named))
     return placed_job_text(
         found,
         text,
         folder=folder,
         to=out,
-        drawing=None if is_job else file,
+        drawing=None if named == str(file) else file,
         overrides=overrides,
     )
 

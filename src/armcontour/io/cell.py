@@ -104,6 +104,19 @@ def open_text(cell: str) -> tuple[str, FilePath]:
     return text, folder
 
 
+def open_keys(cell: str) -> tuple[CellModel, FilePath]:
+    """The keys of a built-in cell or a job file, and the folder of its relative files.
+
+    Args:
+        cell: As in `open_text`.
+
+    Raises:
+        InvalidInput: No such cell or file, or an invalid key.
+    """
+    text, source, folder = _text(cell)
+    return read_model(CellModel, text, source), folder
+
+
 def cell_data(
     cell: str | FilePath, drawing: str | FilePath
 ) -> tuple[dict[str, Any], str, FilePath]:

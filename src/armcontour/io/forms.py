@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field
 from armcontour._quantities import Distance, Inertia, Length, Ratio
 from armcontour.arms.chain import Payload
 from armcontour.geometry import Demand
+from armcontour.io.place_axes import AnglesModel, LengthsModel
 from armcontour.program import Event, Lead, Process
 from armcontour.robustness.box import Box
 
@@ -40,8 +41,12 @@ class Form:
     omit: frozenset[str] = frozenset()
 
 
+# Ends of a range.
+ENDS = {"start": "from", "end": "to"}
 # For every other dataclass the keys are its fields.
 FORMS: dict[type, Form] = {
+    AnglesModel: Form(names=ENDS),
+    LengthsModel: Form(names=ENDS),
     Box: Form(
         names={"dead_time_shared": "shared"},
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},

@@ -151,7 +151,10 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
             yield from (x for _, x in value.value if isinstance(x, yaml.ScalarNode))
         elif isinstance(value, yaml.SequenceNode):
             for x in value.value:
-                if isinstance(x, yaml.ScalarNode) and key.value == "files":
+                if isinstance(x, yaml.ScalarNode) and (
+                    key.value == "files"
+                    or (key.value == "arms" and x.value.lower().endswith(ARM_FILES))
+                ):
                     yield x
                 yield from _file_names(x)
         else:

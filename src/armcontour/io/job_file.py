@@ -16,13 +16,15 @@ from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of
+from armcontour.io.job_arm import arm_of, frame_of
 from armcontour.io.job_model import (
     CompensationModel,
     ExperimentModel,
     JobModel,
+    PlacementModel,
     PublishedModel,
     RunModel,
+    ToolModel,
 )
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
@@ -30,7 +32,8 @@ from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.io.length_hint import hint_at_length
 from armcontour.io.scene import scene_of
-from armcontour.jobs import Experiment, Job, Published, Rounding, Run
+from armcontour.jobs import Experiment, Job, PlaceSearch, Published, Rounding, Run
+from armcontour.jobs.axes import AXES
 from armcontour.motion import check_interval
 from armcontour.program import Program
 from armcontour.scene import Scene
@@ -201,6 +204,8 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
     if model.certificate is not None and model.certificate.run is not None:
         _refuse_unknown("certificate.run", [model.certificate.run], model)
+    if model.placement is not None and model.placement.run is not None:
+        _refuse_unknown("placement.run", [model.placement.run], model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -214,6 +219,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
+        placement=None if model.placement is None else _place_search(model.placement),
         memory=model.memory,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
@@ -330,6 +336,29 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
     with locate_errors("experiment"):
         return Experiment(**given).for_joints(arm.dof)
+
+
+def _place_search(model: PlacementModel) -> PlaceSearch:
+    """Where a placement looks."""
+    axes = {name: getattr(model.over, name) for name in AXES}
+    off = {name: getattr(model.uncertainty, name) for name in AXES}
+    for name, tool in (model.tools or {}).items():
+        if isinstance(tool, ToolModel):
+            frame_of(f"placement.tools.{name}", tool)
+    with locate_errors("placement"):
+        return PlaceSearch(
+            over={name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None},
+            objective=model.objective,
+            uncertainty={name: x for name, x in off.items() if x is not None},
+            what=model.move,
+            absolute=model.absolute,
+            about=model.about,
+            every=model.every,
+            refined=model.refine,
+            run=model.run,
+            arms=tuple(model.arms or ()),
+            tools=tuple(model.tools or ()),
+        )
 
 
 def _published(model: PublishedModel, job: JobModel) -> Published:

@@ -30,9 +30,11 @@ from armcontour.geometry import Demand
 from armcontour.io.drawings.reading import OFFSETS, TEXTS, UNKNOWN
 from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given
+from armcontour.io.place_axes import AxesModel, OffModel
 from armcontour.io.scene_model import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, Rounding
+from armcontour.jobs.place_search import OBJECTIVES, POINTS, WHAT
 from armcontour.motion import Method
 from armcontour.program import Process
 from armcontour.servo import ServoModel
@@ -436,6 +438,43 @@ class PublishedModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlacementModel:
+    """Where `armcontour place` looks for the best place, and what is best; options replace keys.
+
+    Args:
+        over: The axes of the grid of places.
+        objective: What is best: the shortest cycle, the best manipulability, the largest clearance
+            or the largest margin of torque.
+        uncertainty: By how much the part may be off: every place counts as the worst of it and of
+            the corners of this box.
+        move: What is moved: the part, with the obstacles that are fixed to it, or the base of the
+            arm.
+        absolute: Whether x, y and z are coordinates of the point that is placed; by default they
+            are added to it.
+        about: The point that is placed and turned about: the middle of the path, the origin of its
+            coordinates, or a point [m].
+        arms: Arms to compare, in the place of the job's own: names, and files relative to the job
+            file.
+        tools: Tools to compare, by names of your own: frames as of `arm.tool`, or positions.
+        every: Whether every place is planned, for a map without bounds.
+        refine: Whether a better place is looked for between those of the grid.
+        run: Name of the run; by default the only one, or the only one with the timing optimal.
+    """
+
+    over: AxesModel = AxesModel()
+    objective: Annotated[str, Choice(OBJECTIVES)] = OBJECTIVES[0]
+    uncertainty: OffModel = OffModel()
+    move: Annotated[str, Choice(WHAT)] = WHAT[0]
+    absolute: bool = False
+    about: Annotated[str, Choice(POINTS)] | Place = POINTS[0]
+    arms: Annotated[list[str], Field(min_length=1)] | None = None
+    tools: Annotated[dict[str, ToolModel | Place], Field(min_length=1)] | None = None
+    every: bool = False
+    refine: bool = True
+    run: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JobModel:
     """A job file.
 
@@ -459,6 +498,7 @@ class JobModel:
         runs: The runs to compare, by name.
         published: Published figures of the same job.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
+        placement: The question for `armcontour place`.
         memory: Largest memory of the calculation [bytes].
         scene: Obstacles in the cell, and how near the arm may come to them and to itself.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
@@ -480,6 +520,7 @@ class JobModel:
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     published: PublishedModel | None = None
     certificate: Goal | None = None
+    placement: PlacementModel | None = None
     memory: Memory = DEFAULT
     scene: SceneModel | None = None
     ignore_collisions: bool = False

@@ -17,9 +17,9 @@ from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
-from armcontour.io.job_edits import Keys, move_files, set_keys
+from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
-from armcontour.io.job_model import ArmModel, CellModel, ToolModel
+from armcontour.io.job_model import ArmModel, CellModel, PlacementModel, ToolModel
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.keys import Keys as Known
 from armcontour.io.keys import read_keys
@@ -71,6 +71,24 @@ def read_tools(file: FilePath) -> dict[str, ToolModel]:
         )
         for name, x in data.items()
     }
+
+
+def tools_of(model: PlacementModel) -> dict[str, ToolModel]:
+    """Tool frames of a job file by their names.
+
+    Args:
+        model: The keys under `placement`.
+
+    Raises:
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
+    """
+    tools = {
+        name: x if isinstance(x, ToolModel) else ToolModel(position=x)
+        for name, x in (model.tools or {}).items()
+    }
+    for name, x in tools.items():
+        frame_of(f"placement.tools.{name}", x)
+    return tools
 
 
 def placement_json(
@@ -156,6 +174,9 @@ def placed_job_text(
 ) -> str:
     """The job file of a job with its part or base in the best place: only some keys are new.
 
+    The key `placement` is left out: its question is answered, and its ranges begin from where the
+    part was.
+
     Args:
         placement: The placement.
         text: The job file, or the cell if there is a drawing.
@@ -172,6 +193,7 @@ def placed_job_text(
     if drawing is not None:
         changes["path", "file"] = str(drawing.absolute())
         changes["name",] = placement.job.name
+    changes["placement",] = REMOVE
     text = set_keys(text, changes)
     return set_keys(text, _placed_keys(placement, text, overrides))
 

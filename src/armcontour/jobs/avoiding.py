@@ -22,7 +22,6 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import time_run
 from armcontour.motion import JointPath, Span, Trajectory, stand_still
 from armcontour.program import Contour, Program, contour_called
-from armcontour.scene import Scene
 from armcontour.timing import Tracing, trace_program
 from armcontour.timing.fastest_configuration import bound_duration
 from armcontour.timing.program_tracing import TracedMove, ends_of
@@ -89,7 +88,7 @@ def keep_clear(
         # Nobody asked for it.
         unseen = _why_unseen(job.arm)
         return Cleared(traced=traced, trajectory=trajectory, clearance=None, notes=unseen)
-    cell = Cell(job.arm, job.scene or Scene())
+    cell = job.cell
     if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
     found = cell.check(trajectory)

@@ -20,6 +20,7 @@ from armcontour._quantities import (
     Tolerance,
 )
 from armcontour.arms import Arm, Limits
+from armcontour.clearance import Cell, CellOnce
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Path
@@ -27,6 +28,7 @@ from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
+from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.single_corners import refuse_no_corners
 from armcontour.motion import Method, check_interval
 from armcontour.program import Process, Program, prepare
@@ -336,6 +338,7 @@ class Job:
         runs: At least one run, with different names.
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
+        placement: Where a placement looks for the best place, and what is best.
         memory: Largest memory of the calculation [bytes].
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
@@ -346,8 +349,8 @@ class Job:
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
             a start for another number of joints, gains too large for a command interval, a speed
-            so low that the motion is endless, an analog output that needs a speed, or a process
-            that does not fit the program.
+            so low that the motion is endless, an analog output that needs a speed, axes of a
+            placement that the arm has not, or a process that does not fit the program.
     """
 
     name: str
@@ -362,6 +365,7 @@ class Job:
     process: Process = field(default_factory=Process)
     published: Published | None = None
     certificate: Goal | None = None
+    placement: PlaceSearch | None = None
     memory: float = _memory.DEFAULT
     scene: Scene | None = None
     ignore_collisions: bool = False
@@ -369,12 +373,14 @@ class Job:
     length_hint: str = ""
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
+    _cell: CellOnce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
+        object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
         _memory.check_bound(self.memory)
@@ -390,6 +396,9 @@ class Job:
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
+        if self.placement is not None:
+            with locate_errors("placement"):
+                self.placement.check(self.arm.dimension)
         objective = None
         if not self.process.automatic:
             with locate_errors("process"):
@@ -417,6 +426,7 @@ class Job:
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "asked for"),
+                ("placement", "" if self.placement is None else "asked for"),
             ],
         )
 
@@ -428,6 +438,15 @@ class Job:
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         return f"{run.timing}, {run.compensation}, every {milliseconds(run.period)}{fast}"
+
+    @property
+    def cell(self) -> Cell:
+        """The arm and what stands around it, ready for clearance; made at first use.
+
+        Raises:
+            InvalidInput: As `check_clearance`.
+        """
+        return self._cell.cell()
 
     @property
     def single_path(self) -> Path:

@@ -15,7 +15,7 @@ from armcontour._describing import brief, digits, line_up, milliseconds, mm, sev
 from armcontour._progress import Progress, Step, under
 from armcontour._threads import Beside
 from armcontour.arms import Limits
-from armcontour.clearance import Clearance, check_clearance
+from armcontour.clearance import Clearance
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, execute
@@ -490,7 +490,7 @@ def _executed_clearance(job: Job, plan: RunPlan, executed: Execution) -> Clearan
     """
     if plan.clearance is None:
         return None
-    found = check_clearance(executed, job.arm, job.scene)
+    found = job.cell.check(executed)
     touching = [x for x in found.too_near if x.high <= 0]
     if touching and not job.ignore_collisions:
         with locate_errors("as executed"):

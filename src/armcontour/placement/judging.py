@@ -13,13 +13,14 @@ from armcontour.arms import Arm, SerialArm
 from armcontour.clearance import Clearance
 from armcontour.errors import ArmContourError, NotRealizable
 from armcontour.jobs.avoiding import keep_clear
+from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
 from armcontour.jobs.programs import time_run, trace_run
 from armcontour.jobs.quantities import torques_at
 from armcontour.motion import Method, Trajectory
-from armcontour.placement.axes import Moves, corners_of
 from armcontour.placement.manipulability import least_singular_value
-from armcontour.placement.moving import place_arm, place_bases, place_job
+from armcontour.placement.moving import Moves, place_arm, place_bases, place_job
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
 from armcontour.program import Contour, Dwell
 from armcontour.scene import Scene
@@ -28,8 +29,6 @@ from armcontour.timing import Tracing, with_reserve
 from armcontour.timing.fastest_configuration import SURE, bound_duration
 from armcontour.tracing.poses import task_dimension
 
-CYCLE, MANIPULABILITY, CLEARANCE, TORQUE = "cycle", "manipulability", "clearance", "torque"
-OBJECTIVES = (CYCLE, MANIPULABILITY, CLEARANCE, TORQUE)
 # Kinds of refusals, those of a screen first.
 LIMITS, OTHER = "limits", "other"
 KINDS = (REACH, RANGE, SINGULAR_ARM, CLEARANCE, LIMITS, OTHER)

@@ -2,21 +2,61 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, exp
+from armcontour.jobs.axes import LENGTHS
 from armcontour.jobs.job import Job
 from armcontour.program import Program
 from armcontour.scene import Obstacle, Scene
 from armcontour.scene.scene import BASE, PART
 
-# What can be moved.
-WHAT = (PART, BASE)
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Moves:
+    """How coordinates of a place move the part, or the base.
+
+    All coordinates are those of the job's path.
+
+    Args:
+        anchor: The point that x, y and z move and that yaw and tilt turn about [m], (3,).
+        absolute: The axes among x, y and z whose values are coordinates of the anchor; other
+            values are added to it.
+    """
+
+    anchor: FloatArray
+    absolute: tuple[str, ...] = ()
+
+    def frame(self, place: Mapping[str, float]) -> Frame:
+        """Where what moves is taken: it was in the frame of the identity before.
+
+        Args:
+            place: Values of some axes [m, rad]; what is not named does not move.
+        """
+        found = self.frames([place])[0]
+        return Frame(position=found[:, 3], rotation=found[:, :3])
+
+    def frames(self, places: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Rotations and positions of the same frames of several places, (n, 3, 4).
+
+        Args:
+            places: Values of some axes [m, rad] in each.
+        """
+        yaw, tilt = np.zeros((2, len(places), 3))
+        target = np.tile(self.anchor, (len(places), 1))
+        for n, place in enumerate(places):
+            yaw[n, 2], tilt[n, 1] = place.get("yaw", 0.0), place.get("tilt", 0.0)
+            for k, name in enumerate(LENGTHS):
+                if name in place:
+                    target[n, k] = place[name] + (0.0 if name in self.absolute else target[n, k])
+        turned = exp(yaw) @ exp(tilt)
+        return np.concatenate([turned, (target - turned @ self.anchor)[..., None]], axis=2)
 
 
 def place_job(job: Job, frame: Frame, what: str = PART) -> Job:

@@ -12,10 +12,10 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import line_up
 from armcontour.frames import Frame
+from armcontour.jobs.axes import Axis
 from armcontour.jobs.job import Job, Run
-from armcontour.placement.axes import Axis, Moves
 from armcontour.placement.judging import Verdict
-from armcontour.placement.moving import place_job
+from armcontour.placement.moving import Moves, place_job
 from armcontour.scene.scene import PART
 
 

@@ -14,24 +14,21 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
-from armcontour.clearance import Cell
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
+from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
 from armcontour.jobs.programs import programs_of
 from armcontour.motion import Method
-from armcontour.placement.axes import FARTHEST, LENGTHS, Axis, Moves, read_axes, read_uncertainty
-from armcontour.placement.judging import CLEARANCE, CYCLE, OBJECTIVES, TORQUE, Judge, Verdict
-from armcontour.placement.moving import WHAT, refuse_tilted_base
+from armcontour.placement.judging import Judge, Verdict
+from armcontour.placement.moving import Moves, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
 from armcontour.placement.refining import refine
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
 from armcontour.placement.searching import best_of, search
 from armcontour.program import Process, Program
-from armcontour.scene import Scene
-from armcontour.scene.scene import BASE, PART
+from armcontour.scene.scene import BASE
 
-# Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
-MIDDLE, ORIGIN = "middle", "origin"
 # Places of each contour at which the extent of a path is looked at.
 SAMPLES = 200
 # So many refused places are looked at for the one that is the least out of reach.
@@ -42,14 +39,14 @@ def place(
     job: Job,
     run: str | None = None,
     *,
-    over: Mapping[str, Sequence[Any]],
-    objective: str = CYCLE,
+    over: Mapping[str, Sequence[Any]] | None = None,
+    objective: str | None = None,
     uncertainty: Mapping[str, float] | None = None,
-    what: str = PART,
-    absolute: bool = False,
-    about: str | npt.ArrayLike = MIDDLE,
-    every: bool = False,
-    refined: bool = True,
+    what: str | None = None,
+    absolute: bool | None = None,
+    about: str | npt.ArrayLike | None = None,
+    every: bool | None = None,
+    refined: bool | None = None,
     processes: int | None = None,
     progress: Progress | None = None,
 ) -> Placement:
@@ -60,25 +57,29 @@ def place(
     a lower bound on the duration rules out are not planned, so the best of the grid is that of
     planning all of it. In a job with corners of the shape free, arcs stand for them.
 
+    What is left out is as in the job's `placement`, a `jobs.PlaceSearch`, or else has its default.
+
     Args:
         job: The job.
         run: Name of the run; by default the only one, or the only one with the timing optimal.
         over: The axes, each with its first value, its last value and the number of values: "x",
             "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad], along the
-            coordinates of the job's path.
-        objective: What is best: "cycle", the shortest duration; "manipulability", the largest of
-            the least singular values along the path; "clearance", the largest of the least
-            distances; or "torque", the largest share of the torque limits that is left free.
+            coordinates of the job's path. Other axes of the job's placement stay.
+        objective: What is best: "cycle" (default), the shortest duration; "manipulability", the
+            largest of the least singular values along the path; "clearance", the largest of the
+            least distances; or "torque", the largest share of the torque limits that is left free.
         uncertainty: By how much the part may be off its place, of some axes [m, rad]: every place
-            then counts as the worst of it and of the corners of this box, planned for each.
-        what: What is moved: the "part", with the obstacles that are fixed to it; or the "base" of
-            the arm, whose cell stays.
+            then counts as the worst of it and of the corners of this box, planned for each. Other
+            axes of the job's placement stay; 0 takes one out.
+        what: What is moved: the "part" (default), with the obstacles that are fixed to it; or the
+            "base" of the arm, whose cell stays.
         absolute: Whether x, y and z are coordinates of the point that they move; by default they
             are added to it.
-        about: The point that they move, and that angles turn about: the "middle" of the path, the
-            "origin" of its coordinates, or a point [m], (3,). A base turns about its own origin.
+        about: The point that they move, and that angles turn about: the "middle" of the path
+            (default), the "origin" of its coordinates, or a point [m], (3,). A base turns about its
+            own origin.
         every: Whether to plan every place, for a map without bounds; this takes far longer.
-        refined: Whether to look for a better place between those of the grid.
+        refined: Whether to look for a better place between those of the grid (default).
         processes: Number of processes; by default that of processors for 100 places or more.
         progress: Called with the share that is done.
 
@@ -87,34 +88,42 @@ def place(
         Unreachable: No place is within reach, or none in one configuration.
         NotRealizable: No place has a plan that keeps limits and margins.
     """
-    _checks.choice("objective", objective, OBJECTIVES)
-    _checks.choice("what", what, WHAT)
-    this, notes = _run_of(job, run, objective)
-    axes = read_axes(over, job.arm.dimension)
-    off = read_uncertainty(uncertainty, job.arm.dimension)
-    refuse_tilted_base((*(x.name for x in axes), *off), what)
+    asked = (job.placement or PlaceSearch()).replaced(
+        {"run": run, "over": over, "objective": objective, "uncertainty": uncertainty}
+        | {"what": what, "absolute": absolute, "about": about, "every": every, "refined": refined}
+    )
+    this, notes = _run_of(job, asked.run, asked.objective)
+    axes = read_axes(asked.over, job.arm.dimension)
+    off = read_uncertainty(asked.uncertainty, job.arm.dimension)
+    refuse_tilted_base((*(x.name for x in axes), *off), asked.what)
     with locate_errors(f"Run {this.name}"):
         program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
     judge = Judge(
         job=dataclasses.replace(job, path=program, process=Process(), runs=(this,)),
-        moves=_moves(job, program, axes, what, absolute, about),
-        what=what,
-        objective=objective,
+        moves=_moves(job, program, axes, asked),
+        what=asked.what,
+        objective=asked.objective,
         uncertainty=off,
     )
     _refuse_objective(judge)
     if job.objective is None:
         notes.append("Leads of automatic length are those of the job's own place.")
+    compared = [x for x in ("arms", "tools") if getattr(asked, x)]
+    if compared:
+        notes.append(
+            f"The {' and '.join(compared)} of the key placement are compared by the command "
+            "`armcontour place` only: this is the job's own arm with its own tool."
+        )
     if processes is not None:
         _checks.whole("processes", processes, 1, 1024)
     tell = under(progress, "placing")
     places = all_places(axes)
-    verdicts = search(judge, places, every=every, processes=processes, progress=tell)
-    k = best_of(verdicts, objective)
+    verdicts = search(judge, places, every=asked.every, processes=processes, progress=tell)
+    k = best_of(verdicts, asked.objective)
     if k is None:
         _refuse_all(judge, places, verdicts)
     best = better = Place(values=places[k], verdict=verdicts[k])
-    if refined:
+    if asked.refined:
         values, verdict = refine(judge, axes, places[k], verdicts[k], tell)
         better = Place(values=values, verdict=verdict)
     return Placement(
@@ -122,8 +131,8 @@ def place(
         run=this,
         axes=axes,
         moves=judge.moves,
-        what=what,
-        objective=objective,
+        what=asked.what,
+        objective=asked.objective,
         uncertainty=judge.uncertainty,
         verdicts=tuple(verdicts),
         best=best,
@@ -168,7 +177,7 @@ def _refuse_objective(judge: Judge) -> None:
     arm, scene = judge.job.arm, judge.job.scene
     if arm.shapes is not None or scene is not None:
         # Refuses a scene without shapes of the arm, and what is wrong in it.
-        Cell(arm, scene or Scene())
+        _ = judge.job.cell
     if judge.objective == CLEARANCE and arm.shapes is None:
         raise InvalidInput(
             f"The shapes of the arm {arm.name} are not known, so no place has the largest "
@@ -182,35 +191,24 @@ def _refuse_objective(judge: Judge) -> None:
         )
 
 
-def _moves(
-    job: Job,
-    program: Program,
-    axes: Sequence[Axis],
-    what: str,
-    absolute: bool,
-    about: str | npt.ArrayLike,
-) -> Moves:
+def _moves(job: Job, program: Program, axes: Sequence[Axis], asked: PlaceSearch) -> Moves:
     """What coordinates of a place mean.
 
     Raises:
-        InvalidInput: `about` is no such point, or one is given for a base.
+        InvalidInput: A point is given for a base.
     """
-    if what == BASE:
+    about = asked.about
+    if asked.what == BASE:
         if not (isinstance(about, str) and about == MIDDLE):
             raise InvalidInput("A base turns about its own origin: leave about out.")
         arm = job.arm
         anchor = arm.chain.base.position if isinstance(arm, SerialArm) else np.zeros(3)
     elif isinstance(about, str):
-        _checks.choice("about", about, (MIDDLE, ORIGIN))
         anchor = _middle(program) if about == MIDDLE else np.zeros(3)
     else:
-        anchor = _checks.numbers("about", about, "m")
-        if anchor.shape != (3,):
-            raise InvalidInput(f"about is a point of 3 coordinates in m, not {anchor.size}.")
-        for x in anchor:
-            _checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+        anchor = np.array(about, dtype=np.float64)
     lengths = tuple(x.name for x in axes if x.name in LENGTHS)
-    return Moves(anchor=_checks.lock_floats(anchor), absolute=lengths if absolute else ())
+    return Moves(anchor=_checks.lock_floats(anchor), absolute=lengths if asked.absolute else ())
 
 
 def _middle(program: Program) -> FloatArray:

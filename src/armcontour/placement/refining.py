@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from armcontour._progress import Progress, Step
-from armcontour.placement.axes import Axis
+from armcontour.jobs.axes import Axis
 from armcontour.placement.judging import Judge, Verdict
 from armcontour.placement.searching import shown
 

@@ -14,7 +14,8 @@ import numpy as np
 from armcontour._process import processors
 from armcontour._processes import share_work
 from armcontour._progress import Progress, Step
-from armcontour.placement.judging import CYCLE, Judge, Verdict
+from armcontour.jobs.place_search import CYCLE
+from armcontour.placement.judging import Judge, Verdict
 from armcontour.placement.screening import Screened
 
 # Places that are looked at together without a plan: about a quarter of a second of work.

@@ -100,10 +100,14 @@ def _pass_again(program: Program, process: Process) -> Program:
     moves: list[Move] = []
     for x in program.moves:
         moves.append(x)
-        if isinstance(x, Contour) and not x.closed:
-            for k in range(2, process.of_layer(x.layer).passes + 1):
+        passes = process.of_layer(x.layer).passes if isinstance(x, Contour) else 1
+        # Whether a contour is closed takes longer than all else here.
+        if isinstance(x, Contour) and passes > 1 and not x.closed:
+            for k in range(2, passes + 1):
                 name = f"{shorten(x.name, LONGEST_NAME - len(f' ({k})'))} ({k})" if x.name else ""
                 moves.append(dataclasses.replace(x, name=name))
+    if len(moves) == len(program.moves):
+        return program
     return dataclasses.replace(program, moves=tuple(moves))
 
 

@@ -93,6 +93,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants, *, dr
         "waypoints": [] if handles is None else _waypoints(handles),
         "sliders": [] if seen.job is None else sliders_of(data, seen.job, run),
         "obstacles": [] if seen.job is None else obstacles_of(data),
+        "placement": seen.job is not None and bool(seen.job.placement and seen.job.placement.over),
         "text": document.text,
         "draft": draft,
         "sentence": None if seen.error is None else str(seen.error),

@@ -39,11 +39,13 @@ def with_one_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
+    asked = model.placement
     return dataclasses.replace(
         model,
         runs={name: _without_experiment(model, name)},
         published=None,
         certificate=None,
+        placement=None if asked is None else dataclasses.replace(asked, run=None),
         experiment=None,
     )
 

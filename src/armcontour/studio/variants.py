@@ -16,7 +16,7 @@ MOST_PINS = 50
 # Keys that a run can have in the place of the job's.
 SHARED = tuple(x.name for x in fields(RunModel) if x.name in {y.name for y in fields(JobModel)})
 # Keys that say nothing of a motion.
-WORDS = ("name", "title", "runs", "published", "certificate")
+WORDS = ("name", "title", "runs", "published", "certificate", "placement")
 
 
 @dataclass(slots=True)
@@ -207,8 +207,9 @@ def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
     published, experiment = data.get("published") or {}, data.get("experiment") or {}
     if name in (experiment.get("runs") or []):
         changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
-    if (data.get("certificate") or {}).get("run") == name:
-        changes.append(Change(("certificate", "run")))
+    for key in ("certificate", "placement"):
+        if (data.get(key) or {}).get("run") == name:
+            changes.append(Change((key, "run")))
     if (published.get("time_stamps") or {}).get("run") == name:
         changes.append(Change(("published", "time_stamps")))
     return changes

@@ -5,6 +5,7 @@ import pytest
 import yaml
 from tests.studio.tasks.asking import ask
 
+from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.jobs import teach
 
@@ -39,3 +40,38 @@ def test_a_place_that_is_better_is_found_in_the_plane(coarse, drawings):
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
     taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]
     assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
+
+
+ASKED = {"over": {"x": {"from": -0.02, "to": 0.02, "places": 2}}, "refine": False, "run": "optimal"}
+
+
+def test_the_question_is_that_of_the_job_and_options_replace_its_keys(coarse, drawings):
+    data = coarse | {"placement": ASKED}
+    found = ask("place", data, "optimal", drawings)
+    assert found.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
+    more = ask("place", data, "optimal", drawings, over={"y": [0.01, 0.01, 1]})
+    np.testing.assert_allclose(more.arrays["by"], [[-0.02, 0.01], [0.02, 0.01]], atol=1e-7)
+    over = {"y": [0.0, 0.01, 2]}
+    alone = ask("place", data, "optimal", drawings, over=over, as_job=False, refined=False)
+    np.testing.assert_allclose(alone.arrays["by"], [[0, 0], [0, 0.01]], atol=1e-7)
+
+
+def test_shifts_are_from_where_the_part_is_if_places_are_coordinates(coarse, drawings):
+    span = {"from": 0.0, "to": 0.0, "places": 1}
+    data = coarse | {"placement": ASKED | {"over": {"x": span}}}
+    here = ask("place", data, "optimal", drawings)
+    anchor = float(here.header["anchor"][0])
+    span = {"from": anchor + 0.01, "to": anchor + 0.02, "places": 2}
+    data = coarse | {"placement": ASKED | {"over": {"x": span}, "absolute": True}}
+    found = ask("place", data, "optimal", drawings)
+    np.testing.assert_allclose(found.arrays["by"], [[0.01, 0], [0.02, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"what": "base"}, "cannot place the base"), ({"over": {"z": [0, 0.1, 2]}}, "along z")],
+)
+def test_what_a_click_on_the_map_cannot_do_is_refused(coarse, drawings, options, words):
+    data = coarse | {"placement": ASKED}
+    with pytest.raises(InvalidInput, match=words):
+        ask("place", data, "optimal", drawings, **options)

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour._text import list_some
 from armcontour.arms.chain import link_poses
-from armcontour.clearance import Cell, Clearance, PairClearance
+from armcontour.clearance import Clearance, PairClearance
 from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.report.figure import Figure
@@ -89,7 +89,7 @@ def _nearest(job: Job, found: Clearance) -> PairClearance | None:
 def _over_time(job: Job, name: str, result: RunResult) -> Any:
     """Figure of the least distances of every kind over time, planned and executed."""
     figure = Figure()
-    cell = Cell(job.arm, job.scene or Scene())
+    cell = job.cell
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
     planned = cell.least_over(result.trajectory(t))
     executed = result.execution

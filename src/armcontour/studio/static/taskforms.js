@@ -23,8 +23,12 @@ import { make } from "./dom.js";
  * @property {(values: Record<string, any>, sliders: any[]) => Record<string, any>} options for the server
  */
 
-/** Placements that are compared: the range goes to both sides of the part's own place. */
+/**
+ * Placements that are compared: those of the job's key `placement`, or ranges to both sides of the part's own
+ * place.
+ */
 const PLACE_FIELDS = /** @type {Field[]} */ ([
+  { name: "as_job", label: "as in the job (placement)", kind: "tick", value: true },
   { name: "x", label: "x ±", kind: "number", value: 200, min: 0, max: 5000, unit: "mm" },
   { name: "y", label: "y ±", kind: "number", value: 200, min: 0, max: 5000, unit: "mm" },
   { name: "steps", label: "places a side", kind: "number", value: 9, min: 2, max: 60 },
@@ -82,14 +86,15 @@ export const TASKS = [
  * @param {Record<string, any>} values
  * @returns {Record<string, any>}
  */
-function placeOptions({ x, y, yaw, steps, objective, every }) {
+function placeOptions({ as_job, x, y, yaw, steps, objective, every }) {
+  if (as_job) return {};
   /** @type {Record<string, [number, number, number]>} */
   const over = {};
   if (x > 0) over.x = [-x / 1000, x / 1000, steps];
   if (y > 0) over.y = [-y / 1000, y / 1000, steps];
   const turn = (yaw * Math.PI) / 180;
   if (turn > 0) over.yaw = [-turn, turn, Math.min(steps, 13)];
-  return { over, objective, every };
+  return { as_job, over, objective, every };
 }
 
 /** A task's button, sentence and choices. */
@@ -137,18 +142,28 @@ export class Form {
     const found = /** @type {Record<string, any>} */ ({});
     for (const { name, kind } of this.task.fields) {
       const input = /** @type {HTMLInputElement} */ (this.inputs.get(name));
-      if (kind === "tick") found[name] = input.checked;
+      if (kind === "tick") found[name] = input.checked && !input.disabled;
       else found[name] = kind === "number" ? Number(input.value) : input.value.trim();
     }
     return found;
   }
 
-  /** @param {{open: boolean, busy: boolean, sliders: any[]}} state */
-  renew({ open, busy, sliders }) {
+  /** @param {{open: boolean, busy: boolean, sliders: any[], placement: boolean}} state */
+  renew({ open, busy, sliders, placement }) {
     this.button.disabled = !open || busy;
     this.button.title = busy ? "One task at a time: wait, or cancel it" : "";
     this.sliders = sliders;
+    if (this.task.task === "place") this.setAsJob(placement);
     if (this.task.task === "sweep") this.setKeys(sliders.filter((x) => !x.choices && x.min < x.max).map((x) => [x.key, x.label]));
+  }
+
+  /** Whether the job itself says what to do; then other choices are off. @param {boolean} known */
+  setAsJob(known) {
+    const tick = /** @type {HTMLInputElement} */ (this.inputs.get("as_job"));
+    tick.disabled = !known;
+    tick.closest("label")?.toggleAttribute("hidden", !known);
+    for (const [name, input] of this.inputs) if (name !== "as_job") input.disabled = known && tick.checked;
+    tick.onchange = () => this.setAsJob(!tick.disabled);
   }
 
   /** @param {[string, string][]} keys and their labels */

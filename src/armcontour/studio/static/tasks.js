@@ -56,7 +56,8 @@ class Tasks {
   renew() {
     const head = this.store.document;
     const open = this.link.state.state === "open" && head !== null;
-    for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, sliders: head?.sliders ?? [] });
+    const known = { sliders: head?.sliders ?? [], placement: head?.placement ?? false };
+    for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, ...known });
     if (!open) for (const id of [...this.running.keys()]) this.end(id, "failed", "The connection was lost, and this work with it.");
   }
 

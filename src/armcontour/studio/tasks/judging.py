@@ -43,12 +43,10 @@ def check(x: Request) -> Frame:
 
 def clearance(x: Request) -> Frame:
     """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
-    from armcontour.clearance import Cell
     from armcontour.jobs import teach
-    from armcontour.scene import Scene
     from armcontour.studio.view import short
 
-    cell = Cell(x.job.arm, x.job.scene or Scene())
+    cell = x.job.cell
     try:
         plan = x.taught
     except Collision:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.jobs import PlaceSearch
+from armcontour.jobs.axes import LENGTHS
+from armcontour.scene.scene import BASE
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
+    from armcontour.jobs import Job
     from armcontour.studio.view import View
 
 # A sweep has so many points by default.
@@ -69,13 +74,16 @@ def _values(x: Request) -> Any:
 def place(x: Request) -> Frame:
     """Where the part lies best: a map of a grid of places, and the best place.
 
-    Options: those of `placement.place`, such as `over`. Shifts are in the plane of the picture.
+    Options: those of `placement.place`, such as `over`, which replace keys of the job's
+    `placement`; with `as_job` false they stand alone. Shifts are in the plane of the picture.
     """
     from armcontour.placement import place, shown
 
     given = dict(x.options)
     given.setdefault("processes", 1)
-    found = place(x.job, x.run, progress=x.progress, **given)
+    job = x.job if given.pop("as_job", True) else replace(x.job, placement=None)
+    _refuse_unseen(job, given)
+    found = place(job, x.run, progress=x.progress, **given)
     verdicts, objective = found.verdicts, found.objective
     places = [found.place(k) for k in range(len(verdicts))]
     kinds = list(found.refusals)
@@ -85,13 +93,17 @@ def place(x: Request) -> Frame:
     if np.isfinite(gained):
         than = "less" if gained >= 0 else "more"
         sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part is now."
+    anchor = found.moves.anchor
+    # Shifts are from where the part is.
+    own = dict(zip(LENGTHS, anchor.tolist(), strict=True))
+    zero = {name: own[name] for name in found.moves.absolute}
     header = {
         **{"run": found.run.name, "sentence": sentence, "objective": objective},
         "axes": [{"name": y.name, "values": y.values} for y in found.axes],
-        "anchor": x.view.uv(found.moves.anchor),
+        "anchor": x.view.uv(anchor),
         "refusals": kinds,
         "best": {
-            **{"values": best.values, "by": _shift(x.view, best.values)},
+            **{"values": best.values, "by": _shift(x.view, best.values, zero)},
             **{"turn": best.values.get("yaw", 0.0), "duration": best.verdict.duration},
         },
         "own": {"duration": found.own.duration, "refusal": found.own.refusal},
@@ -100,7 +112,7 @@ def place(x: Request) -> Frame:
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
     arrays: dict[str, Any] = {
-        "by": np.array([_shift(x.view, y) for y in places], dtype=np.float32),
+        "by": np.array([_shift(x.view, y, zero) for y in places], dtype=np.float32),
         "turn": np.array([y.get("yaw", 0.0) for y in places], dtype=np.float32),
         "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
         "score": scores.astype(np.float32),
@@ -109,7 +121,23 @@ def place(x: Request) -> Frame:
     return Frame("result", header, arrays)
 
 
-def _shift(view: View, values: Mapping[str, float]) -> Any:
+def _refuse_unseen(job: Job, given: Mapping[str, Any]) -> None:
+    """Refuse what a click on the picture cannot do.
+
+    Raises:
+        InvalidInput: The base is to move, or the part out of the plane.
+    """
+    own = job.placement or PlaceSearch()
+    axes = [name for name in ("z", "tilt") if name in {**own.over, **(given.get("over") or {})}]
+    if axes or given.get("what", own.what) == BASE:
+        what = f"along {' and '.join(axes)}" if axes else "the base"
+        raise InvalidInput(
+            f"The map of places is in the plane of the drawing, so it cannot place {what}: "
+            "use `armcontour place`, or untick *as in the job* and give ranges of x, y and turn."
+        )
+
+
+def _shift(view: View, values: Mapping[str, float], zero: Mapping[str, float]) -> Any:
     """The shift of a place in the plane of the picture [m], (2,)."""
-    shift = np.array([values.get(name, 0.0) for name in "xyz"])
+    shift = np.array([values.get(name, 0.0) - zero.get(name, 0.0) for name in LENGTHS])
     return view.offsets(shift[None])[0]

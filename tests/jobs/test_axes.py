@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armcontour.errors import InvalidInput
+from armcontour.jobs.axes import corners_of, read_axes, read_uncertainty
 from armcontour.placement import Moves
-from armcontour.placement.axes import corners_of, read_axes, read_uncertainty
 
 NUMBERS = st.floats(-2, 2)
 
@@ -76,3 +76,7 @@ def test_the_plane_has_three_axes() -> None:
         read_uncertainty({"tilt": 0.1}, 2)
     with pytest.raises(InvalidInput, match="uncertainty of x"):
         read_uncertainty({"x": -0.1}, 2)
+
+
+def test_an_axis_without_uncertainty_is_as_if_not_named() -> None:
+    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}

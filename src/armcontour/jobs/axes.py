@@ -13,7 +13,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, exp
 
 # The axes, with their units; in a grid the last one changes fastest.
 UNITS = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "tilt": "rad"}
@@ -57,47 +56,6 @@ class Axis:
         return float(np.diff(self.values).max()) if len(self.values) > 1 else 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moves:
-    """How coordinates of a place move the part, or the base.
-
-    All coordinates are those of the job's path.
-
-    Args:
-        anchor: The point that x, y and z move and that yaw and tilt turn about [m], (3,).
-        absolute: The axes among x, y and z whose values are coordinates of the anchor; other
-            values are added to it.
-    """
-
-    anchor: FloatArray
-    absolute: tuple[str, ...] = ()
-
-    def frame(self, place: Mapping[str, float]) -> Frame:
-        """Where what moves is taken: it was in the frame of the identity before.
-
-        Args:
-            place: Values of some axes [m, rad]; what is not named does not move.
-        """
-        found = self.frames([place])[0]
-        return Frame(position=found[:, 3], rotation=found[:, :3])
-
-    def frames(self, places: Sequence[Mapping[str, float]]) -> FloatArray:
-        """Rotations and positions of the same frames of several places, (n, 3, 4).
-
-        Args:
-            places: Values of some axes [m, rad] in each.
-        """
-        yaw, tilt = np.zeros((2, len(places), 3))
-        target = np.tile(self.anchor, (len(places), 1))
-        for n, place in enumerate(places):
-            yaw[n, 2], tilt[n, 1] = place.get("yaw", 0.0), place.get("tilt", 0.0)
-            for k, name in enumerate(LENGTHS):
-                if name in place:
-                    target[n, k] = place[name] + (0.0 if name in self.absolute else target[n, k])
-        turned = exp(yaw) @ exp(tilt)
-        return np.concatenate([turned, (target - turned @ self.anchor)[..., None]], axis=2)
-
-
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
     """The axes of a grid, in the order of `AXES`.
 
@@ -112,7 +70,7 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
     if not isinstance(over, Mapping) or not over:
         raise InvalidInput(
             "over names the axes along which to place, each with its range and number of places, "
-            "such as over={'x': (-0.1, 0.1, 11)}."
+            "such as over={'x': (-0.1, 0.1, 11)}; in a job file they are the key placement.over."
         )
     for name in over:
         _refuse_axis(name, known, "over")
@@ -129,24 +87,25 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
 
 
 def read_uncertainty(given: Mapping[str, float] | None, dimension: int) -> dict[str, float]:
-    """By how much a part may be off its place, of some axes [m, rad].
+    """By how much a part may be off its place, of some axes [m, rad]; zeros are left out.
 
     Raises:
-        InvalidInput: An unknown axis, or a value that is not above zero.
+        InvalidInput: An unknown axis, or a value below zero.
     """
     known = AXES if dimension == 3 else IN_PLANE
     for name in given or {}:
         _refuse_axis(name, known, "uncertainty")
-    return {
+    sizes = {
         name: _checks.between(
             f"uncertainty of {name}",
-            _checks.positive(f"uncertainty of {name}", value, UNITS[name]),
+            _checks.not_negative(f"uncertainty of {name}", value, UNITS[name]),
             0,
             FARTHEST[UNITS[name]],
             UNITS[name],
         )
         for name, value in (given or {}).items()
     }
+    return {name: size for name, size in sizes.items() if size}
 
 
 def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
