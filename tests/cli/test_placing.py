@@ -254,3 +254,16 @@ placement:
     run = (tmp_path / "own" / "job.yaml", "--no-simulation", "--out", tmp_path / "run")
     code, _, errors = command("run", *run)
     assert code == 0, errors
+
+
+def test_what_is_wrong_with_a_tool_to_compare_is_said_with_its_name(command, tmp_path) -> None:
+    job = tmp_path / "job.yaml"
+    body = "{name: cap, radius: 1 cm, at: [0, 0, 0], margin: 1 mm}"
+    asked = f"""\
+placement:
+  over: {{z: {{from: 0, to: 0, places: 1}}}}
+  tools: {{short: {{shapes: {{spheres: [{body}]}}}}}}
+"""
+    job.write_text(SPACE + asked, encoding="utf-8")
+    code, _, errors = command("place", job, "--out", tmp_path / "placed")
+    assert code == 2 and "short: job.yaml: arm.tool.shapes.spheres" in " ".join(errors.split())

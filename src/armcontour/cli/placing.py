@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     """
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import share_progress
-    from armcontour.errors import InvalidInput
+    from armcontour.errors import InvalidInput, locate_errors
     from armcontour.io import ResultFolder, placement_csv, placement_json
     from armcontour.io.job_model import PlacementModel
     from armcontour.io.place_axes import AxesModel
@@ -62,7 +63,9 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
 
             def find(name: str, overrides: JobOverrides) -> Placement:
                 tell = under(progress, name) if name else progress
-                job = open_job(file, job_options, under(tell, "reading"), overrides)
+                # What is wrong with an arm or a tool to compare is said with its name.
+                with locate_errors(name) if name else nullcontext():
+                    job = open_job(file, job_options, under(tell, "reading"), overrides)
                 return place(
                     _alone(job),
                     x.run_name,
