@@ -11,8 +11,9 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour.certification._derating import CAUSES, Derating
 from armcontour.motion import Trajectory
 
-# Less than this share of a limit is not said: searches aim that little below their limits.
-LEAST = 1e-5
+# Less than this share of a limit is not lowered: searches aim that little below their limits. What
+# is nowhere lowered by more than SAID is not worth a sentence.
+LEAST, SAID = 1e-5, 1e-3
 # A larger share of a contour is called all of it.
 NEARLY_ALL = 0.995
 # Why something is lowered, after "for".
@@ -94,7 +95,7 @@ def find_lowered(
         for number, cause in enumerate(CAUSES):
             share = np.where(derating.cap_by == number, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
-            if share[k] > LEAST:
+            if share[k] > SAID:
                 yield Lowered(
                     what="speed",
                     cause=cause,
@@ -105,7 +106,7 @@ def find_lowered(
         for cause, left in derating.share_by.items():
             share = 1 - left
             k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
-            if share[k, j] > LEAST:
+            if share[k, j] > SAID:
                 alike = bool((left == left[:, :1]).all())
                 yield Lowered(
                     what="acceleration",
@@ -115,7 +116,7 @@ def find_lowered(
                     **at(k, np.asarray((share > LEAST).any(axis=1))),
                 )
         for name, factor in factors.items():
-            if 1 - factor > LEAST:
+            if 1 - factor > SAID:
                 yield Lowered(
                     what=name,
                     cause="limit",
