@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 import armcontour as ac
+from armcontour.certification._search import Search
 from armcontour.cli.certifying import certified_rows
 from armcontour.io import certificate_json, parse_job
 from armcontour.program import Contour, Rapid
@@ -122,3 +123,92 @@ def test_a_program_of_several_contours_is_refused():
 def test_servos_know_no_friction():
     with pytest.raises(ac.InvalidInput, match="plant: rigid_body"):
         ac.certify(parse_job(JOB), plant="servo")
+
+
+# Bodies overshoot the assigned velocity after the corner, which the linear model does not see.
+OVERSHOOT = """
+name: overshoot
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.24]]}
+limits: {speed: 0.05 m/s, joint_acceleration: 2}
+corners: {tolerance: 0.25 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.5 mm, plant: rigid_body}
+runs:
+  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 400}}
+"""
+
+
+@pytest.fixture(scope="module")
+def overshooting():
+    return ac.certify(parse_job(OVERSHOOT))
+
+
+def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
+    found = overshooting
+    (contour,) = found.contours
+    # It holds, and takes no more than what it did when the speed was lowered everywhere, 1.7957 s.
+    assert contour.speed_ratio <= 1.001 and not found.check.violated
+    assert found.duration < 1.7954
+    (tool,) = (x for x in contour.lowered if x.cause == "tool")
+    assert tool.what == "speed" and 0.001 < tool.share < 0.1
+    assert tool.s == pytest.approx(0.04, abs=2e-3) and tool.length < 0.15 * contour.path.length
+    assert found.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
+    # Far from the corner the tool has the whole assigned velocity.
+    assert found.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
+
+
+def test_what_was_lowered_is_said_with_its_place_and_its_reason(overshooting):
+    said = overshooting.lowered
+    assert len(said) == 2 and said[0].startswith("acceleration of joint 1 by up to ")
+    assert "along the whole contour" in said[0] and "acceleration limits of the joints" in said[0]
+    assert said[1].startswith("speed by up to ") and "mm of 79.74 mm, most at s = 0.04" in said[1]
+    assert said[1].endswith("the executed tool, which passed the assigned velocity")
+    data = json.loads(certificate_json(overshooting))["certificate"]
+    causes = {x["cause"] for x in data["contours"][0]["lowered"]}
+    assert causes == {"acceleration", "tool"} and data["on_bodies"] is None
+    page = render_report(overshooting.study, certificate=overshooting)
+    assert "Lowered: speed by up to " in page
+    assert "lowered" in str(overshooting.contours[0])
+
+
+def test_what_refuses_a_job_is_found_before_the_search(monkeypatch):
+    monkeypatch.setattr(Search, "fastest", lambda self: pytest.fail("the search has begun"))
+    early = OVERSHOOT + "process: {events: [{name: gas, at: 0 mm, lead_time: 0.1 s}]}\n"
+    with pytest.raises(ac.InvalidInput, match=r"The event gas is to come 0\.1 s before the motion"):
+        ac.certify(parse_job(early))
+
+
+def test_bodies_that_rest_too_far_from_the_start_are_refused_before_the_search(monkeypatch):
+    monkeypatch.setattr(Search, "fastest", lambda self: pytest.fail("the search has begun"))
+    with pytest.raises(ac.NotRealizable, match="At rest at the start of its path") as raised:
+        ac.certify(parse_job(SAGGING))
+    assert raised.value.needed > raised.value.allowed == 0.5e-3
+
+
+# An arm in space whose controller does not hold it against gravity.
+SAGGING = """
+name: sagging
+arm: ur5e
+path: {orientation: {axis: [0, 0, -1]}, points: [[0.45, 0, 0.2], [0.5, 0, 0.2]]}
+limits: {speed: 0.05 m/s, joint_acceleration: 6.4}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.5 mm, plant: rigid_body}
+experiment: {gravity_feedforward: false}
+runs:
+  only: {compensation: {method: pole_placement}, timing: {intervals: 100}}
+"""
+
+
+def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
+    job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
+    found = ac.certify(parse_job(job))
+    assert found.on_bodies is not None
+    assert found.on_bodies.startswith("It is true of independent servos only: on the arm's rigid")
+    assert "plant: rigid_body" in found.on_bodies
+    page = render_report(found.study, certificate=found)
+    assert "It is true of independent servos only" in page
+    tried = ac.certify(parse_job(job + "experiment: {}\n"))
+    e = tried.experiment.evaluation
+    off = max(e.contour_error.max, e.missed.max) * 1e3
+    assert f"the contour error is {off:.4g} mm" in tried.on_bodies

@@ -236,3 +236,44 @@ def test_an_arm_without_masses_has_no_simulated_bodies(command, tmp_path):
     code, _, errors = command("learn", file, "--simulate", "1", "--out", out)
     assert code == 2 and "has no masses" in errors and errors.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_log_is_judged_without_learning(command, shop, tmp_path):
+    log, out = written(tmp_path, shop.table), tmp_path / "judged"
+    code, shown, errors = command("learn", shop.file, "--log", log, "--judge-only", "--out", out)
+    assert code == 0, errors
+    assert "contour error in run.csv" in shown and "Go on" not in shown
+    assert "Set-points of the next run" not in shown
+    assert {x.name for x in out.iterdir()} == {".armcontour.json", "report.html", "summary.json"}
+    data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    found = data["judged"]
+    # What the log has, by the nearest places of its samples.
+    t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
+    inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
+    off = shop.plan.path.path.project(shop.job.arm.forward(q[inside])).distance
+    assert found["contour_error"]["max"] == pytest.approx(off.max(), rel=0.05)
+    assert found["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.05)
+    at = found["contour_error"]["t_max"]
+    assert abs(at - t[inside][off.argmax()]) < 0.1 and data["units"]["tool_rms"] == "m"
+    assert found["contours"][0]["missed"]["max"] > 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="judged"' in page and "as measured" in page
+
+    # The same as the errors from which it learns.
+    code, shown, errors = command(
+        "learn", shop.file, "--taught", shop.first, "--log", log, "--judge-only", "--json"
+    )
+    assert code == 0, errors
+    code, learned, errors = command(
+        "learn", shop.file, "--taught", shop.first, "--log", log, "--out", tmp_path / "n", "--json"
+    )
+    assert code == 0, errors
+    first = json.loads(learned)["learning"]["runs"][0]
+    assert json.loads(shown)["judged"]["contour_rms"] == first["contour_rms"]
+
+
+def test_judging_needs_a_log_and_no_simulation(command, shop):
+    code, _, errors = command("learn", shop.file, "--judge-only")
+    assert code == 2 and "--judge-only needs what the robot did, --log" in errors
+    code, _, errors = command("learn", shop.file, "--judge-only", "--simulate", "2")
+    assert code == 2 and "--judge-only goes with --log" in errors

@@ -250,3 +250,22 @@ def test_what_does_not_go_with_a_kind_of_file(tmp_path: FilePath) -> None:
         read_trajectory(tmp_path / "a.csv", topic="/joint_states")
     with pytest.raises(InvalidInput, match="no columns to name"):
         read_trajectory(tmp_path / "a.yaml", columns="t,q1")
+
+
+def test_joints_of_another_arm_are_said_once():
+    names = ("shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3", "flange")
+    titles = [f"{kind} {x} [rad{unit}]" for kind, unit in
+              (("q", ""), ("dq", "/s"), ("ddq", "/s^2")) for x in names]  # fmt: skip
+    text = ",".join(["t [s]", *titles]) + "\n" + ",".join(["0"] * 19) + "\n"
+    with pytest.raises(ac.InvalidInput) as raised:
+        parse_trajectory(text, ("joint 1", "joint 2"))
+    said = str(raised.value)
+    assert "has positions of 6 joints ('shoulder', 'elbow', 'wrist_1'" in said
+    assert "but the arm has 2 ('joint 1', 'joint 2'): give the arm of the file with --arm." in said
+    assert "not known" not in said and "[rad/s]" not in said
+
+
+def test_many_unknown_columns_are_not_all_named():
+    text = ",".join(["t", *(f"x{k}" for k in range(20))]) + "\n" + ",".join(["0"] * 21) + "\n"
+    with pytest.raises(ac.InvalidInput, match="'x7' and 12 more are not known"):
+        parse_trajectory(text, ("joint 1", "joint 2"))

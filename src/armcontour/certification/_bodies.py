@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,13 +12,15 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._uses import (
     SPEED_SLACK,
+    Robot,
     Setting,
     Uses,
     assigned_speeds,
     command_use,
     planned_uses,
 )
-from armcontour.execution import RigidBodyPlant
+from armcontour.execution import RigidBodyPlant, execute
+from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
 from armcontour.robustness.bodies import BodyRuns, describe, spread_on_bodies
 from armcontour.robustness.box import Box
@@ -106,6 +108,22 @@ def look(setting: Setting, taught: TaughtData) -> Deviations:
         gravity_feedforward=setting.drive_options.get("gravity_feedforward", True),
         memory=setting.memory,
     )
+
+
+def rest_at_start(robot: Robot, path: Path, taught: TaughtData) -> float:
+    """Distance from the tool to the start of its path while the robot rests at it [m].
+
+    Args:
+        robot: The robot.
+        path: The path.
+        taught: Set-points along the path.
+
+    Raises:
+        ExecutionError: The drives are too weak to hold the robot, or do not settle.
+    """
+    standing = replace(taught, q=np.tile(taught.q[0], (2, 1)))
+    executed = execute(standing, robot.plant(), resolution=robot.resolution)
+    return float(np.linalg.norm(executed.tool[0] - path(0.0)))
 
 
 def execute_bodies(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -23,6 +23,10 @@ from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import refuse_out_of_range
 
+# What limits are derated for: the demand and the plan's own acceleration, what bounds the speed of
+# plan and command, the speed of the executed tool, its contour error, and that of robots of a box.
+CAUSES = ("acceleration", "speed", "tool", "error", "box")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Derating:
@@ -32,13 +36,21 @@ class Derating:
         cells: Arc lengths of the ends of the cells [m], (n + 1,).
         share: Share that is left of each joint's acceleration limit, (n, dof).
         cap: Largest ds² [m²/s²], infinite where the speed is not derated, (n,).
+        share_by: Share that each cause leaves of acceleration limits, by the names in `CAUSES`,
+            (n, dof) each; `share` is their product.
+        cap_by: Cause of the cap in every cell: its index in `CAUSES`, -1 without a known one,
+            (n,).
     """
 
     cells: FloatArray
     share: FloatArray
     cap: FloatArray
+    share_by: Mapping[str, FloatArray] = field(default_factory=dict)
+    cap_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
+        if not len(self.cap_by):
+            object.__setattr__(self, "cap_by", np.full(len(self.cap), -1))
         for name in ("cells", "share", "cap"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
@@ -47,7 +59,37 @@ class Derating:
         """Make the cells from the first grid of a plan of the path, with nothing derated."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
-        return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))
+        return cls(
+            cells=cells,
+            share=np.ones((n, joint_path.dof)),
+            cap=np.full(n, np.inf),
+        )
+
+    def with_share(self, left: FloatArray | float, cause: str) -> Derating:
+        """The derating with a smaller share of acceleration limits.
+
+        Args:
+            left: What is left of the shares, for all cells and joints alike.
+            cause: What it is for, of `CAUSES`.
+        """
+        before = self.share_by.get(cause, np.ones_like(self.share))
+        return replace(
+            self, share=self.share * left, share_by={**self.share_by, cause: before * left}
+        )
+
+    def with_cap(self, cap: FloatArray, cause: str) -> Derating:
+        """The derating with caps of the speed, where they are below those that it has.
+
+        Args:
+            cap: Largest ds² [m²/s²], (n,).
+            cause: What it is for, of `CAUSES`.
+        """
+        lower = cap < self.cap
+        return replace(
+            self,
+            cap=np.where(lower, cap, self.cap),
+            cap_by=np.where(lower, CAUSES.index(cause), self.cap_by),
+        )
 
     @property
     def width(self) -> FloatArray:

@@ -32,6 +32,8 @@ def refuse(search: Search) -> NoReturn:
             allowed=goal.slowest,
         )
     if kind == "acceleration":
+        if setting.run.compensation == "inverse_dynamics" and not setting.bodies:
+            shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
         raise NotRealizable(
             f"No plan {slow} is certified: its set-points would need {ratio:.4g} times a joint's "
             f"acceleration limit, as they come every {search.setting.run.period * 1e3:g} ms"

@@ -32,6 +32,7 @@ from armcontour.certification._uses import (
     run,
     uses_of,
 )
+from armcontour.errors import NotRealizable
 from armcontour.evaluation import Check, check
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
@@ -158,6 +159,7 @@ class Search:
 
     Attributes:
         optimum: Duration of the plan with nothing derated [s]; set by the first trial.
+        squares: Largest ds² of that plan in every cell of the derating [m²/s²], (n,).
         trials: How many were made.
         reached: Smallest contour error of any trial that was fast enough, over the box if there is
             one [m].
@@ -181,6 +183,7 @@ class Search:
     intervals: int | None = None
     margin: float = 1.0
     optimum: float = np.nan
+    squares: FloatArray = field(default_factory=lambda: np.zeros(0))
     trials: int = 0
     reached: float = np.inf
     outside: float = np.inf
@@ -316,15 +319,24 @@ class Search:
         nothing = self.known_derating.get(windows) or Derating.nothing(
             self.joint_path, self.intervals
         )
-        derating = replace(nothing, share=share * nothing.share)
-        factors = {} if self.torque_goal == 1.0 else {"joint_torque": self.torque_goal}
+        derating = nothing if share == 1.0 else nothing.with_share(share, "error")
+        factors: Mapping[str, float] = (
+            {} if self.torque_goal == 1.0 else {"joint_torque": self.torque_goal}
+        )
         self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
         self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
         self.tightness = {name: x * self.margin for name, x in self.tightness.items()}
         for number in range(MOST_TRIALS):
-            trial = self._trial(windows, derating, factors)
+            try:
+                trial = self._trial(windows, derating, factors)
+            except NotRealizable:
+                if number == 0:
+                    raise
+                # What was derated leaves no plan.
+                return None
             if np.isnan(self.optimum):
                 self.optimum = trial.plan.duration
+                self.squares = _squares(trial.plan, derating.cells)
             duration = trial.trajectory.duration
             self.in_time = duration < min(self.best_time, self.goal.slowest * self.optimum)
             if not self.in_time:
@@ -337,7 +349,7 @@ class Search:
                 found = self._judge(trial)
                 if found is None or isinstance(found, Kept):
                     return found
-                factors = found
+                trial, factors = found, found.factors
             first = number == 0 and not self.setting.saturated
             derating = self._tighten(trial, first=first, power=1 + number // PATIENCE)
         return None
@@ -365,38 +377,44 @@ class Search:
             else uses_of(setting, taught, run(setting, taught)),
         )
 
-    def _judge(self, trial: Trial) -> Kept | dict[str, float] | None:
-        """The trial as one that is kept, or what is to be left of limits that it exceeds.
+    def _judge(self, trial: Trial) -> Kept | Trial | None:
+        """The trial as one that is kept, or with what judging adds to its uses and its factors.
 
         None is that it needs another share of all accelerations. A plan is checked between samples,
-        and bounded there; the corners of the box judge it independently of what the search took for
-        the worst of them.
+        and bounded there; it is executed at more times, or by MuJoCo where the search has a linear
+        model; the corners of the box judge it independently of what the search took for the worst
+        of them. What is exceeded at some time is derated there, as any other use is.
         """
         setting = self.setting
         found = check(trial.trajectory, setting.arm, setting.limits, points=POINTS)
-        uses = bound_uses(trial.trajectory, setting.arm, setting.limits)
+        shares = bound_uses(trial.trajectory, setting.arm, setting.limits)
         for x in found.uses:
-            uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
-        over = {name: ratio for name, ratio in uses.items() if ratio > 1 + KEPT}
-        factors = self._reduce_factors(trial.factors, over)
+            shares[x.name] = max(shares.get(x.name, 0.0), x.ratio)
+        over = {name: ratio for name, ratio in shares.items() if ratio > 1 + KEPT}
         if over:
-            return factors
+            return replace(trial, factors=self._reduce_factors(trial.factors, over))
         executed = execute(
             trial.taught, setting.plant(), resolution=setting.resolution, memory=setting.memory
         )
         if setting.bodies and executed.saturated_time.any():
-            return self._spare_torque(trial.factors, torque_ratio(setting, executed))
+            return self._with_spare_torque(trial, torque_ratio(setting, executed))
         judged = setting.judge(executed)
-        error = max(judged.largest / setting.budget, judged.error.rms / (setting.rms or np.inf))
-        if error > 1.0:
-            self.tightness["error"] *= ERROR_GOAL / error
-            self.binds = ("error", error)
-            return None if setting.saturated else factors
-        speed = float(judged.speed.max()) / (1 + SPEED_SLACK)
-        if speed > 1.0:
-            self.tightness["speed"] /= speed**2 * (1 + KEPT)
-            self.binds = ("tool", speed**2)
-            return factors
+        rms = judged.error.rms / (setting.rms or np.inf)
+        error, speed = judged.largest / setting.budget, judged.speed / (1 + SPEED_SLACK)
+        if max(error, rms) > 1.0 or speed.max() > 1.0:
+            tool = float(speed.max()) ** 2
+            self.binds = ("tool", tool) if tool > max(error, rms) else ("error", max(error, rms))
+            if setting.saturated and max(error, rms) > 1.0:
+                return None
+            if rms > 1.0:
+                self.tightness["error"] *= ERROR_GOAL / rms
+            which, _ = setting.judged(executed)
+            uses = trial.uses.raised(
+                executed.t[which],
+                tool=speed**2 * (1 + KEPT),
+                error=judged.over_time / setting.budget,
+            )
+            return replace(trial, uses=uses)
         kept = Kept(
             trial=trial, execution=executed, judged=judged, check=found, spread=None, corners=None
         )
@@ -408,12 +426,12 @@ class Search:
             few = min(FIRST_CORNERS, self.goal.corners)
             corners = self._execute_bodies(trial, trial.uses.linear.corners(few))
         if setting.bodies and corners.saturated.any():
-            return self._spare_torque(trial.factors, float(corners.demand_ratio.max()))
+            return self._with_spare_torque(trial, float(corners.demand_ratio.max()))
         worst = float(corners.max.max())
         if worst <= setting.budget:
             return replace(kept, corners=corners)
         self.tightness["box"] = self._closer_box(trial, worst, self.tightness["box"])
-        return factors
+        return trial
 
     def _closer_box(self, trial: Trial, worst: float, goal: float) -> float:
         """At which share of the budget the next trials aim over the box.
@@ -428,6 +446,11 @@ class Search:
             # A trial may be nearer to its limits than it aimed at.
             goal = min(goal, trial.uses.worst()["box"])
         return goal * ERROR_GOAL * self.setting.budget / worst
+
+    def _with_spare_torque(self, trial: Trial, ratio: float) -> Trial | None:
+        """A trial in which a drive saturated, with less left of torque limits; see below."""
+        left = self._spare_torque(trial.factors, ratio)
+        return None if left is None else replace(trial, factors=left)
 
     def _spare_torque(self, factors: Mapping[str, float], ratio: float) -> dict[str, float] | None:
         """What is to be left of torque limits after a drive saturated; None without such limits.
@@ -481,43 +504,45 @@ class Search:
             power: With which power of their excess accelerations are derated.
         """
         derating, uses, tight = trial.derating, trial.uses, self.tightness
-        share, cap = derating.share.copy(), derating.cap.copy()
         moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
         speed = _squares(trial.plan, derating.cells)
+
+        def slower(use: FloatArray, left: FloatArray, cause: str) -> Derating:
+            """Derating that leaves a share of ds² in the cells with a use above 1."""
+            return derating.with_cap(np.where(use > 1, speed * left, np.inf), cause)
+
         over = uses.joints * np.maximum(1.0, uses.peak / uses.joints.max(axis=0))
-        for j in range(share.shape[1]):
+        left = np.ones_like(derating.share)
+        for j in range(left.shape[1]):
             use = moment.largest(over[:, j]) / tight["acceleration"]
             if first and (use > 1).any():
                 # Most of it is what the command interval adds to any acceleration: it is derated
                 # everywhere at once, so that it need not be found again as the plan moves.
                 common = float(np.median(use[use > 1]))
-                share[:, j] /= common
+                left[:, j] /= common
                 use = use / common
-            share[:, j] /= np.maximum(use, 1.0) ** power
+            left[:, j] /= np.maximum(use, 1.0) ** power
+        derating = derating.with_share(left, "acceleration")
         use = moment.largest(uses.pace) / tight["speed"]
-        cap = np.where(use > 1, np.minimum(cap, speed / use), cap)
+        derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
         # A servo that nothing makes up for still has what the plan did some time before.
         lags = self.setting.run.compensation == "none" or power > 1
         late = LASTING * self._memory() / 2 if lags else 0.0
         use = moment.largest(uses.tool, before=late) / tight["speed"]
-        cap = np.where(use > 1, np.minimum(cap, speed / np.maximum(use, 1.0) ** power), cap)
+        derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
         if not self.setting.saturated:
-            errors = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
-            slow = np.clip(np.maximum(errors, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
-            share *= slow[:, None]
-            cap = np.where(errors > 1, np.minimum(cap, speed * slow**2), cap)
+            use = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
+            slow = np.clip(np.maximum(use, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
+            derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
         if uses.box is not None:
             # Bodies are late by the time constant of their position loops.
             late = LAGGING / float(self.setting.servo.kp.min()) if self.setting.bodies else 0.0
             use = moment.largest(uses.box, before=late) / tight["box"]
+            slow = 1 / np.maximum(use, 1.0)
+            derating = slower(use, np.maximum(slow, LARGEST_STEP) ** 2, "box")
             if self.setting.bodies:
-                share /= np.maximum(use, 1.0)[:, None]
-            cap = np.where(
-                use > 1,
-                np.minimum(cap, speed * np.maximum(1 / np.maximum(use, 1.0), LARGEST_STEP) ** 2),
-                cap,
-            )
-        return replace(derating, share=share, cap=cap)
+                derating = derating.with_share(slow[:, None], "box")
+        return derating
 
     def _memory(self) -> float:
         """Time for which a command is felt in a joint's demand [s]."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armcontour._progress import Progress, Step
+from armcontour.certification._bodies import rest_at_start
 from armcontour.certification._uses import Robot
 from armcontour.certification._whole import Assembly, Whole
 from armcontour.errors import InvalidInput, NotRealizable
@@ -80,6 +81,8 @@ class Sharing:
     Attributes:
         trials: Number of plans of contours that were made.
         shares: Whether the path takes a part of the tolerance; if not, the servo gets all of it.
+        uncertified: The fastest plan with nothing derated and the whole tolerance for the shape;
+            there once `fastest` has begun.
     """
 
     job: Job
@@ -89,9 +92,13 @@ class Sharing:
     deadline: float = np.inf
     trials: int = 0
     shares: bool = field(init=False)
+    uncertified: Trajectory = field(init=False)
     _programs: tuple[Program, Program] | None = field(init=False, default=None)
+    _traced: Tracing = field(init=False)
 
     def __post_init__(self) -> None:
+        if self.goal.plant == "rigid_body":
+            self._refuse_other_jobs()
         self._programs = self._shape(self.with_shape_of(0.0))
         rounding = self.this.rounding
         free = rounding is not None and rounding.free
@@ -112,6 +119,14 @@ class Sharing:
             Slower: All plans are slower than the deadline.
         """
         goal = self.goal
+        robot = robot_of(self.job, self.this, goal)
+        # The certificate says what it costs compared to this plan. It comes first, since what
+        # refuses it, such as an event before the start, would refuse the certificate at its end.
+        self.progress(Step(("uncertified plan",)))
+        self._traced = trace_run(self.job, self.this, self.largest)
+        self.uncertified = plan_fastest(robot, self.largest, self._traced)
+        if robot.bodies:
+            self._refuse_start(robot)
         if not self.shares:
             budget = goal.servo if goal.tolerance is None else goal.servo or goal.tolerance
             assert budget is not None
@@ -133,6 +148,50 @@ class Sharing:
         assert best is not None  # the search with the last share raises if it fails
         return self._give_rest_to_shape(best)
 
+    def _refuse_other_jobs(self) -> None:
+        """Refuse a job that certificates on rigid bodies are not made for.
+
+        Raises:
+            InvalidInput: The program has several moves, or the arm or the servo has no rigid
+                bodies.
+        """
+        this, rounding = self.this, self.this.rounding
+        if rounding is not None and rounding.free:
+            # The moves are the same, and need no shape.
+            this = replace(this, rounding=rounding.with_arcs)
+        program, robot = programs_of(self.job, this)[0], robot_of(self.job, this, self.goal)
+        if len(program.moves) > 1:
+            raise InvalidInput(
+                f"A certificate on rigid bodies is for one contour, but this program has "
+                f"{len(program.moves)} moves, rapids of approach and retract included: make a job "
+                "of each contour without these, or certify with plant: servo."
+            )
+        Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
+        robot.plant()
+
+    def _refuse_start(self, robot: Robot) -> None:
+        """Refuse rigid bodies that do not rest where the contour starts.
+
+        Raises:
+            ExecutionError: Their drives cannot hold them there, or do not settle.
+            NotRealizable: They rest too far from it.
+        """
+        (contour,) = self.largest.contours
+        off = rest_at_start(robot, contour.path, robot.teach(self.uncertified))
+        goal = self.goal
+        allowed = goal.tolerance if goal.servo is None else goal.servo
+        assert allowed is not None
+        at_work = contour.work is None or contour.work[0] <= 0
+        if at_work and off > allowed:
+            raise NotRealizable(
+                f"At rest at the start of its path the tool is {off * 1e3:.4g} mm from it, since "
+                f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
+                "forward (gravity_feedforward: true), raise kp, or allow more.",
+                limit="contour error",
+                needed=off,
+                allowed=allowed,
+            )
+
     def _refuse_slower(self, budgets: Sequence[float]) -> None:
         """Refuse a run whose fastest plans are slower than the deadline, whatever the budget [m].
 
@@ -142,8 +201,8 @@ class Sharing:
         if not np.isfinite(self.deadline):
             return
         robot = robot_of(self.job, self.this, self.goal)
-        least = np.inf
-        for program in (self.largest, *(self._shape(self.with_shape_of(x))[1] for x in budgets)):
+        least = self.uncertified.duration
+        for program in (self._shape(self.with_shape_of(x))[1] for x in budgets):
             traced = trace_run(self.job, self.this, program)
             least = min(least, plan_fastest(robot, program, traced).duration)
         if least >= self.deadline:
@@ -177,12 +236,15 @@ class Sharing:
         Raises:
             NotRealizable: No plan keeps the goal.
         """
-        this = self.with_shape_of(budget) if this is None else this
-        objective, program = self._shape(this)
+        traced = None
+        if this is None:
+            this = self.with_shape_of(budget)
+            objective, program = self._shape(this)
+            self.progress(Step(("tracing",)))
+        else:
+            assert self._programs is not None
+            (objective, program), traced = self._programs, self._traced
         robot = robot_of(self.job, this, self.goal)
-        if robot.bodies:
-            _refuse_other_jobs(program, robot)
-        self.progress(Step(("tracing",)))
         assembly = Assembly(
             job=self.job,
             robot=robot,
@@ -191,6 +253,7 @@ class Sharing:
             objective=objective,
             program=program,
             progress=self.progress,
+            traced=traced,
         )
         try:
             return Found(this, budget, assembly.whole())
@@ -271,18 +334,3 @@ def shape_part(path: Path) -> float:
     if not isinstance(path, RoundedPath) or not len(path.corners):
         return 0.0
     return float(path.corners.error.max())
-
-
-def _refuse_other_jobs(program: Program, robot: Robot) -> None:
-    """Refuse a job that certificates on rigid bodies are not made for.
-
-    Raises:
-        InvalidInput: The program has several moves, or the arm or the servo has no rigid bodies.
-    """
-    if len(program.moves) > 1:
-        raise InvalidInput(
-            f"A certificate on rigid bodies is for one contour, but this program has "
-            f"{len(program.moves)} moves, rapids of approach and retract included: make a job of "
-            "each contour without these, or certify with plant: servo."
-        )
-    Unknowns.of(robot.box or Box(), robot.arm, robot.servo)

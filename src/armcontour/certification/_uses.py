@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
 
@@ -269,6 +269,21 @@ class Uses:
             "error": max(float(self.error.max()), self.rms),
             "box": 0.0 if self.box is None else float(self.box.max()),
         }
+
+    def raised(self, t: FloatArray, *, tool: FloatArray, error: FloatArray) -> Uses:
+        """The uses, raised to what an execution that was looked at more closely has.
+
+        Args:
+            t: Times of that execution [s], (m,).
+            tool: Its use of the tool's speed, as a ratio of squared speeds, (m,).
+            error: Its use of the budget, (m,).
+        """
+        after = np.clip(np.searchsorted(self.t, t), 0, len(self.t) - 1)
+        found = self.tool.copy(), self.error.copy()
+        for own, seen in zip(found, (tool, error), strict=True):
+            for near in (after, np.maximum(after - 1, 0)):
+                np.maximum.at(own, near, seen)
+        return replace(self, tool=found[0], error=found[1])
 
 
 def run(robot: Robot, taught: TaughtData, resolution: float | None = None) -> Execution:

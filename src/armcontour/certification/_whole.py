@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
 from armcontour.certification._approach import Approach
@@ -65,6 +66,8 @@ class PlannedContour:
         joint_path: The joint path.
         approach: The motion before the contour.
         kept: The plan.
+        squares: Largest ds² of the plan with nothing derated, in the cells of the derating
+            [m²/s²], (n,).
         trials: Number of plans that were made.
     """
 
@@ -72,6 +75,7 @@ class PlannedContour:
     joint_path: JointPath
     approach: Approach
     kept: Kept
+    squares: FloatArray
     trials: int
 
     @property
@@ -133,6 +137,8 @@ class Assembly:
         objective: The program before its corners were rounded.
         program: The program to plan.
         progress: Called with a step before each trial.
+        traced: The traced program; None if it is not traced yet. Tracing does not depend on timing:
+            all rounds share it.
 
     Attributes:
         trials: Number of plans of contours that were made.
@@ -145,9 +151,8 @@ class Assembly:
     objective: Program
     program: Program
     progress: Progress
+    traced: Tracing | None = None
     trials: int = 0
-    # Tracing does not depend on timing: all rounds share it.
-    _traced: Tracing | None = None
     # Plans in the order in which they are needed, and the number of them that this round has used.
     _done: list[Planned] = field(default_factory=list)
     _used: int = 0
@@ -186,9 +191,9 @@ class Assembly:
     def _assemble(self) -> Whole:
         """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
-        if self._traced is None:
-            self._traced = trace_run(self.job, self.robot.run, self.program)
-        trajectory = time_program(self._traced, self)
+        if self.traced is None:
+            self.traced = trace_run(self.job, self.robot.run, self.program)
+        trajectory = time_program(self.traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)
@@ -204,7 +209,7 @@ class Assembly:
             check=checked,
             contours=contours,
             rapids=tuple(x for x in self._done if isinstance(x, Derated)),
-            traced=self._traced,
+            traced=self.traced,
         )
 
     def _execute(
@@ -296,6 +301,7 @@ class Assembly:
             joint_path=joint_path,
             approach=search.approach,
             kept=kept,
+            squares=search.squares,
             trials=search.trials,
         )
 

@@ -13,9 +13,11 @@ from armcontour._describing import brief, line_up, milliseconds, mm
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
+from armcontour.certification.lowering import Lowered
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.execution.rigid_body_plant import can_simulate
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
@@ -113,6 +115,7 @@ class ContourCertificate:
         windows: Windows of the moving averages of s(t) [s].
         derating: Derating of acceleration and speed along the path.
         factors: Shares that are left of limits derated along the whole contour, by their names.
+        lowered: What was derated: how much, where, and for what; the largest share first.
         trajectory: Plan of the contour; times from 0 [s].
         taught: Taught data of the contour, after those of the moves before it that still affect the
             servo.
@@ -136,6 +139,7 @@ class ContourCertificate:
     windows: tuple[float, ...]
     derating: Derating
     factors: dict[str, float]
+    lowered: tuple[Lowered, ...]
     trajectory: Trajectory
     taught: TaughtData
     error: ErrorProfile
@@ -158,6 +162,7 @@ class ContourCertificate:
                 *self.budget.rows,
                 ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
                 ("smoothing", ", ".join(milliseconds(x) for x in self.windows)),
+                *(("lowered", str(x)) for x in self.lowered),
             ],
         )
 
@@ -316,6 +321,42 @@ class Certificate:
     def largest_headroom(self) -> FloatArray:
         """Largest share by which each joint's acceleration limit is derated, (dof,)."""
         return np.asarray(np.max([x.largest_headroom for x in self.contours], axis=0))
+
+    @property
+    def lowered(self) -> tuple[str, ...]:
+        """What was derated, a clause each: of several contours, the one that lost most of each."""
+        most: dict[tuple[str, str], tuple[float, str]] = {}
+        for x in self.contours:
+            of = f"{x.name}: " if len(self.contours) > 1 else ""
+            for y in x.lowered:
+                known = most.get((y.what, y.cause))
+                if known is None or known[0] < y.share:
+                    most[y.what, y.cause] = (y.share, f"{of}{y}")
+        return tuple(said for _, said in sorted(most.values(), reverse=True))
+
+    @property
+    def on_bodies(self) -> str | None:
+        """That a certificate for servos says nothing of the arm's bodies, in a sentence.
+
+        None where it is for bodies, or where there are no bodies or no MuJoCo to judge them.
+        """
+        bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
+        if self.goal.plant == "rigid_body" or not bodies:
+            return None
+        said = "It is true of independent servos only: "
+        if self.experiment is None:
+            said += "on the arm's rigid bodies the tool may be further off"
+        else:
+            e = self.experiment.evaluation
+            off = max(e.contour_error.max, e.missed.max)
+            beyond = "above" if off > self.budget.servo_allowed else "within"
+            said += (
+                f"in the experiment on the arm's rigid bodies the contour error is {mm(off)}, "
+                f"{beyond} the {mm(self.budget.servo_allowed)} that servos keep"
+            )
+        if len(self.path.moves) > 1:
+            return f"{said}; an experiment of the job says how far."
+        return f"{said}; plant: rigid_body (--plant rigid_body) certifies for these."
 
     @property
     def joint_path(self) -> JointPath:

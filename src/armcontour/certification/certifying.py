@@ -16,7 +16,6 @@ from armcontour.certification._sharing import (
     Found,
     Sharing,
     Slower,
-    plan_fastest,
     shape_part,
 )
 from armcontour.certification._uses import Robot, Setting
@@ -28,14 +27,15 @@ from armcontour.certification.certificate import (
     ContourCertificate,
     Uncertified,
 )
+from armcontour.certification.lowering import find_lowered
 from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation import evaluate
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
+from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.programs import trace_run
 from armcontour.jobs.reach import reach_told
 from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
@@ -82,6 +82,9 @@ def certify(
         )
     if this.rounding is not None and this.rounding.free:
         refuse_unkept_jerk(Method.SHAPED, this.limits)
+    if this.experiment is not None:
+        # What refuses the robot of the experiment is said before the search.
+        build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     search = _Certifying(job, this, goal, under(progress))
     with reach_told(job):
         return search.certificate()
@@ -192,8 +195,8 @@ class _Certifying:
                 experiment = on_bodies(job, this, whole.taught, path, objective)
             except ExecutionError as error:
                 failure = error
-        fastest, uncertified = self._uncertified(found, sharing)
-        spans = fastest.contour_spans
+        uncertified = self._uncertified(found, sharing)
+        spans = sharing.uncertified.contour_spans
         return Certificate(
             job=job,
             run=this,
@@ -232,6 +235,13 @@ class _Certifying:
             windows=kept.trial.windows,
             derating=kept.trial.derating,
             factors=dict(kept.trial.factors),
+            lowered=find_lowered(
+                kept.trial.derating,
+                kept.trial.factors,
+                planned.squares,
+                planned.trajectory,
+                span.t[0],
+            ),
             trajectory=planned.trajectory,
             taught=kept.trial.taught,
             error=judged.error,
@@ -267,26 +277,21 @@ class _Certifying:
             servo_allowed=found.budget,
         )
 
-    def _uncertified(self, found: Found, sharing: Sharing) -> tuple[Trajectory, Uncertified]:
-        """Plan and execute with nothing derated, with the whole tolerance for the shape."""
-        this, whole = found.this, found.whole
-        program, robot, traced = whole.program, whole.robot, whole.traced
-        if sharing.shares:
-            program = sharing.largest
-            traced = trace_run(self.job, this, program)
-        fastest = plan_fastest(robot, program, traced)
+    def _uncertified(self, found: Found, sharing: Sharing) -> Uncertified:
+        """Execute the fastest plan, with nothing derated."""
+        robot, program, fastest = found.whole.robot, sharing.largest, sharing.uncertified
         taught = robot.teach(fastest)
         executed = execute(
             taught,
             robot.plant(),
-            resolution=max(min(1e-3, this.period), robot.resolution),
+            resolution=max(min(1e-3, found.this.period), robot.resolution),
             memory=robot.memory,
         )
         t = executed.t
         pieces = pieces_of(executed, program, None, float(t[-1]))
         error = ErrorProfile.join([x.contour_error for x in pieces])
         missed = max(x.missed.max for x in pieces)
-        return fastest, Uncertified(
+        return Uncertified(
             duration=fastest.duration,
             contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
             contour_error=(max(error.max, missed), error.rms),

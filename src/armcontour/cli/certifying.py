@@ -88,7 +88,11 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     console.show_table(["", ""], certified_rows(found), title=title)
     if len(found.contours) > 1:
         console.show_table(CONTOURS, contour_rows(found), title="Contours")
+    for lowered in found.lowered:
+        console.say(f"Lowered: {lowered}.")
     console.say(f"Holds for: {found.model}.")
+    if found.on_bodies is not None:
+        console.say(found.on_bodies)
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if report is not None:
@@ -122,7 +126,7 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
         ("path missed, largest", f"{e.missed.max * 1e3:.5f} mm"),
         *_assigned(e),
         ("acceleration derated, mean", ", ".join(f"{x:.2%}" for x in found.headroom)),
-        _demand(found),
+        *_demand(found),
         ("saturated", ", ".join(f"{x:.1%}" for x in e.saturated)),
     ]
     if found.pauses > 0:
@@ -153,13 +157,13 @@ def _linear_rows(found: Certificate) -> list[tuple[str, str]]:
     ]
 
 
-def _demand(found: Certificate) -> tuple[str, str]:
-    """What the drives need of their limits: acceleration of servos, torque of rigid bodies."""
+def _demand(found: Certificate) -> list[tuple[str, str]]:
+    """What the drives need of their limits: acceleration of servos, torque over a box of bodies."""
     if found.linear is None:
-        return "demand / limit", f"{found.evaluation.demand_ratio.max():.6f}"
+        return [("demand / limit", f"{found.evaluation.demand_ratio.max():.6f}")]
     spreads = [x for x in (found.corners, found.spread) if x is not None]
     most = max([float(x.demand_ratio.max()) for x in spreads], default=None)
-    return "torque / limit, of the box", "-" if most is None else f"{most:.6f}"
+    return [] if most is None else [("torque / limit, of the box", f"{most:.6f}")]
 
 
 def _assigned(e: Evaluation) -> list[tuple[str, str]]:

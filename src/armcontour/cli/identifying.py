@@ -263,7 +263,8 @@ def _print_fit(console: Console, found: Identification) -> None:
         for advice in dict.fromkeys(x.advice for x in open_ones):
             names = ", ".join(x.name.replace("_", " ") for x in open_ones if x.advice == advice)
             lines.append(f"{joint.name}, {names}: {advice}")
-        lines += [f"{joint.name}: {note}" for note in joint.notes]
+        said = "".join(x.advice for x in open_ones)
+        lines += [f"{joint.name}: {note}" for note in joint.notes if note not in said]
     for line in lines:
         console.say(line)
 
@@ -278,14 +279,21 @@ def _cells(x: Estimate) -> list[str]:
     scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
 
     def shown(value: float, digits: int = 5) -> str:
-        return "" if math.isnan(value) else f"{value * scale:.{digits}g}"
+        return f"{value * scale:.{digits}g}" if math.isfinite(value) else ""
 
     if math.isinf(x.low) and math.isinf(x.high):
         return [shown(x.value), "", "", unit, "yes" if x.determined else "no"]
     return [
         shown(x.value),
         shown(x.sd, 2),
-        f"above {shown(x.low)}" if x.high == math.inf else f"{shown(x.low)} to {shown(x.high)}",
+        _between(shown(x.low), shown(x.high)),
         unit,
         "yes" if x.determined else "no",
     ]
+
+
+def _between(low: str, high: str) -> str:
+    """An interval as text, by its ends; an end that is not known is empty."""
+    if low and high:
+        return f"{low} to {high}"
+    return f"above {low}" if low else f"below {high}"

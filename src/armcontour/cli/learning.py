@@ -14,19 +14,30 @@ from armcontour.cli.progress import search_progress
 from armcontour.cli.quantities import read_window
 
 if TYPE_CHECKING:
+    from armcontour._checks import FloatArray
     from armcontour.cli.options import JobOptions, LearnOptions
     from armcontour.io import ResultFolder
     from armcontour.jobs import Job, RunPlan
-    from armcontour.jobs.learning import LearningStudy
+    from armcontour.jobs.learning import JudgedStudy, LearningStudy
+    from armcontour.learning import Recording
+    from armcontour.motion import Log, TaughtData
 
 # Options that say what a real robot did, and those of a simulated one.
-OF_LOGS = ("taught", "log", "tool_positions", "start", "end", "columns", "topic", "unwrap")
+OF_LOGS = (
+    *("taught", "log", "tool_positions", "judge_only", "start", "end", "columns", "topic"),
+    "unwrap",
+)
 OF_SIMULATION = ("seed",)
-NAMES = {"start": "--from", "end": "--to", "tool_positions": "--tool-positions"}
+NAMES = {
+    "start": "--from",
+    "end": "--to",
+    "tool_positions": "--tool-positions",
+    "judge_only": "--judge-only",
+}
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
-    """Learn a run of a job from a log or on a simulated robot; print and write the result.
+    """Learn a run of a job from a log or on a simulated robot, or judge it; print and write it.
 
     Args:
         file: A job file, or a drawing.
@@ -39,10 +50,23 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
             written.
     """
     from armcontour.io import ResultFolder
-    from armcontour.io.learning import learning_json
+    from armcontour.io.learning import judged_json, learning_json
 
     _refuse_mixed(x)
     window = read_window(x.start, x.end)
+    if x.judge_only:
+        with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
+            with search_progress("judging") as progress:
+                study = _judge(file, job_options, x, window, progress)
+            if folder is not None:
+                _write_judged(study, folder)
+        if x.as_json:
+            print(judged_json(study), end="")
+        else:
+            _print_judged(study, x.out)
+        if x.out is not None and x.open_report:
+            open_page(x.out / "report.html")
+        return
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress("learning") as progress:
             found = _learn(file, job_options, x, window, progress)
@@ -72,6 +96,10 @@ def _refuse_mixed(x: LearnOptions) -> None:
             option, other = NAMES.get(name, f"--{name}"), "--simulate" if real else "--log"
             raise InvalidInput(f"{option} goes with {other}: leave it out.")
     if not real:
+        return
+    if x.judge_only:
+        if x.log is None:
+            raise InvalidInput("--judge-only needs what the robot did, --log.")
         return
     if x.taught is None or x.log is None:
         raise InvalidInput(
@@ -105,14 +133,42 @@ def _learn_from_log(
     job: Job, plan: RunPlan, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> LearningStudy:
     """Learn from the log of a real robot."""
+    from armcontour.jobs.learning import LearningStudy, learn_run
+
+    taught, log, tool = _read(job, plan, x, window, progress)
+    progress(Step(("learning from the log",)))
+    lesson = learn_run(job, plan, taught, log, tool=tool)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
+
+
+def _judge(
+    file: FilePath,
+    job_options: JobOptions,
+    x: LearnOptions,
+    window: tuple[float, float],
+    progress: Progress,
+) -> JudgedStudy:
+    """Read the job, plan its run, and judge the log of a real robot."""
+    from armcontour.jobs.learning import judge_log, plan_run
+
+    job = open_job(file, job_options, under(progress, "reading"))
+    plan = plan_run(job, x.run_name, progress=progress)
+    taught, log, tool = _read(job, plan, x, window, progress)
+    progress(Step(("judging the log",)))
+    return judge_log(job, plan, taught, log, tool=tool)
+
+
+def _read(
+    job: Job, plan: RunPlan, x: LearnOptions, window: tuple[float, float], progress: Progress
+) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
+    """What a real robot executed, its log, and positions of its tool if there are any."""
     from armcontour.io.log_file import read_run_log
     from armcontour.io.taught_file import read_taught
     from armcontour.io.tool_file import read_tool_positions
-    from armcontour.jobs.learning import LearningStudy, learn_run
 
-    assert x.taught is not None and x.log is not None
+    assert x.log is not None
     progress(Step(("reading the log",)))
-    taught = read_taught(x.taught, job, plan)
+    taught = plan.taught if x.taught is None else read_taught(x.taught, job, plan)
     log = read_run_log(
         x.log,
         job.arm.joint_names,
@@ -125,9 +181,7 @@ def _learn_from_log(
     tool = None
     if x.tool_positions is not None:
         tool = read_tool_positions(x.tool_positions, job.program.dimension)
-    progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, taught, log, tool=tool)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    return taught, log, tool
 
 
 def _write(found: LearningStudy, folder: ResultFolder) -> None:
@@ -168,3 +222,31 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
         if not found.lesson.finished:
             console.say(f"Execute them, and give the log of that run with --taught {out}.")
     console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
+
+
+def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
+    """Write the report and the summary of a judged run."""
+    from armcontour.io.learning import judged_json
+    from armcontour.report import render_judged
+
+    folder.write("report.html", render_judged(study))
+    folder.write("summary.json", judged_json(study, [*folder.files, "summary.json"]))
+
+
+def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
+    """Print what the tool and the joints did by a log, and what was written."""
+    from armcontour.report.sections.judged import CONTOURS, JOINTS, contour_rows, joint_rows
+
+    console = Console()
+    run = study.judged.run
+    title = f"{study.job.title}, run {study.plan.run.name}: contour error in {run.source}"
+    console.show_table(CONTOURS, contour_rows(study), title=title)
+    console.show_table(JOINTS, joint_rows(study), title="Joints, off the plan at the same time")
+    console.say(
+        f"The run begins in the log at {-run.offset / run.rate:.4f} s. At the same time the tool "
+        f"is off the plan by {run.tool_rms * 1e3:.4g} mm RMS, {run.tool_max * 1e3:.4g} mm at most."
+    )
+    for note in (*study.notes, *(f"Note: {x}" for x in study.job.arm.notes)):
+        console.say(note)
+    if out is not None:
+        console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")

@@ -619,6 +619,14 @@ class LearnOptions:
         int | None,
         typer.Option("--seed", min=0, help="Seed of noise and gains of the simulated robot."),
     ] = None
+    judge_only: Annotated[
+        bool,
+        typer.Option(
+            "--judge-only",
+            help="Say what the robot did by its log, the contour error, and learn nothing. Without "
+            "--taught it executed the set-points of the job.",
+        ),
+    ] = False
     out: Annotated[
         FilePath | None,
         typer.Option("--out", "-o", help="Folder for taught data of the next run, and a report."),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.identification.advice import better_motion, larger_step
 from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand
 from armcontour.identification.correlation import whiteness
@@ -22,10 +23,14 @@ from armcontour.motion.log import Log
 DETERMINED = 0.10
 # Of a dead time also this [s] is enough: two standard deviations are a millisecond.
 DETERMINED_DELAY = 0.5e-3
+# One of more than this many times the value tells nothing at all.
+TELLS_NOTHING = 10.0
 # Less motion than this, in standard deviations of the noise, is none.
 STILL = 1.5
 # Nor is this [rad]: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_MOTION = 1e-9
+# Nor is this [rad] a change of velocity: logs have nine digits at most.
+LEAST_BEND = 1e-8
 UNITS = {"kp": "1/s", "kv": "1/s", "dead_time": "s", "acceleration": "rad/s²"}
 
 
@@ -43,10 +48,35 @@ def why_still(data: Data) -> str:
     )
 
 
+def why_steady(data: Data) -> str:
+    """Why nothing can be said of a joint at a uniform velocity; empty if its velocity changes."""
+    if any(bends(data.t, x) for x in (data.u, data.y)):
+        return ""
+    velocity = float(np.polyfit(data.t, data.y, 1)[0])
+    late = float(np.mean(data.u - data.y)) / velocity
+    return (
+        f"The joint moves at a uniform velocity of {velocity:.3g} rad/s in the whole log, which "
+        f"tells only that it is {late * 1e3:.3g} ms late: how much of that its gains and its dead "
+        "time make, and its acceleration limit, show where the velocity changes."
+    )
+
+
+def bends(t: FloatArray, x: FloatArray) -> bool:
+    """Whether positions [rad] over times [s] are more than a straight line and noise, (n,) each."""
+    off = x - _line(t, x)
+    return bool(np.std(off) > STILL * noise_of(x) and np.ptp(off) > LEAST_BEND)
+
+
+def _line(t: FloatArray, x: FloatArray) -> FloatArray:
+    """The straight line through positions over time."""
+    return np.asarray(np.polyval(np.polyfit(t, x, 1), t))
+
+
 def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
-    """What is said of a joint that does not move."""
+    """What is said of a joint that does not move, or at a uniform velocity."""
     advice = f"{why} A multisine around the bandwidth of its position loop would tell it."
-    residuals = data.y - data.y.mean()
+    simulated = _line(data.t, data.y)
+    residuals = data.y - simulated
     rms = float(np.sqrt(np.mean(residuals**2)))
     return JointIdentification(
         name=name,
@@ -57,7 +87,7 @@ def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
         acceleration=_unknown("acceleration", advice),
         start="rest",
         t=log.t,
-        simulated=np.full_like(data.y, data.y.mean()),
+        simulated=simulated,
         residuals=residuals,
         noise=rms,
         rms=rms,
@@ -182,6 +212,8 @@ def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
         why = (
             f"This log fits any {symbol} from {interval[0]:.3g} 1/s on."
             if interval[1] == math.inf
+            else f"This log does not tell {symbol}."
+            if not relative <= TELLS_NOTHING
             else f"This log tells {symbol} to {relative * 100:.2g} % only, and 10 % are needed."
         )
         advice = _with_motion(why, data, found, name, DETERMINED)
@@ -215,6 +247,8 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
             f"The best dead time is at the edge of those looked for, {value * 1e3:.3g} ms: look "
             "for longer ones if it may be longer."
             if "delay" in found.at_edge
+            else "This log does not tell the dead time."
+            if not sd <= TELLS_NOTHING * max(abs(value), DETERMINED_DELAY)
             else f"This log tells the dead time to {sd * 1e3:.2g} ms only, and "
             f"{allowed * 1e3:.2g} ms are needed."
         )

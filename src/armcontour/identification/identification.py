@@ -15,7 +15,7 @@ from armcontour.identification.bodies import GRAVITIES, RobotIdentification, ide
 from armcontour.identification.bodies.checking import arranged
 from armcontour.identification.choosing import choose
 from armcontour.identification.correlation import find_period
-from armcontour.identification.describing import described, nothing, why_still
+from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
 from armcontour.identification.fitting import Data
 from armcontour.identification.results import Identification, JointIdentification
 from armcontour.motion.log import INTERPOLATIONS, Log
@@ -131,16 +131,26 @@ def identify(
         raise InvalidInput("The logs are of different interpolation: identify them one by one.")
     for x in every:
         _refuse_interval(x)
-    return identify_robot(
-        every,
-        arm,
-        servo,
-        gravity=gravity,
-        interpolation=between.pop(),
-        delays=_delays(min(every, key=lambda x: x.t[-1] - x.t[0]), longest),
-        drive_cycle=cycle,
-        progress=progress,
-    )
+    try:
+        return identify_robot(
+            every,
+            arm,
+            servo,
+            gravity=gravity,
+            interpolation=between.pop(),
+            delays=_delays(min(every, key=lambda x: x.t[-1] - x.t[0]), longest),
+            drive_cycle=cycle,
+            progress=progress,
+        )
+    except InvalidInput:
+        if any(_changes_velocity(x) for x in every):
+            raise
+        names = ", ".join(dict.fromkeys(x.source for x in every))
+        raise InvalidInput(
+            f"Every joint in {names} stands or moves at a uniform velocity, which tells no gains, "
+            "dead time or inertias: record a motion whose velocity changes, such as a multisine "
+            "around the bandwidth of the position loops."
+        ) from None
 
 
 def _identify_servo(
@@ -155,6 +165,12 @@ def _identify_servo(
         tell(Step((log.joint_names[j],)))
         joints.append(_identify_joint(log, j, model, between == "linear", delays))
     return Identification(log=log, interpolation=between, joints=tuple(joints))
+
+
+def _changes_velocity(log: Log) -> bool:
+    """Whether a joint is told to change its velocity in a log, or does."""
+    columns = (*log.command.T, *log.measured.T)
+    return any(bends(log.t - log.t[0], x) for x in columns)
 
 
 def _delays(log: Log, longest: float) -> tuple[float, float]:
@@ -215,9 +231,9 @@ def _identify_joint(
         delays=delays,
         period=find_period(command),
     )
-    still = why_still(data)
-    if still:
-        return nothing(data, log, name, still)
+    why = why_still(data) or why_steady(data)
+    if why:
+        return nothing(data, log, name, why)
     try:
         choice = choose(data, model)
     except InvalidInput as error:

@@ -43,6 +43,8 @@ CERTIFICATE_UNITS = {
     "pauses": "s",
     "shapes": "s",
     "headroom": "share of the limit",
+    "lowered": "share of the speed or the limit",
+    "contour": "m",
     "budget": "m",
     "tolerance": "m",
     "servo": "m",
@@ -144,6 +146,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
     uncertified = c.uncertified
     return {
         "model": c.model,
+        "on_bodies": c.on_bodies,
         "goal": _goal(c.goal),
         "run": c.run.name,
         "duration": c.duration,
@@ -199,6 +202,7 @@ def _contour(x: ContourCertificate) -> dict[str, Any]:
         "headroom": {"mean": x.headroom, "largest": x.largest_headroom, "others": x.factors},
         "corners": None if x.corners is None else _spread(x.corners),
         "spread": None if x.spread is None else _spread(x.spread),
+        "lowered": [asdict(y) for y in x.lowered],
         "linear": None if x.linear is None else _linear(x.linear, x.budget.servo_allowed),
         "trials": x.trials,
     }

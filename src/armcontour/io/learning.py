@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
+from armcontour.evaluation import ErrorProfile
 from armcontour.io.summary import UNITS, of_job, plain, plan_summary
-from armcontour.jobs.learning import LearningStudy
+from armcontour.jobs.learning import JudgedStudy, LearningStudy
 from armcontour.learning import LearnedRun
 
 LEARNING_UNITS = {
@@ -55,9 +56,46 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
     return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
 
 
+def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
+    """Errors of a run by its log as JSON, in SI units; in the form of a summary.
+
+    Args:
+        study: The run.
+        files: The files of the result, relative to its folder.
+    """
+    run, judged = study.plan.run, study.judged
+    errors = [
+        {"name": name, **_of_profile(error), "missed": asdict(missed)}
+        for name, error, missed in study.contours
+    ]
+    data = {
+        **of_job(study.job, {run.name: plan_summary(study.job, study.plan)}, files),
+        "judged": {
+            "run": run.name,
+            **_fields(judged.run),
+            "delay": judged.delay,
+            "contour_error": _of_profile(study.profile),
+            "contours": errors,
+            "notes": study.notes,
+        },
+    }
+    data["units"] = UNITS | LEARNING_UNITS
+    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+
+
+def _of_profile(x: ErrorProfile) -> dict[str, float]:
+    """Data of a contour error."""
+    return {"rms": x.rms, "max": x.max, "t_max": x.t_max, "s_max": x.s_max}
+
+
+def _fields(run: LearnedRun) -> dict[str, Any]:
+    """Errors and clock of a run."""
+    return {x.name: getattr(run, x.name) for x in fields(run) if x.name not in LEFT_OUT}
+
+
 def _of_run(study: LearningStudy, k: int, run: LearnedRun) -> dict[str, Any]:
     """Data of one run."""
-    found = {x.name: getattr(run, x.name) for x in fields(run) if x.name not in LEFT_OUT}
+    found = _fields(run)
     if study.simulated:
         profile = study.simulated[k].contour_error
         found["executed"] = {"rms": profile.rms, "max": profile.max, "t_max": profile.t_max}

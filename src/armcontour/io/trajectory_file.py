@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import several
 from armcontour._files import LARGE, read_text
 from armcontour._sampling import (
     LARGEST,
@@ -39,6 +40,9 @@ _NAME = re.compile(
     r"(?:_(?P<unit>[A-Za-zµ°]\S*))?",
     re.IGNORECASE,
 )
+# Names that are said in one message; of more the first ones.
+MOST_NAMED = 8
+_UNIT = re.compile(r"\s*\[[^\]]*\]$")
 # A quantity of a joint with a name in place of its number.
 _BY_NAME = re.compile(r"(?P<kind>ddq|dq|q)[ _](?P<name>.+)", re.IGNORECASE)
 
@@ -237,13 +241,43 @@ def _columns(
         missing = [x for x in joints if (kind, x) not in columns]
         given = kind in ("t", "q") or any(x == kind for x, _ in columns)
         if missing and given:
-            others = f" The columns {', '.join(map(show, left_out))} are not known."
+            if kind == "q":
+                _refuse_other_joints(where, left_out, joint_names)
+            others = f" The columns {_some(left_out)} are not known."
             raise InvalidInput(
                 f"{where}: the column {kind}{missing[0] or ''} is missing"
                 f"{': the columns are t, q1 or joint 1, dq1, ddq1, ...' if left_out else ''}."
                 f"{others if left_out else ''}"
             )
     return columns, left_out
+
+
+def _refuse_other_joints(where: str, left_out: Sequence[str], joint_names: Sequence[str]) -> None:
+    """Refuse positions of joints with names that the arm does not have.
+
+    Raises:
+        InvalidInput: There are such positions.
+    """
+    found = (_BY_NAME.fullmatch(_UNIT.sub("", x)) for x in left_out)
+    others = [x["name"] for x in found if x and x["kind"].lower() == "q"]
+    if not others or not joint_names:
+        return
+    have = f"the file has positions of {several(len(others), 'joint')} ({_some(others)})"
+    arm = f"the arm has {len(joint_names)} ({_some(joint_names)})"
+    mend = "give the arm of the file with --arm"
+    if len(others) == len(joint_names):
+        mend = "name its columns as the arm's joints with --columns, or give its arm with --arm"
+    raise InvalidInput(
+        f"{where}: {have}, but {arm}: {mend}.",
+        needed=len(others),
+        allowed=len(joint_names),
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names as text, of many the first ones only."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(map(show, names[:MOST_NAMED])) + more
 
 
 def _key(name: str, joint_names: Sequence[str]) -> tuple[_Key, str | None] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,16 +12,18 @@ from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
-from armcontour.evaluation.pieces import pieces_of
+from armcontour.evaluation.error_profile import Missed
+from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
-from armcontour.learning import Lesson, Recording, learn
+from armcontour.learning import JudgedRun, LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_clock
 from armcontour.learning.recording import record
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
+from armcontour.program import contour_called
 
 # Smallest dead time [s] and clock error that are told to the user.
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
@@ -76,8 +78,10 @@ class LearningStudy:
         """
         if self.simulated:
             return self.simulated[k].contour_error
-        executed = self._as_measured(k)
-        pieces = pieces_of(executed, self.plan.path, None, self.plan.trajectory.duration)
+        assert self.lesson.lifted is not None
+        t = self.lesson.lifted.t
+        q = self.planned(t) + self.lesson.runs[k].error
+        pieces = _measured_pieces(self.job, self.plan, t, q)
         return ErrorProfile.join([x.contour_error for x in pieces])
 
     @property
@@ -88,17 +92,9 @@ class LearningStudy:
     @property
     def notes(self) -> list[str]:
         """Sentences on what comes next, and on what the runs have shown."""
-        lesson, found = self.lesson, [self._verdict]
-        if lesson.delay >= TOLD_DELAY:
-            found.append(
-                f"The robot acts as if it were {lesson.delay * 1e3:.1f} ms later than its servo "
-                "model says; learning allows for it."
-            )
-        if abs(lesson.runs[-1].rate - 1) >= TOLD_RATE:
-            found.append(
-                f"The clock of the log differs from that of the set-points by "
-                f"{(lesson.runs[-1].rate - 1) * 100:+.3f} %; learning allows for it."
-            )
+        lesson = self.lesson
+        told = _on_time(lesson.delay, lesson.runs[-1])
+        found = [self._verdict, *(f"{x}; learning allows for it." for x in told)]
         if limits_to_keep(self.job, self.plan) is None:
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
@@ -124,23 +120,6 @@ class LearningStudy:
             f"most {lesson.bound * 1e3:.3g} mm; {noise}."
         )
 
-    def _as_measured(self, k: int) -> Execution:
-        """The measured motion of a run, without demands."""
-        assert self.lesson.lifted is not None
-        t, run = self.lesson.lifted.t, self.lesson.runs[k]
-        still = np.zeros_like(run.error)
-        return Execution(
-            arm=self.job.arm,
-            taught=self.plan.taught,
-            t=t,
-            q=self.planned(t) + run.error,
-            dq=still,
-            ddq=still,
-            demand=still,
-            demand_range=still[:2],
-            saturated_time=still[0],
-        )
-
     def planned(self, t: FloatArray) -> FloatArray:
         """Planned joint positions [rad], (n, dof); at rest before and after the motion.
 
@@ -148,6 +127,85 @@ class LearningStudy:
             t: Times [s], (n,).
         """
         return self.plan.trajectory.with_rests(t)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JudgedStudy:
+    """A job's run, and what a log says that the robot did.
+
+    Args:
+        job: The job.
+        plan: Plan and taught data of the run.
+        judged: Errors of the run.
+    """
+
+    job: Job
+    plan: RunPlan
+    judged: JudgedRun
+
+    @property
+    def measured(self) -> ErrorProfile:
+        """Contour error over time as measured, with noise, until the end of the plan."""
+        return ErrorProfile.join([x.contour_error for x in self._pieces(self.judged.q)])
+
+    @property
+    def profile(self) -> ErrorProfile:
+        """The same without noise."""
+        return ErrorProfile.join([x for _, x, _ in self.contours])
+
+    @property
+    def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
+        """Names of the contours, their errors without noise, and what the tool left out of them."""
+        names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
+        pieces = self._pieces(self.judged.smooth)
+        return [(name, x.contour_error, x.missed) for name, x in zip(names, pieces, strict=True)]
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on the clock of the log, and on what it cannot show."""
+        found = [
+            f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, self.judged.run)
+        ]
+        found.append(
+            "The errors are those at the encoders, or at the tracker if its file was given: what "
+            "these do not see is not in them."
+        )
+        return found
+
+    def _pieces(self, q: FloatArray) -> Sequence[Piece]:
+        return _measured_pieces(self.job, self.plan, self.judged.t, q)
+
+
+def _measured_pieces(job: Job, plan: RunPlan, t: FloatArray, q: FloatArray) -> Sequence[Piece]:
+    """The contours of a measured motion, without demands, until the end of the plan."""
+    still = np.zeros_like(q)
+    executed = Execution(
+        arm=job.arm,
+        taught=plan.taught,
+        t=t,
+        q=q,
+        dq=still,
+        ddq=still,
+        demand=still,
+        demand_range=still[:2],
+        saturated_time=still[0],
+    )
+    return pieces_of(executed, plan.path, None, plan.trajectory.duration)
+
+
+def _on_time(delay: float, run: LearnedRun) -> list[str]:
+    """Clauses on dead time that the model lacks, and on the clock of the log."""
+    found = []
+    if delay >= TOLD_DELAY:
+        found.append(
+            f"The robot acts as if it were {delay * 1e3:.1f} ms later than its servo model says"
+        )
+    if abs(run.rate - 1) >= TOLD_RATE:
+        found.append(
+            "The clock of the log differs from that of the set-points by "
+            f"{(run.rate - 1) * 100:+.3f} %"
+        )
+    return found
 
 
 def choose_run(job: Job, name: str | None) -> Run:
@@ -217,6 +275,37 @@ def learn_run(
     if isinstance(executed, Log):
         refuse_earlier_run(lesson, executed)
     return lesson
+
+
+def judge_log(
+    job: Job,
+    plan: RunPlan,
+    taught: TaughtData,
+    log: Log | Recording,
+    *,
+    tool: tuple[FloatArray, FloatArray] | None = None,
+) -> JudgedStudy:
+    """What a run of a job did according to its log, by the job's arm and servo.
+
+    Args:
+        job: The job.
+        plan: The plan of the run.
+        taught: The set-points that were executed: those of the plan, or a lesson.
+        log: What the joints did.
+        tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
+
+    Raises:
+        InvalidInput: As `judge_run` raises it.
+    """
+    judged = judge_run(
+        taught,
+        log,
+        arm=job.arm,
+        servo=job.servo,
+        gravity_feedforward=feeds_gravity_forward(plan.run),
+        tool=tool,
+    )
+    return JudgedStudy(job=job, plan=plan, judged=judged)
 
 
 def feeds_gravity_forward(run: Run) -> bool:

@@ -1,4 +1,4 @@
-"""Public function `learn`: set-points for the next run."""
+"""Public functions `learn`: set-points for the next run; `judge_run`: the errors of a run alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armcontour.learning.estimating import (
     white_noise,
 )
 from armcontour.learning.judging import Judge
-from armcontour.learning.lesson import LearnedRun, Lesson, TransferredData
+from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson, TransferredData
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
 from armcontour.learning.tracking import add_tool
@@ -78,16 +78,67 @@ def learn(
         InvalidInput: The log is not of this taught data, or not fit to learn from.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    nominal = Nominal(
+    nominal = _nominal(arm, servo, gravity_feedforward, known)
+    lifted, judge, taught, run, _ = _see(taught, executed, nominal, tool)
+    before = taught.runs if isinstance(taught, Lesson) else ()
+    return _next_lesson(taught, (*before, run), lifted, judge, limits)
+
+
+def judge_run(
+    taught: TaughtData,
+    executed: Execution | Log | Recording,
+    *,
+    arm: Arm,
+    servo: ServoModel,
+    gravity_feedforward: bool = True,
+    known: Arm | None = None,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+) -> JudgedRun:
+    """Judge a run by its log as `learn` does, and learn nothing from it.
+
+    Args:
+        taught: The set-points of the run.
+        executed: What the joints did.
+        arm: The nominal arm.
+        servo: The nominal servo.
+        gravity_feedforward: Whether the controller adds the torque against gravity.
+        known: The arm as its controller knows it.
+        tool: Measured positions of the tool, as `learn` takes them.
+
+    Raises:
+        InvalidInput: The log is not of this taught data, or not fit to be judged.
+    """
+    nominal = _nominal(arm, servo, gravity_feedforward, known)
+    lifted, _, _, run, smooth = _see(taught, executed, nominal, tool)
+    return JudgedRun(
+        run=run,
+        t=lifted.t,
+        q=lifted.planned + run.error,
+        smooth=lifted.planned + smooth,
+        delay=lifted.delay,
+    )
+
+
+def _nominal(arm: Arm, servo: ServoModel, gravity_feedforward: bool, known: Arm | None) -> Nominal:
+    """The nominal robot."""
+    return Nominal(
         arm=arm, servo=servo.for_joints(arm.dof),
         gravity_feedforward=gravity_feedforward, known=known,
     )  # fmt: skip
+
+
+def _see(
+    taught: TaughtData,
+    executed: Execution | Log | Recording,
+    nominal: Nominal,
+    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+) -> tuple[Lifted, Judge, TaughtData, LearnedRun, FloatArray]:
+    """A run as learning sees it: its model, judge, set-points, errors, and those without noise."""
     recording = record(executed, taught)
     lifted, clock, taught = _align(taught, recording, nominal)
-    judge = Judge(arm, taught.trajectory, lifted.t, lifted.planned)
-    run = _judge_run(lifted, judge, taught, recording, clock, tool)
-    before = taught.runs if isinstance(taught, Lesson) else ()
-    return _next_lesson(taught, (*before, run), lifted, judge, limits)
+    judge = Judge(nominal.arm, taught.trajectory, lifted.t, lifted.planned)
+    run, smooth = _judge_run(lifted, judge, taught, recording, clock, tool)
+    return lifted, judge, taught, run, smooth
 
 
 def _align(
@@ -140,8 +191,8 @@ def _judge_run(
     recording: Recording,
     clock: Clock,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> LearnedRun:
-    """A run as learning sees it."""
+) -> tuple[LearnedRun, FloatArray]:
+    """Errors of a run, and those of the joints without noise [rad], (n, dof)."""
     expected = lifted.expected(taught.q)
     t = clock.plan_time(recording.t)
     error = lifted.at_times(t, recording.q, expected) - lifted.planned
@@ -156,7 +207,7 @@ def _judge_run(
     smooth = lifted.smooth(error, choose_penalty(lifted, error, variance))
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
-    return LearnedRun(
+    judged = LearnedRun(
         q=taught.q,
         error=error,
         noise=noise,
@@ -173,6 +224,7 @@ def _judge_run(
         bound=None if last is None else last.bound,
         source=recording.source,
     )
+    return judged, smooth
 
 
 def _next_lesson(

@@ -3,6 +3,7 @@
 from armcontour.report.report import (
     render_batch,
     render_drawing,
+    render_judged,
     render_learning,
     render_placement,
     render_report,
@@ -13,6 +14,7 @@ from armcontour.report.report import (
 __all__ = [
     "render_batch",
     "render_drawing",
+    "render_judged",
     "render_learning",
     "render_placement",
     "render_report",

@@ -102,15 +102,16 @@ def _row(x: Estimate) -> tuple[str, ...]:
     scale, unit = x.shown
 
     def shown(value: float) -> str:
-        if math.isnan(value):
-            return "–"
-        return "∞" if math.isinf(value) and value > 0 else f"{value * scale:.5g}"
+        return f"{value * scale:.5g}" if math.isfinite(value) else "–"
 
+    ends = [shown(x.low), shown(x.high)]
+    if math.isfinite(x.low) != math.isfinite(x.high):
+        ends = [f"above {ends[0]}" if math.isfinite(x.low) else f"below {ends[1]}"]
     return (
         SYMBOLS[x.name],
         shown(x.value),
-        shown(x.sd) if math.isnan(x.sd) or math.isinf(x.sd) else f"{x.sd * scale:.2g}",
-        f"{shown(x.low)} to {shown(x.high)}",
+        f"{x.sd * scale:.2g}" if math.isfinite(x.sd) else "–",
+        " to ".join(ends) if any(map(math.isfinite, (x.low, x.high))) else "–",
         unit,
         "yes" if x.determined else "no",
     )

@@ -17,7 +17,7 @@ from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate, Sweep
-    from armcontour.jobs.learning import LearningStudy
+    from armcontour.jobs.learning import JudgedStudy, LearningStudy
     from armcontour.placement import Case, Placement
 
 # Where the figures of a page come from.
@@ -114,6 +114,15 @@ def render_learning(study: LearningStudy) -> str:
     """
     source = OF_SIMULATION if study.robot else OF_LOGS
     return _page(study.job, [sections.learning(study)], source=source)
+
+
+def render_judged(study: JudgedStudy) -> str:
+    """Render the report of a judged run as one HTML page without other files.
+
+    Args:
+        study: The run.
+    """
+    return _page(study.job, [sections.judged(study)], source=OF_LOGS)
 
 
 def _page(

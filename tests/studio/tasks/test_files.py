@@ -53,6 +53,16 @@ def test_a_certificate_has_a_report(short, drawings):
     assert found.header["sentence"].startswith("Certified: ")
     assert found.header["left"] >= 0
     assert found.header["name"] == "paper-certificate.html"
+    # Its answer says for which robots it is true.
+    assert found.header["notes"][-1].startswith("It is true of independent servos only: ")
+
+
+def test_a_certificate_can_be_of_rigid_bodies(short, drawings):
+    with pytest.raises(ac.InvalidInput, match="plant must be one of"):
+        ask("certify", short, "optimal", drawings, tolerance=5.5e-3, plant="robot")
+    with pytest.raises(ac.InvalidInput, match="on rigid bodies does not allow"):
+        ask("certify", short, "optimal", drawings, tolerance=5.5e-3, saturation="report",
+            plant="rigid_body")  # fmt: skip
 
 
 def test_learning_tells_what_it_would_gain(short, drawings):

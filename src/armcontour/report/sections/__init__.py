@@ -7,6 +7,7 @@ from armcontour.report.sections.clearance import clearance
 from armcontour.report.sections.drawing import drawing
 from armcontour.report.sections.jerks import jerks
 from armcontour.report.sections.joints import joints, torques
+from armcontour.report.sections.judged import judged
 from armcontour.report.sections.learning import learning
 from armcontour.report.sections.motion import (
     accelerations,
@@ -35,6 +36,7 @@ __all__ = [
     "jerks",
     "joint_space",
     "joints",
+    "judged",
     "learning",
     "overview",
     "paths",

@@ -35,6 +35,7 @@ def certificate(found: Certificate) -> Section:
         text=(
             f"The fastest plan found whose execution holds the tolerance. It holds for "
             f"{found.model}. It does not cover collisions, flexibility, or any other model."
+            + ("" if found.on_bodies is None else f" {found.on_bodies}")
             + (_SEVERAL if _several(found) else "")
         ),
         tiles=((found.run.name, _tiles(found)),),
@@ -401,6 +402,7 @@ def _notes(found: Certificate) -> tuple[str, ...]:
             f"{len(found.corners)} corners of the box: the worst has a contour error of "
             f"{_mm(found.corners.max.max())}."
         )
+    notes += [f"Lowered: {x}." for x in found.lowered]
     if found.goal.saturation == "report":
         notes.append("Saturation was allowed; the certified execution includes it.")
     if found.check.not_judged:

@@ -45,6 +45,8 @@ const FORMATS = [
   ["urscript", "URScript (.script)"], ["template kuka", "KUKA (.src)"], ["template abb", "ABB (.mod)"], ["csv", "CSV (.csv)"], ["npz", "NumPy (.npz)"],
   ["parquet", "Parquet (.parquet)"], ["ros-yaml", "ROS trajectory (.yaml)"], ["mcap", "ROS bag (.mcap)"],
 ];
+/** For which robots a certificate is. @type {[string, string][]} */
+const PLANTS = [["", "as in the job"], ["servo", "independent servos"], ["rigid_body", "rigid bodies"]];
 /** Points of a sweep. */
 const SWEPT = 15;
 
@@ -54,8 +56,11 @@ export const TASKS = [
   { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time.", fields: [], options: () => ({}) },
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
-    fields: [{ name: "tolerance", label: "tolerance", kind: "number", value: "", min: 0, unit: "mm, or as in the job" }],
-    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
+    fields: [
+      { name: "tolerance", label: "tolerance", kind: "number", value: "", min: 0, unit: "mm, or as in the job" },
+      { name: "plant", label: "robot", kind: "choice", value: "", choices: PLANTS },
+    ],
+    options: ({ tolerance, plant }) => ({ ...(tolerance > 0 ? { tolerance: tolerance / 1000 } : {}), ...(plant ? { plant } : {}) }),
   },
   {
     task: "learn", title: "Learn", what: "Learns set-points from runs of a simulated robot that is not quite known.",
