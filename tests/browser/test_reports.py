@@ -17,6 +17,7 @@ from armcontour.io import parse_job
 from armcontour.report import sections
 from armcontour.report.figure import render_page
 from armcontour.report.identification import render_identification
+from armcontour.report.section import Section
 from armcontour.report.sections.batch import Axis, BatchView
 
 if TYPE_CHECKING:
@@ -153,3 +154,41 @@ def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, m
             without = [] if width == widths[0] else [".js-plotly-plot svg"]
             found += [f"{width}: {x}" for x in faults(page, without=without)]
         assert not found, "\n".join(found)
+
+
+# Words of figures that their tools cover, and tools that are cut off themselves.
+COVERED = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((plot) => {
+  const groups = [...plot.querySelectorAll(".modebar-group")].map((x) => x.getBoundingClientRect());
+  const meets = (x) => groups.some((tools) => x.left < tools.right && tools.left < x.right
+    && x.top < tools.bottom && tools.top < x.bottom);
+  const words = [...plot.querySelectorAll("text"), ...document.querySelectorAll("figcaption")];
+  const found = words.filter((x) => meets(x.getBoundingClientRect())).map((x) => x.textContent);
+  const box = plot.closest(".scroll").getBoundingClientRect();
+  const seen = groups.length && groups.every((x) => x.top >= box.top && x.right <= box.right + 1);
+  return seen ? found : [...found, "cut off"];
+})"""
+RATIO = "() => document.querySelector('#paths .js-plotly-plot').layout.scene.aspectratio.x"
+
+
+def of_paths(section: Section | None) -> str:
+    """A page with one section."""
+    assert section is not None
+    return render_page(
+        "report.html", job=bend(), title="", about="", source="", sections=[section], refresh=None
+    )
+
+
+def test_the_tools_of_a_figure_cover_no_words(browser, tmp_path):
+    # The titles of enlarged corners are where the tools would be.
+    points = [(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)]
+    job = dataclasses.replace(bend(), path=ac.Path.polyline(points))
+    with opened(browser, of_paths(sections.paths(ac.run(job))), tmp_path, 1400) as page:
+        assert page.evaluate(COVERED) == []
+
+
+def test_scenes_on_a_narrow_page_leave_room_for_their_ticks(browser, tmp_path):
+    text, ratios = of_paths(sections.space(ac.run(parts()))), []
+    for width in (1400, 500):
+        with opened(browser, text, tmp_path, width) as page:
+            ratios.append(page.evaluate(RATIO))
+    assert ratios[1] == pytest.approx(0.8 * ratios[0])

@@ -25,12 +25,25 @@ function draw(key, data, layout, config, frames) {
     place.fullHeight = layout.height;
     layout.template = template;
     // On a narrow page everything else is smaller, too; and a finger scrolls the page.
-    if (place.clientWidth < 600) layout.font.size = 11;
+    if (place.clientWidth < 600) {
+      layout.font.size = 11;
+      shrinkScenes(layout);
+    }
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     await Plotly.newPlot(place, data, layout, config);
     if (place.clientWidth) await fit(place);
     if (frames.length) await Plotly.addFrames(place, frames);
   }));
+}
+
+// On a narrow page letters take a larger share of a scene: it is smaller, in every view, so that its
+// ticks and titles are not cut off.
+function shrinkScenes(part) {
+  for (const [name, value] of Object.entries(part)) {
+    if (value === null || typeof value !== "object") continue;
+    if (!name.endsWith("aspectratio")) shrinkScenes(value);
+    else part[name] = { x: value.x * 0.8, y: value.y * 0.8, z: value.z * 0.8 };
+  }
 }
 
 // A scene is as large as its figure is high: on narrow pages it would be cut off at the sides. And
