@@ -344,3 +344,11 @@ def test_goals_of_job_files(refuses):
         (LINE + "certificate: {}\n", "needs a tolerance"),
     ):
         refuses(lambda wrong=wrong: parse_job(wrong), ac.InvalidInput, words)
+
+
+def test_errors_of_one_path_count_until_the_tool_rests():
+    # A late drive is still on its way when the plan has ended.
+    found = ac.certify(job(servo=", dead_time: 4 ms", method="pole_placement"), servo=1e-4)
+    (contour,) = found.contours
+    of_contour, of_all = contour.error, found.evaluation.contour_error
+    assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)

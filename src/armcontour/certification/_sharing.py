@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour._progress import Progress, Step
 from armcontour.certification._bodies import rest_at_start
-from armcontour.certification._uses import Robot
+from armcontour.certification._uses import Robot, work_on
 from armcontour.certification._whole import Assembly, Whole
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path, RoundedPath, ShapedPath
@@ -181,8 +181,8 @@ class Sharing:
         goal = self.goal
         allowed = goal.tolerance if goal.servo is None else goal.servo
         assert allowed is not None
-        at_work = contour.work is None or contour.work[0] <= 0
-        if at_work and off > allowed:
+        work = work_on(self.largest, contour)
+        if (work is None or work[0] <= 0) and off > allowed:
             raise NotRealizable(
                 f"At rest at the start of its path the tool is {off * 1e3:.4g} mm from it, since "
                 f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "

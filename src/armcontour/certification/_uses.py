@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.evaluation.pieces import Piece
+from armcontour.evaluation.pieces import Piece, settling_time
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
 from armcontour.execution.plant import count_intervals, refuse_too_long
 from armcontour.execution.rigid_body_plant import STEP
@@ -28,6 +28,7 @@ from armcontour.motion import (
     Trajectory,
 )
 from armcontour.motion.laws import join_path
+from armcontour.program import Contour, Program
 from armcontour.robustness.box import Box
 from armcontour.robustness.deviations import Worst
 from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
@@ -116,6 +117,16 @@ class Robot:
         )
 
 
+def work_on(program: Program, contour: Contour) -> tuple[float, float] | None:
+    """Between which places of a contour errors count [m]; None is at all times, as in `evaluate`.
+
+    Args:
+        program: The program.
+        contour: One of its contours.
+    """
+    return contour.at_work if program.single_path is None else None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting(Robot):
     """What is fixed while the plan of one contour is searched for.
@@ -181,9 +192,12 @@ class Setting(Robot):
 
     def judged(self, executed: Execution) -> tuple[slice, float]:
         """The times of an execution at which errors count, and when they end to count [s]."""
-        t, window = executed.t, self.window(executed.taught.trajectory)
+        plan = executed.taught.trajectory
+        t, window = executed.t, self.window(plan)
         if window is None:
-            return slice(0, len(t)), float(t[-1])
+            # As in `evaluate`: rest at the end does not make the root mean square smaller.
+            rests = settling_time(executed, executed.tool_speed)
+            return slice(0, len(t)), max(plan.duration, rests)
         begin, end = (int(x) for x in np.searchsorted(t, window))
         # One result at least, however short the contour is.
         return slice(min(begin, len(t) - 2), max(end, begin + 2)), window[1]

@@ -33,6 +33,7 @@ from armcontour.certification._uses import (
     execute_over_box,
     judge_piece,
     run,
+    work_on,
 )
 from armcontour.errors import NotRealizable
 from armcontour.evaluation import Check, check
@@ -270,12 +271,10 @@ class Assembly:
         program = self.program
         number = sum(1 for x in self._done if isinstance(x, PlannedContour))
         contour, count = program.contours[number], len(program.contours)
-        alone = len(program.moves) == 1
-        whole_path = (0.0, contour.path.length)
         setting = Setting(
             **{x.name: getattr(self.robot, x.name) for x in fields(Robot)},
             path=contour.path,
-            work=contour.work if alone else contour.work or whole_path,
+            work=work_on(program, contour),
             budget=self.budget,
             rms=self.goal.rms,
         )
@@ -293,7 +292,7 @@ class Assembly:
         self.trials += search.trials
         if kept is None:
             refuse(search)
-        if not alone:
+        if len(program.moves) > 1:
             # The whole program is executed again: executions of all contours would need memory.
             kept = replace(kept, execution=None)
         return PlannedContour(

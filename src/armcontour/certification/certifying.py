@@ -18,7 +18,7 @@ from armcontour.certification._sharing import (
     Slower,
     shape_part,
 )
-from armcontour.certification._uses import Robot, Setting
+from armcontour.certification._uses import Robot, Setting, work_on
 from armcontour.certification._uses import run as run_on
 from armcontour.certification._whole import PlannedContour
 from armcontour.certification.certificate import (
@@ -305,7 +305,7 @@ def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
     assert robot.box is not None
     if robot.bodies:
         return _bound_on_bodies(robot, program, plan)
-    worst = 0.0
+    worst, at_all_times = 0.0, program.single_path is not None
     for contour, (span, approach) in zip(program.contours, approaches(plan, robot), strict=True):
         assert span.trajectory is not None and span.work is not None
         found = worst_corner(
@@ -315,8 +315,8 @@ def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
             robot.servo,
             robot.limits,
             robot.box,
-            since=None if len(program.moves) == 1 else span.work[0] - span.t[0],
-            until=None if len(program.moves) == 1 else span.work[1] - span.t[0],
+            since=None if at_all_times else span.work[0] - span.t[0],
+            until=None if at_all_times else span.work[1] - span.t[0],
         )
         worst = max(worst, float(found.max.max()))
     return worst
@@ -328,7 +328,7 @@ def _bound_on_bodies(robot: Robot, program: Program, plan: Trajectory) -> float:
     setting = Setting(
         **{x.name: getattr(robot, x.name) for x in fields(Robot)},
         path=contour.path,
-        work=None,
+        work=work_on(program, contour),
         budget=np.inf,
         rms=None,
     )
