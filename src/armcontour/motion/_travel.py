@@ -35,10 +35,11 @@ def _steepest_within(c: FloatArray, j: int, x: float, h: float) -> float:
     e += x * f
     # Coefficients over 0 to 1 within it.
     b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
-    found = max(abs(a), abs(a + b / 4))
+    found: float = max(abs(a), abs(a + b / 4))
     found = max(found, abs(a + b / 2 + d / 6))
     found = max(found, abs(a + 3 * b / 4 + d / 2 + e / 4))
-    return max(found, abs(a + b + d + e + f))
+    found = max(found, abs(a + b + d + e + f))
+    return found
 
 
 @compiled()
