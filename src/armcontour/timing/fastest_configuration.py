@@ -126,9 +126,10 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     near = durations <= (1 + SLOWER) * durations.min()
     with np.errstate(divide="ignore", invalid="ignore"):
         above = durations / bounds
+    slow = np.flatnonzero(~near)
     best, least, done = None, np.inf, list[float]()
     # The shortest joint paths come first; slow ones are traced only if no other can be.
-    for k in [*np.flatnonzero(near), *np.argsort(np.where(near, np.inf, durations), kind="stable")]:
+    for k in [*np.flatnonzero(near), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not near[k]:
             break
         if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
