@@ -8,7 +8,7 @@ import pytest
 import armcontour as ac
 from armcontour.motion import JointPath
 from armcontour.timing import trace_fastest
-from armcontour.timing.fastest_configuration import ROUGHLY, bound_duration
+from armcontour.timing.fastest_configuration import ROUGHLY, bound_duration, find_starts
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace_all
 
@@ -97,10 +97,34 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     for name, value in {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25}.items():
         monkeypatch.setattr(f"{here}.{name}", value)
     monkeypatch.setattr(f"{here}.trace_all", None)
+    whole = []
+
+    def trace_counted(part, *args, **kwargs):
+        whole.extend([part] if part is path else [])
+        return ac.trace(part, *args, **kwargs)
+
+    monkeypatch.setattr(f"{here}.trace", trace_counted)
     chosen = trace_fastest(path, arm, limits)
+    # Slow configurations, and one of two that differ by the turn of a wrist, are not traced.
+    assert 1 <= len(whole) <= len(durations) / 2
     assert plan_optimal(chosen, arm, limits, intervals=ROUGHLY).duration < 1.001 * min(durations)
     at = np.linspace(0, path.length, 997)
     assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
+
+
+def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
+    arm, path, limits, found = traced
+    here = "armcontour.timing.fastest_configuration"
+    monkeypatch.setattr(f"{here}.LONG", 1)
+    monkeypatch.setattr(f"{here}.trace_all", None)
+    starts = find_starts(path, arm, limits)
+    assert len(starts) >= len(found)
+    # The turn about a free tool axis, the last joint, depends on what lies between the places.
+    others = slice(0, 5 if path.orientation.axis_only else 6)
+    for x in found:
+        assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
+    for q in starts:
+        assert arm.forward(q) == pytest.approx(path(0.0), abs=1e-9)
 
 
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):

@@ -175,7 +175,8 @@ class Limits:
     @property
     def of_joints(self) -> Limits:
         """The limits and ranges of the joints, without the limits of the tool."""
-        return self.replace(**dict.fromkeys(TOOL_LIMITS, None))
+        given = any(getattr(self, name) is not None for name in TOOL_LIMITS)
+        return self.replace(**dict.fromkeys(TOOL_LIMITS, None)) if given else self
 
     @property
     def jerk_limits(self) -> tuple[str, ...]:

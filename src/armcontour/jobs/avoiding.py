@@ -23,9 +23,9 @@ from armcontour.jobs.programs import time_run
 from armcontour.motion import JointPath, Span, Trajectory, stand_still
 from armcontour.program import Contour, Program, contour_called
 from armcontour.timing import Tracing, trace_program
-from armcontour.timing.fastest_configuration import bound_duration
+from armcontour.timing.fastest_configuration import bound_duration, find_starts
 from armcontour.timing.program_tracing import TracedMove, ends_of
-from armcontour.tracing import trace, trace_all
+from armcontour.tracing import trace
 
 # A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
@@ -229,7 +229,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     where none of these is clear.
     """
     try:
-        yield [x(0.0) for x in trace_all(path, arm)]
+        yield find_starts(path, arm)
     except ArmContourError:
         return
     if path.orientation is None or not path.orientation.axis_only:

@@ -77,10 +77,11 @@ def _find(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowE
             ("on", start, start, "right", "left"),
             ("off", end, x.path.length - end, "left", "right"),
         ):
+            if lead <= REPEATED_POINT:
+                continue
             assigned = assigned_speed(x, s, inside, this)
             speed = float(span.trajectory.speed_at(s, side=inside))
-            enough = speed >= assigned * (1 - SAME_SPEED)
-            if lead <= REPEATED_POINT or not np.isfinite(assigned) or enough:
+            if not np.isfinite(assigned) or speed >= assigned * (1 - SAME_SPEED):
                 continue
             bend, of_lead = (
                 float(x.path.curvatures[x.path.locate(s, side=y)]) for y in (inside, outside)

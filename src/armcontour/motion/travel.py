@@ -6,8 +6,9 @@ from functools import singledispatch
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
+from armcontour.motion._travel import steepest
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
@@ -15,17 +16,6 @@ from armcontour.motion.laws import LapLaw, Law, PathLaw
 from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.trajectory import Trajectory
 
-# Row k: what the coefficients of a polynomial of degree 4 on 0 to 1 add to its k-th Bernstein
-# coefficient. The polynomial is between the least and the largest of these.
-BERNSTEIN = np.array(
-    [
-        [1, 0, 0, 0, 0],
-        [1, 1 / 4, 0, 0, 0],
-        [1, 1 / 2, 1 / 6, 0, 0],
-        [1, 3 / 4, 1 / 2, 1 / 4, 0],
-        [1, 1, 1, 1, 1],
-    ]
-)
 # Bounds are larger than their formulas by this share, as numbers are rounded.
 ROUNDING = 1e-12
 
@@ -50,7 +40,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     if isinstance(motion, Execution):
         t, fastest = motion.t, _fastest_executed(motion)
     elif isinstance(motion, JointPath):
-        t, fastest = motion.breaks, _steepest_within(motion, motion.breaks)
+        t, fastest = motion.breaks, _steepest(motion, motion.breaks)
     else:
         starts, parts = motion.starts, [fastest_joints(x) for x in motion.laws]
         inner = [a + x.breaks[:-1] for a, x in zip(starts, motion.laws, strict=False)]
@@ -131,46 +121,7 @@ def _steepest(joint_path: JointPath, s: FloatArray) -> FloatArray:
         joint_path: The joint path.
         s: Arc lengths, which do not decrease [m], (n + 1,).
     """
-    breaks = joint_path.breaks
-    inner = breaks[(breaks > s[0]) & (breaks < s[-1])]
-    # Most laws have the breaks of their joint path, and those of uniform speed may not.
-    cuts = np.sort(np.concatenate([s, np.setdiff1d(inner, s, assume_unique=True)]))
-    own = np.searchsorted(cuts, s[:-1], side="left") + _repeats(s[:-1])
-    return np.asarray(np.maximum.reduceat(_steepest_within(joint_path, cuts), own, axis=0))
-
-
-def _repeats(s: FloatArray) -> IntArray:
-    """How many equal ones each value has directly before it, (n,)."""
-    first = np.searchsorted(s, s, side="left")
-    return np.asarray(np.arange(len(s)) - first)
-
-
-def _steepest_within(joint_path: JointPath, s: FloatArray) -> FloatArray:
-    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
-
-    No break of the joint path lies between two of them.
-    """
-    begin, end = s[:-1], s[1:]
-    piece = joint_path.locate((begin + end) / 2)
-    width = np.diff(joint_path.breaks)[piece]
-    x, h = (begin - joint_path.breaks[piece]) / width, (end - begin) / width
-    # Coefficients of dq_dx about the start of the interval, then over 0 to 1 within it.
-    rows = joint_path.coefficients[piece]
-    a = [k * rows[:, k] for k in range(1, 6)]
-    x, h = x[:, None], h[:, None]
-    for n in range(4):
-        for k in range(3, n - 1, -1):
-            a[k] += x * a[k + 1]
-    scaled = [a[0]]
-    power = h
-    for k in range(1, 5):
-        scaled.append(power * a[k])
-        power = power * h
-    found = np.abs(scaled[0])
-    for row in BERNSTEIN[1:]:
-        value = sum(share * part for share, part in zip(row, scaled, strict=True) if share)
-        np.maximum(found, np.abs(value), out=found)
-    return np.asarray(found / width[:, None])
+    return np.asarray(steepest(joint_path.breaks, joint_path.coefficients, s))
 
 
 def _largest_since(values: FloatArray, original: Law, law: Law, window: float) -> FloatArray:

@@ -1,11 +1,103 @@
-"""The compiled part of grids: points merged with breaks, and points left out."""
+"""The compiled part of grids: where points are needed, points in between, and points left out."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
+from armcontour.motion._motion import value_and_slopes
+
+
+@compiled()
+def turning_of(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
+    """How fast a joint path turns on each of its pieces, as a mean of its ends and its middle.
+
+    Args:
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of its pieces [rad], (pieces, 6, dof).
+        at_rest: Below this share of the largest dq_ds no joint moves, and the path has no
+            direction.
+
+    Returns:
+        |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
+    """
+    n, dof = len(breaks) - 1, coefficients.shape[2]
+    size, bend = np.empty((n, 3)), np.empty((n, 3))
+    most = 0.0
+    for i in range(n):
+        width, c = breaks[i + 1] - breaks[i], coefficients[i]
+        for k in range(3):
+            middle = (breaks[i] + breaks[i + 1]) / 2
+            s = breaks[i] if k == 0 else middle if k == 1 else breaks[i + 1]
+            x = (s - breaks[i]) / width
+            first = second = 0.0
+            for j in range(dof):
+                c0, c1, c2, c3, c4, c5 = c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j]
+                _, slope, curve = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
+                slope, curve = slope / width, curve / (width * width)
+                first += slope * slope
+                second += curve * curve
+            size[i, k], bend[i, k] = math.sqrt(first), math.sqrt(second)
+            most = max(most, size[i, k])
+    if most == 0.0:
+        return np.empty(0)
+    found = np.empty(n)
+    for i in range(n):
+        total, count = 0.0, 0
+        for k in range(3):
+            if size[i, k] > at_rest * most:
+                total += bend[i, k] / size[i, k]
+                count += 1
+        found[i] = total / max(count, 1)
+    return found
+
+
+@compiled()
+def cut(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
+    """Points that cut intervals into equal parts, and the interval that each part lies in.
+
+    Args:
+        s: Ends of the intervals, (n + 1,).
+        count: Number of parts of each interval, (n,).
+    """
+    total = 0
+    for i in range(len(count)):
+        total += count[i]
+    points, of = np.empty(total + 1), np.empty(total, np.intp)
+    part = 0
+    for i in range(len(count)):
+        width = s[i + 1] - s[i]
+        for k in range(count[i]):
+            points[part], of[part] = s[i] + width * k / count[i], i
+            part += 1
+    points[total] = s[len(count)]
+    return points, of
+
+
+@compiled()
+def count_near(n: int, rests: IntArray, parts: int) -> IntArray:
+    """Into how many parts each interval is cut: the square of parts next to a rest, then fewer.
+
+    Args:
+        n: Number of intervals.
+        rests: The points at rest, increasing, (m,).
+        parts: Number of parts of the interval after the first one.
+    """
+    found = np.empty(n, np.intp)
+    after = 0
+    for i in range(n):
+        while after < len(rests) and rests[after] <= i:
+            after += 1
+        away = n
+        if after > 0:
+            away = min(away, i - rests[after - 1])
+        if after < len(rests):
+            away = min(away, rests[after] - 1 - i)
+        found[i] = parts**2 if away == 0 else int(math.ceil(parts / math.sqrt(max(away, 1))))
+    return found
 
 
 @compiled()

@@ -19,12 +19,14 @@ from armcontour.tracing import sketch_all, trace, trace_all
 # Configurations are compared by coarse plans with about this many grid intervals.
 ROUGHLY = 400
 # On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
-# PART_EVERY segments, and at most MOST_PARTS. The shares INNER of each part are counted.
+# PART_EVERY segments, and at most MOST_PARTS. Parts tell durations apart by some thousandths only:
+# what is slower there by no more than SLOWER is traced along the whole path.
 LONG = 20_000
-PART_SEGMENTS, PART_EVERY, MOST_PARTS = 100, 200, 100
-INNER = (0.1, 0.9)
-# After this many parts, configurations that have taken longer by SLOWER are given up.
-SOME_PARTS, SLOWER = 10, 0.02
+PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
+SLOWER = 0.01
+# What differs on the parts by less than this share differs by the turn of a wrist only, and is as
+# fast on the whole path.
+ALIKE = 1e-4
 # A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
 # limits at points, and may miss what happens between them.
 SURE = 0.998
@@ -77,8 +79,34 @@ def trace_fastest(
     return found[best]
 
 
+def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
+    """Joint positions in which a path can start, one for each configuration [rad], (dof,) each.
+
+    On a long path a few places are looked at, so that a configuration may not complete the path.
+
+    Args:
+        path: A tool path.
+        arm: The arm.
+        limits: Limits with the joint ranges; by default the arm's own.
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: The path does not fit the arm.
+    """
+    if len(path) > LONG:
+        try:
+            return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
+        except Unreachable:
+            # Tracing says why.
+            pass
+    return [x(0.0) for x in trace_all(path, arm, limits=limits)]
+
+
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
-    """Trace a long path in the configuration that is the fastest on some parts of it.
+    """Trace a long path in the fastest configuration.
+
+    Some parts of the path tell which configurations may be the fastest. Along the whole path these
+    are compared by a lower bound, and by how far plans of the parts are above it.
 
     Args:
         path: The path.
@@ -88,27 +116,42 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     Returns:
         The joint path; None if no configuration is found this way.
     """
+    rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
         # Tracing says why.
         return None
-    durations = _estimate(path, arm, limits, s, solutions)
-    for k in np.argsort(durations, kind="stable"):
+    bounds, durations = _compare(path, arm, limits, s, solutions)
+    near = durations <= (1 + SLOWER) * durations.min()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        above = durations / bounds
+    slow = np.flatnonzero(~near)
+    best, least, done = None, np.inf, list[float]()
+    # The shortest joint paths come first; slow ones are traced only if no other can be.
+    for k in [*np.flatnonzero(near), *slow[np.argsort(durations[slow], kind="stable")]]:
+        if done and not near[k]:
+            break
+        if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
+            continue
         try:
-            return trace(path, arm, limits=limits, start=solutions[k][0])
+            found = trace(path, arm, limits=limits, start=solutions[k][0])
         except ArmContourError:
             continue
-    return None
+        done.append(float(durations[k]))
+        duration = bound_duration(found, rough) * above[k]
+        if best is None or duration < least:
+            best, least = found, duration
+    return best
 
 
-def _estimate(
+def _compare(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
-) -> FloatArray:
-    """Estimated durations of a long path in each configuration, infinite for slow ones [s].
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s].
 
-    Parts of the path stand for all of it, but for their ends: there only the part is at rest. The
-    first part's start and the last part's end are the path's own.
+    A configuration without a plan has its bound as its duration, which is too slow then; one that
+    does not complete the parts has an infinite one.
 
     Args:
         path: The path.
@@ -117,28 +160,35 @@ def _estimate(
         s: Arc lengths of some places of the path [m], (n,).
         solutions: Joint positions at these places in each configuration [rad], (n, dof) each.
     """
-    parts = min(len(path) // PART_EVERY, MOST_PARTS)
-    length = path.length * PART_SEGMENTS / len(path)
+    rough = limits.without_jerk
+    parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)
+    length = path.length * min(PART_SEGMENTS / len(path), 1.0)
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)
-    more = path.length / (parts * length * (INNER[1] - INNER[0]))
-    durations = np.zeros(len(solutions))
-    for n, (i, end) in enumerate(zip(first, last, strict=True)):
-        part = cut_path(path, s[i], end)
-        for k in np.flatnonzero(durations < np.inf):
-            try:
-                joint_path = trace(part, arm, limits=limits, start=solutions[k][i])
-                plan = plan_optimal(joint_path, arm, limits.without_jerk, intervals=ROUGHLY)
-            except ArmContourError:
-                durations[k] = np.inf
-                continue
-            begin, rest = plan.time_at(part.length * np.array(INNER))
-            durations[k] += more * (rest - begin)
-            durations[k] += begin if n == 0 else 0.0
-            durations[k] += plan.duration - rest if n == parts - 1 else 0.0
-        if n + 1 >= SOME_PARTS:
-            durations[durations > (1 + SLOWER) * durations.min()] = np.inf
-    return durations
+    cuts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
+    bounds, traced = np.full(len(solutions), np.inf), list[list[JointPath]]()
+    for k, q in enumerate(solutions):
+        try:
+            found = [
+                trace(part, arm, limits=limits, start=q[i])
+                for part, i in zip(cuts, first, strict=True)
+            ]
+            bounds[k] = sum(bound_duration(x, rough) for x in found)
+        except ArmContourError:
+            found = []
+        traced.append(found)
+    durations, least = bounds.copy(), np.inf
+    for k in np.argsort(bounds, kind="stable"):
+        if SURE * bounds[k] > (1 + SLOWER) * least:
+            break
+        try:
+            durations[k] = sum(
+                plan_optimal(x, arm, rough, intervals=ROUGHLY).duration for x in traced[k]
+            )
+        except ArmContourError:
+            durations[k] = np.inf
+        least = min(least, float(durations[k]))
+    return bounds, durations
 
 
 def bound_duration(joint_path: JointPath, limits: Limits) -> float:

@@ -8,10 +8,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing._grid import merge, thin
+from armcontour.timing._grid import count_near, cut, merge, thin, turning_of
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -76,27 +75,16 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
     if intervals is not None:
         count = _checks.whole("intervals", intervals, FEWEST_PER_PIECE, MOST_INTERVALS)
-    # Turning of the joint path per piece, from its ends and its middle.
-    i = np.arange(pieces)
-    places = np.stack([breaks[:-1], (breaks[:-1] + breaks[1:]) / 2, breaks[1:]])
-    _, first, second = joint_path.motion(np.broadcast_to(i, places.shape), places)
-    size = np.linalg.norm(first, axis=2)
-    if not size.any():
+    turning = turning_of(breaks, joint_path.coefficients, AT_REST)
+    if not len(turning):
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    # Where no joint moves, the direction says nothing.
-    moving = size > AT_REST * size.max()
-    bend = np.linalg.norm(second, axis=2) / np.where(moving, size, 1.0)
-    turning = np.sum(bend * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
     width = np.diff(breaks)
     turn = width * turning
     share = EVEN_SHARE * width / width.sum()
     if turn.sum() > 0:
         share += (1 - EVEN_SHARE) * turn / turn.sum()
     per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count)).astype(np.intp)
-    of, number = number_parts(per_piece)
-    piece = i[of]
-    s = breaks[piece] + width[piece] * number / per_piece[piece]
-    return Grid(joint_path, np.append(s, breaks[-1]), piece)
+    return Grid(joint_path, *cut(breaks, per_piece))
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
@@ -130,12 +118,10 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
     return Grid(grid.joint_path, s, piece), of
 
 
-def split(grid: Grid, parts: FloatArray) -> Grid:
+def split(grid: Grid, parts: FloatArray | IntArray) -> Grid:
     """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
-    count = np.maximum(1, parts).astype(np.intp)
-    of, number = number_parts(count)
-    s = grid.s[of] + grid.width[of] * number / count[of]
-    return Grid(grid.joint_path, np.append(s, grid.s[-1]), grid.piece[of])
+    s, of = cut(grid.s, np.maximum(1, parts).astype(np.intp))
+    return Grid(grid.joint_path, s, grid.piece[of])
 
 
 def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
@@ -152,10 +138,4 @@ def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
     parts = min(PARTS_AT_REST, int(np.sqrt(most)))
     if parts < 2 or not len(rests):
         return grid
-    at = np.sort(np.searchsorted(grid.s, rests))
-    i = np.arange(len(grid))
-    after = np.searchsorted(at, i, side="right")
-    left = np.where(after > 0, i - at[np.maximum(after - 1, 0)], len(grid))
-    right = np.where(after < len(at), at[np.minimum(after, len(at) - 1)] - 1 - i, len(grid))
-    away = np.minimum(left, right)
-    return split(grid, np.where(away == 0, parts**2, np.ceil(parts / np.sqrt(np.maximum(away, 1)))))
+    return split(grid, count_near(len(grid), np.sort(np.searchsorted(grid.s, rests)), parts))

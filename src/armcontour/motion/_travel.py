@@ -1,0 +1,75 @@
+"""The compiled part of bounds of joint motion: how steep a joint path is between arc lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._kernels import compiled
+
+
+@compiled(inner=True)
+def _steepest_within(c: FloatArray, j: int, x: float, h: float) -> float:
+    """The bound of |dq_dx| of joint j from x to x + h on a piece, by its Bernstein coefficients.
+
+    The derivative is a polynomial of degree 4: over an interval it is between the least and the
+    largest of these.
+
+    Args:
+        c: Coefficients of the piece over 0 to 1 [rad], (6, dof).
+        j: The joint.
+        x: Start of the interval, from 0 to 1.
+        h: Its width.
+    """
+    a, b, d, e, f = c[1, j], 2 * c[2, j], 3 * c[3, j], 4 * c[4, j], 5 * c[5, j]
+    # Coefficients about the start of the interval.
+    e += x * f
+    d += x * e
+    b += x * d
+    a += x * b
+    e += x * f
+    d += x * e
+    b += x * d
+    e += x * f
+    d += x * e
+    e += x * f
+    # Coefficients over 0 to 1 within it.
+    b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
+    found: float = max(abs(a), abs(a + b / 4))
+    found = max(found, abs(a + b / 2 + d / 6))
+    found = max(found, abs(a + 3 * b / 4 + d / 2 + e / 4))
+    found = max(found, abs(a + b + d + e + f))
+    return found
+
+
+@compiled()
+def steepest(breaks: FloatArray, coefficients: FloatArray, s: FloatArray) -> FloatArray:
+    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
+
+    Args:
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of its pieces [rad], (pieces, 6, dof).
+        s: Arc lengths, which do not decrease [m], (n + 1,).
+    """
+    n, dof, last = len(s) - 1, coefficients.shape[2], len(breaks) - 2
+    found = np.empty((n, dof))
+    piece = 0
+    for i in range(n):
+        for j in range(dof):
+            found[i, j] = 0.0
+        begin, end = s[i], s[i + 1]
+        while piece < last and breaks[piece + 1] <= begin:
+            piece += 1
+        k = piece
+        while True:
+            # Most laws have the breaks of their joint path, and those of uniform speed may not.
+            until = end if k == last else min(end, breaks[k + 1])
+            width = breaks[k + 1] - breaks[k]
+            x, h = (begin - breaks[k]) / width, (until - begin) / width
+            for j in range(dof):
+                value = _steepest_within(coefficients[k], j, x, h) / width
+                found[i, j] = max(found[i, j], value)
+            if until >= end:
+                break
+            k, begin = k + 1, until
+    return found
