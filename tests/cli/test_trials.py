@@ -411,11 +411,22 @@ def warnings(said: str) -> list[str]:
 
 
 def test_1_d4_capped_layers_are_said(call: Call) -> None:
+    document = drawing()
+    mark = {"layer": "MARK", "color": 1}
+    document.modelspace().add_lwpolyline([(0, 20), (100, 20), (100, 60)], dxfattribs=mark)
+    document.saveas("angle.dxf")
+    code, said = call(f"run angle.dxf --cell capped.yaml {RUN}")
+    speed, tolerance = warnings(said)
+    assert code == 0
+    assert "150 mm/s of segment 1, segment 2 is capped at 100 mm/s by limits.speed" in speed
+    assert "0.5 mm of segment 1, segment 2 is capped at 0.25 mm by corners.tolerance" in tolerance
+
+
+def test_no_corner_tolerance_is_capped_without_corners(call: Call) -> None:
     code, said = call(f"run lines.dxf --cell capped.yaml {RUN}")
-    speed, tolerance, *others = warnings(said)
+    speed, *others = warnings(said)
     assert code == 0
     assert "150 mm/s of segment 1 is capped at 100 mm/s by limits.speed" in speed
-    assert "0.5 mm of segment 1 is capped at 0.25 mm by corners.tolerance" in tolerance
     assert all("TEXT" in x for x in others)
 
 

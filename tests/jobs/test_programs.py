@@ -183,7 +183,11 @@ def test_automatic_leads_need_the_method_optimal_and_name_their_contour(
     auto = Process(lead_in=Lead())
     refuses(lambda: run(job(auto, timing="mac")), InvalidInput, "Run taught", "optimal", "mac")
     far = Contour(path=Path.polyline([[0.5, 0.1], [0.6, 0.1]]), name="E7")
-    refuses(lambda: run(job(auto, *TWO, far)), Unreachable, "leads: contour E7:")
+    refuses(
+        lambda: run(job(auto, *TWO, far)),
+        Unreachable,
+        "Contour E7 is out of reach of the arm PMK-3s by up to",
+    )
 
 
 def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -34,6 +35,7 @@ from armcontour.jobs.programs import (
     time_run,
     trace_run,
 )
+from armcontour.jobs.reach import reach_told
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
@@ -152,7 +154,9 @@ class Previewer:
             (own,) = job.runs
             with locate_errors(f"Run {own.name}"):
                 this, differs = (own, ()) if exact else coarser_run(job, own, period, moving)
-                found = self._plan(job, path, this, exact, progress)
+                # While a handle moves, the first place that is out of reach is enough.
+                with nullcontext() if moving else reach_told(job):
+                    found = self._plan(job, path, this, exact, progress)
         return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
 
     def execute(self, planned: Planned) -> Executed:
