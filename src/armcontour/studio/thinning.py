@@ -25,19 +25,20 @@ def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
     if len(kept) > most // 2:
         heaviest = np.argpartition(weight[kept], -(most // 2))[-(most // 2) :]
         kept = np.union1d(kept[heaviest], np.flatnonzero(np.isinf(weight)))
-    buckets = max(1, (most - len(kept)) // (2 * len(rows)))
-    found = [kept, np.array([0, count - 1]), *(_extremes(x, buckets) for x in rows)]
-    return np.unique(np.concatenate(found))
-
-
-def _extremes(row: FloatArray, buckets: int) -> IntArray:
-    """Indices of the smallest and the largest value in each of so many parts of a row."""
-    count = len(row)
-    width = -(-count // buckets)
-    padded = np.nan_to_num(np.pad(row, (0, -count % width), mode="edge")).reshape(-1, width)
-    first = np.arange(len(padded)) * width
-    both = np.concatenate([first + padded.argmin(axis=1), first + padded.argmax(axis=1)])
-    return np.asarray(np.minimum(both, count - 1))
+    stays = np.zeros(count, dtype=bool)
+    stays[kept] = stays[0] = stays[-1] = True
+    parts = max(1, (most - len(kept)) // (2 * len(rows)))
+    width = -(-count // parts)
+    table = np.nan_to_num(np.stack(rows))
+    # The last part may be shorter than the others.
+    whole = count - count % width
+    for begin, end in ((0, whole), (whole, count)):
+        if begin < end:
+            cut = table[:, begin:end].reshape(len(rows), -1, min(width, end - begin))
+            first = begin + np.arange(cut.shape[1]) * width
+            stays[first + cut.argmin(axis=2)] = True
+            stays[first + cut.argmax(axis=2)] = True
+    return np.flatnonzero(stays)
 
 
 def bends(points: FloatArray) -> FloatArray:

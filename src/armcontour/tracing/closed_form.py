@@ -63,6 +63,9 @@ class ClosedForm(Solver[PlanarTwoLink]):
         curvature = self.path.on_segment(knots.segment, u, 2)
         return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
+    def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
+        """None, as a closed form needs none."""
+
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """The same starts and ends, with jumps by whole turns removed from the joint positions."""
         q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])

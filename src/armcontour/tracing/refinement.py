@@ -46,12 +46,8 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
         coarse = knots.part(missed)
         _refuse_singularity(solver, coarse)
         u = (coarse.u0 + coarse.u1) / 2
-        guess = middle[leaves]
-        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
         halfway = (start[0][missed] + end[0][missed]) / 2
-        nearer = solver.tool_errors(coarse, u, halfway) < solver.tool_errors(coarse, u, guess)
-        guess = np.where(nearer[:, None], halfway, guess)
-        between = solver.ends(coarse, u, guess)
+        between = solver.ends(coarse, u, solver.guess(coarse, u, middle[leaves], halfway))
         knots, parent, second = knots.halve(missed, u)
         start, end = _select(start, parent), _select(end, parent)
         for k in range(3):

@@ -53,6 +53,21 @@ class Solver(ABC, Generic[A]):
             Unreachable: The arm cannot reach the path or is singular; with the arc length.
         """
 
+    def guess(
+        self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
+    ) -> FloatArray | None:
+        """Joint positions near the solutions within intervals, (n, dof); None if none are needed.
+
+        Args:
+            knots: The knot intervals, n of them.
+            u: Distance along the segment of each interval [m], (n,).
+            middle: Joint positions in the middle of the quintics of the intervals, (n, dof).
+            halfway: Means of the joint positions at both ends, (n, dof).
+        """
+        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
+        nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
+        return np.where(nearer[:, None], halfway, middle)
+
     @abstractmethod
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
