@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from armcontour._progress import Progress, Step, under
 from armcontour.cli.console import Console, open_page
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from armcontour.learning import Recording
     from armcontour.motion import Log, TaughtData
 
+Found = TypeVar("Found")
 # Options that say what a real robot did, and those of a simulated one.
 OF_LOGS = (
     *("taught", "log", "tool_positions", "judge_only", "start", "end", "columns", "topic"),
@@ -49,33 +51,47 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
         ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
             written.
     """
-    from armcontour.io import ResultFolder
     from armcontour.io.learning import judged_json, learning_json
 
     _refuse_mixed(x)
     window = read_window(x.start, x.end)
     if x.judge_only:
-        with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
-            with search_progress("judging") as progress:
-                study = _judge(file, job_options, x, window, progress)
-            if folder is not None:
-                _write_judged(study, folder)
-        if x.as_json:
-            print(judged_json(study), end="")
-        else:
-            _print_judged(study, x.out)
-        if x.out is not None and x.open_report:
-            open_page(x.out / "report.html")
-        return
-    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
-        with search_progress("learning") as progress:
-            found = _learn(file, job_options, x, window, progress)
-        if folder is not None:
-            _write(found, folder)
-    if x.as_json:
-        print(learning_json(found), end="")
+        judge = partial(_judge, file, job_options, x, window)
+        _do(x, "judging", judge, _write_judged, judged_json, _print_judged)
     else:
-        _print(found, x.out)
+        learn = partial(_learn, file, job_options, x, window)
+        _do(x, "learning", learn, _write, learning_json, _print)
+
+
+def _do(
+    x: LearnOptions,
+    what: str,
+    work: Callable[[Progress], Found],
+    write: Callable[[Found, ResultFolder], None],
+    to_json: Callable[[Found], str],
+    show: Callable[[Found, FilePath | None], None],
+) -> None:
+    """Do the work of the command, write what it found if there is a folder, and print it.
+
+    Args:
+        x: Options of the command.
+        what: What is done, for the progress.
+        work: Does it.
+        write: Writes what was found.
+        to_json: What was found as JSON.
+        show: Prints what was found.
+    """
+    from armcontour.io import ResultFolder
+
+    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
+        with search_progress(what) as progress:
+            found = work(progress)
+        if folder is not None:
+            write(found, folder)
+    if x.as_json:
+        print(to_json(found), end="")
+    else:
+        show(found, x.out)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
 
