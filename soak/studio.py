@@ -162,6 +162,8 @@ def undo_all(studio: Studio) -> int:
     """Undo until nothing is left; returns the number of steps."""
     steps = 0
     studio.page.keyboard.press("Escape")
+    # What was typed into the text of the job and not applied is no step.
+    studio.page.evaluate("() => [...document.querySelectorAll('#tab-text button')].at(-1).click()")
     while not studio.find("#undo").is_disabled():
         with studio.renewing():
             studio.find("#undo").click()

@@ -13,6 +13,8 @@ import numpy as np
 T = TypeVar("T")
 # Results that are kept of every step: those of a few runs and pins that are looked at by turns.
 KEPT = 4
+# Of results with samples of minutes: those that are shown, and what they are compared with.
+LARGE_KEPT = 2
 
 
 class Kept:
@@ -22,13 +24,14 @@ class Kept:
         self._known: dict[str, list[tuple[Any, Any]]] = {}
         self.seconds: dict[str, float] = {}
 
-    def get(self, step: str, made_of: Any, make: Callable[[], T]) -> T:
+    def get(self, step: str, made_of: Any, make: Callable[[], T], *, most: int = KEPT) -> T:
         """The result of a step, kept or made.
 
         Args:
             step: Name of the step.
             made_of: Everything that the result depends on; it can be compared.
             make: Does the step.
+            most: How many results of the step are kept.
         """
         known = self._known.setdefault(step, [])
         for k, (before, value) in enumerate(known):
@@ -40,7 +43,7 @@ class Kept:
         value = make()
         self.seconds[step] = time.perf_counter() - begin
         known.insert(0, (made_of, value))
-        del known[KEPT:]
+        del known[most:]
         return value
 
     @contextmanager

@@ -39,7 +39,7 @@ from armcontour.jobs.reach import reach_told
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
-from armcontour.studio.kept import Kept, comparable
+from armcontour.studio.kept import LARGE_KEPT, Kept, comparable
 from armcontour.studio.preview_run import coarser_run, with_one_run
 from armcontour.studio.previewed import Executed, Planned
 from armcontour.timing.program_tracing import ends_of
@@ -178,11 +178,13 @@ class Previewer:
                 "execution",
                 (taught, servos[1], comparable(this.limits)),
                 lambda: execute_run(job, this, taught),
+                most=LARGE_KEPT,
             )
             pieces, errors, settled = get(
                 "evaluation",
                 (execution, planned.path, this.until),
                 lambda: _contour_errors(execution, planned.path, this.until),
+                most=LARGE_KEPT,
             )
         return Executed(
             planned=planned,
