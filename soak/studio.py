@@ -32,6 +32,10 @@ KEYS = (
     *("Tab", "Shift+Tab", "Escape", "Control+z", "Control+Shift+z", "Delete", "Insert", "Space"),
     *("p", "c", "e", "f", "m", "v", "d", "1", "2", "3", "[", "]", "+", "-", "?", "Alt+1", "Alt+3"),
 )
+BOXES = """(all) => all.map((x) => {
+    const box = x.getBoundingClientRect();
+    return [box.x, box.y, box.width, box.height];
+})"""
 TEXTS = ("0.1 m/s", "3 mm", "0", "-1", "none", "", "1e400", "7 apples", "ⅷ", "80 mm/s", "2 rad/s^2")
 
 
@@ -81,12 +85,13 @@ class Monkey:
 
     def _one(self, selector: str) -> tuple[float, float] | None:
         """The middle of one of the elements that are seen [px]."""
+        # All at once: a handle may be gone in the next moment.
         found = [
-            x
-            for x in self.studio.page.locator(selector).all()
-            if (box := x.bounding_box()) and box["width"] and 0 < box["y"] < 900
+            (x + wide / 2, y + high / 2)
+            for x, y, wide, high in self.studio.page.locator(selector).evaluate_all(BOXES)
+            if wide and 0 < y < 900
         ]
-        return self.studio.middle(self.random.choice(found)) if found else None
+        return self.random.choice(found) if found else None
 
     def _drag(self) -> Iterator[None]:
         """Drag a handle, or the ground; sometimes it is let go by Escape."""
