@@ -276,7 +276,7 @@ def _rows(every: Iterable[tuple[str, Iterable[Estimate]]]) -> list[list[str]]:
 
 def _cells(x: Estimate) -> list[str]:
     """An estimate as cells of a table."""
-    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+    scale, unit = x.shown
 
     def shown(value: float, digits: int = 5) -> str:
         return f"{value * scale:.{digits}g}" if math.isfinite(value) else ""

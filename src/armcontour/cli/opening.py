@@ -56,6 +56,13 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     )
 
 
+def is_job(file: FilePath) -> bool:
+    """Whether a file is a job by its name; else it is a drawing."""
+    from armcontour.io.cell import YAML
+
+    return file.suffix.lower() in YAML or not file.suffix
+
+
 def open_job(
     file: FilePath, x: JobOptions, progress: Progress, overrides: JobOverrides | None = None
 ) -> Job:
@@ -72,10 +79,10 @@ def open_job(
     """
     from armcontour.errors import InvalidInput
     from armcontour.io import read_job
-    from armcontour.io.cell import YAML, cell_names, read_cell
+    from armcontour.io.cell import cell_names, read_cell
 
     overrides = read_overrides(x) if overrides is None else overrides
-    if file.suffix.lower() in YAML or not file.suffix:
+    if is_job(file):
         if x.cell is not None:
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."

@@ -112,7 +112,7 @@ def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel | None, 
     """
     from armcontour.errors import locate_errors
     from armcontour.io.cell import open_keys
-    from armcontour.io.placement import tools_of
+    from armcontour.io.job_arm import tools_of
 
     named = _text_of(file, options)
     if named is None:
@@ -127,9 +127,9 @@ def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel | None, 
 
 def _text_of(file: FilePath, options: JobOptions) -> str | None:
     """The job file, or the cell of a drawing."""
-    from armcontour.io.cell import YAML
+    from armcontour.cli.opening import is_job
 
-    return str(file) if file.suffix.lower() in YAML or not file.suffix else options.cell
+    return str(file) if is_job(file) else options.cell
 
 
 def _alone(job: Job) -> Job:
@@ -153,8 +153,8 @@ def _variants(
     from dataclasses import replace
 
     from armcontour.cli.opening import read_overrides
-    from armcontour.io.job_arm import ARM_FILES
-    from armcontour.io.placement import read_tools, tools_of
+    from armcontour.io.job_arm import ARM_FILES, tools_of
+    from armcontour.io.placement import read_tools
 
     found = {"": read_overrides(job_options)}
     arms = asked.arms or []

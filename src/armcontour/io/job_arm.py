@@ -11,7 +11,7 @@ from armcontour._quantities import Quantity
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.job_model import ArmModel, FrameModel, ToolModel
+from armcontour.io.job_model import ArmModel, FrameModel, PlacementModel, ToolModel
 from armcontour.io.robots.loading import equip, load_arm
 from armcontour.io.robots.shapes import with_more_shapes
 from armcontour.io.robots.tree import Tree
@@ -117,3 +117,21 @@ def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
         except ValueError as error:
             raise InvalidInput(f"arm.locked.{name}: {error}.") from None
     return found
+
+
+def tools_of(model: PlacementModel) -> dict[str, ToolModel]:
+    """Tool frames of a job file by their names.
+
+    Args:
+        model: The keys under `placement`.
+
+    Raises:
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
+    """
+    tools = {
+        name: x if isinstance(x, ToolModel) else ToolModel(position=x)
+        for name, x in (model.tools or {}).items()
+    }
+    for name, x in tools.items():
+        frame_of(f"placement.tools.{name}", x)
+    return tools

@@ -16,7 +16,7 @@ from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of, frame_of
+from armcontour.io.job_arm import arm_of, tools_of
 from armcontour.io.job_model import (
     CompensationModel,
     ExperimentModel,
@@ -24,7 +24,6 @@ from armcontour.io.job_model import (
     PlacementModel,
     PublishedModel,
     RunModel,
-    ToolModel,
 )
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
@@ -342,9 +341,7 @@ def _place_search(model: PlacementModel) -> PlaceSearch:
     """Where a placement looks."""
     axes = {name: getattr(model.over, name) for name in AXES}
     off = {name: getattr(model.uncertainty, name) for name in AXES}
-    for name, tool in (model.tools or {}).items():
-        if isinstance(tool, ToolModel):
-            frame_of(f"placement.tools.{name}", tool)
+    tools = tools_of(model)
     with locate_errors("placement"):
         return PlaceSearch(
             over={name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None},
@@ -357,7 +354,7 @@ def _place_search(model: PlacementModel) -> PlaceSearch:
             refined=model.refine,
             run=model.run,
             arms=tuple(model.arms or ()),
-            tools=tuple(model.tools or ()),
+            tools=tuple(tools),
         )
 
 

@@ -19,7 +19,7 @@ from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
 from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
-from armcontour.io.job_model import ArmModel, CellModel, PlacementModel, ToolModel
+from armcontour.io.job_model import ArmModel, CellModel, ToolModel
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.keys import Keys as Known
 from armcontour.io.keys import read_keys
@@ -71,24 +71,6 @@ def read_tools(file: FilePath) -> dict[str, ToolModel]:
         )
         for name, x in data.items()
     }
-
-
-def tools_of(model: PlacementModel) -> dict[str, ToolModel]:
-    """Tool frames of a job file by their names.
-
-    Args:
-        model: The keys under `placement`.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
-    tools = {
-        name: x if isinstance(x, ToolModel) else ToolModel(position=x)
-        for name, x in (model.tools or {}).items()
-    }
-    for name, x in tools.items():
-        frame_of(f"placement.tools.{name}", x)
-    return tools
 
 
 def placement_json(
