@@ -1,11 +1,12 @@
-"""`python -m soak.clearance`: what is certified clear touches nothing, and MuJoCo agrees.
+r"""`python -m soak.clearance`: what is certified clear touches nothing, and MuJoCo agrees.
 
 Random motions of three arms between random obstacles are checked. Of those that are certified
 clear, the bodies are looked at 100 times as often as the certificate did, at random times: by other
 kinematics (rotations of scipy), and with triangles instead of hulls. With `--meshes`, the triangles
 of built-in arms are those of their makers' meshes, which their hulls hold:
 
-    python -m soak.clearance --meshes ur5e=ur5e.urdf@base_link_inertia --meshes panda=fer.urdf
+    python -m soak.clearance --meshes ur5e=ur.urdf.xacro@base_link_inertia,ur_type:=ur5e,name:=ur \
+        --meshes panda=fer.urdf
 
 Then random postures are given to MuJoCo, which has kinematics and collisions of its own. Where one
 says that two bodies touch and the other does not, they are as near as EXCESS.
@@ -17,6 +18,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import coal
 import numpy as np
@@ -128,20 +130,32 @@ class Judge:
         self, chain: Chain, pairs: tuple[Pair, ...], exact: dict[str, LinkShape] | None = None
     ) -> None:
         self._chain = chain
-        self._pairs = [
-            tuple((x.link, *_body(x, exact or {})) for x in (pair.first, pair.second))
-            for pair in pairs
-        ]
+        both = [(pair.first, pair.second) for pair in pairs]
+        bodies = {id(x): x for pair in both for x in pair}
+        order = {key: k for k, key in enumerate(bodies)}
+        self._bodies = [(x.link, *_body(x, exact or {})) for x in bodies.values()]
+        self._pairs = np.array([[order[id(x)] for x in pair] for pair in both])
+        balls = [_ball(shape) for _, shape, _ in self._bodies]
+        self._centres = np.array([np.append(centre, 1.0) for centre, _ in balls])
+        self._radii = np.array([radius for _, radius in balls])
 
     def touches(self, q: FloatArray) -> int:
-        """How many pairs touch at joint positions, (dof,)."""
-        poses = self.poses(q)
+        """How many pairs touch at joint positions, (n, dof), all postures together.
+
+        Bodies whose balls are apart do not touch; all others are looked at by their triangles.
+        """
+        links = self.poses(q)
+        placed = np.stack([links[link] @ place for link, _, place in self._bodies], axis=1)
+        centres = np.einsum("nbij,bj->nbi", placed, self._centres)[..., :3]
+        first, second = self._pairs.T
+        between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
+        near = between <= (self._radii[first] + self._radii[second]) * (1 + 1e-9)
         request, count = coal.CollisionRequest(), 0
-        for pair in self._pairs:
+        for k, pair in np.argwhere(near).tolist():
             shapes, places = [], []
-            for link, shape, place in pair:
-                pose = poses[link] @ place
-                shapes.append(shape)
+            for body in self._pairs[pair].tolist():
+                pose = placed[k, body]
+                shapes.append(self._bodies[body][1])
                 places.append(coal.Transform3s(pose[:3, :3], pose[:3, 3]))
             found = coal.CollisionResult()
             coal.collide(shapes[0], places[0], shapes[1], places[1], request, found)
@@ -149,19 +163,40 @@ class Judge:
         return count
 
     def poses(self, q: FloatArray) -> list[FloatArray]:
-        """Places of all links, (4, 4) each."""
+        """Places of all links at joint positions, (n, dof): (n, 4, 4) each."""
         chain = self._chain
-        found = [_matrix(chain.base.rotation, chain.base.position)]
-        turns = Rotation.from_rotvec(q[:, None] * chain.axes).as_matrix()
-        for k, turn in enumerate(turns):
-            found.append(found[-1] @ _matrix(chain.rotations[k] @ turn, chain.positions[k]))
+        found = [np.broadcast_to(_matrix(chain.base.rotation, chain.base.position), (len(q), 4, 4))]
+        for k, axis in enumerate(chain.axes):
+            turned = np.zeros((len(q), 4, 4))
+            turn = Rotation.from_rotvec(q[:, k, None] * axis).as_matrix()
+            turned[:, :3, :3] = chain.rotations[k] @ turn
+            turned[:, :3, 3], turned[:, 3, 3] = chain.positions[k], 1.0
+            found.append(found[-1] @ turned)
         return found
+
+
+def _ball(shape: Any) -> tuple[FloatArray, float]:
+    """Centre and radius of a ball that holds a body of the library."""
+    match shape:
+        case coal.Sphere():
+            radius = shape.radius
+        case coal.Capsule():
+            radius = shape.radius + shape.halfLength
+        case coal.Cylinder():
+            radius = np.hypot(shape.radius, shape.halfLength)
+        case coal.Box():
+            radius = np.linalg.norm(shape.halfSide)
+        case _:
+            points = shape.vertices()
+            centre = (points.min(axis=0) + points.max(axis=0)) / 2
+            return centre, np.linalg.norm(points - centre, axis=1).max()
+    return np.zeros(3), radius
 
 
 def _body(x: Body, exact: dict[str, LinkShape]) -> tuple[object, FloatArray]:
     """A body of the library, of triangles where it is a mesh, and its place in its link."""
     shape, place = x.exact or x.shape, x.place
-    if x.name in exact and not x.obstacle:
+    if x.name in exact:
         given = exact[x.name]
         shape, place = given.exact or given.shape, given.place
     made: object
@@ -222,7 +257,7 @@ def judge_motion(
     judge = Judge(arm.chain, pairs, exact)
     times = rng.uniform(0, motion.duration, finer * found.evaluations // len(pairs))
     tally.looks += len(times) * len(pairs)
-    tally.touches += sum(judge.touches(q) for q in motion(times))
+    tally.touches += judge.touches(motion(times))
 
 
 def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
@@ -304,11 +339,16 @@ def exact_of(given: str, built_in: ac.Arm) -> dict[str, LinkShape]:
     """Meshes of the links of a description, by the names of the built-in arm's links.
 
     Args:
-        given: The file of the description, with @ and its base if that is not the root.
+        given: The file of the description, with @ and its base if that is not the root, and for a
+            .xacro file the values of its arguments, as name:=value, each after a comma.
         built_in: The built-in arm.
     """
-    file, _, base = given.partition("@")
-    shapes = ac.load_arm(file, base=base or None).shapes
+    described, *values = given.split(",")
+    file, _, base = described.partition("@")
+    arguments = dict(x.split(":=", 1) for x in values)
+    shapes = ac.load_arm(
+        file, base=base or None, trust_xacro=bool(arguments), arguments=arguments
+    ).shapes
     assert shapes is not None and built_in.shapes is not None
     names = {x.link: x.name for x in built_in.shapes.shapes}
     return {names[x.link]: x for x in shapes.shapes}
@@ -319,7 +359,7 @@ def main() -> int:
     given = argparse.ArgumentParser(prog="python -m soak.clearance", description=__doc__)
     given.add_argument("--count", type=int, default=10_000, help="how many motions, and postures")
     given.add_argument("--seed", type=int, default=0, help="seed of the first one")
-    given.add_argument("--meshes", action="append", default=[], help="ARM=DESCRIPTION@BASE")
+    given.add_argument("--meshes", action="append", default=[], help="ARM=FILE@BASE,NAME:=VALUE")
     told = given.parse_args()
     files = dict(x.split("=", 1) for x in told.meshes)
     bad = 0

@@ -1,5 +1,7 @@
 """A little of `soak.clearance`: other kinematics, triangles, and MuJoCo as judges."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from soak import clearance as judge
@@ -7,7 +9,7 @@ from soak import clearance as judge
 import armcontour as ac
 from armcontour.arms.chain import link_poses
 from armcontour.clearance.pairs import pairs_of
-from armcontour.scene import Scene
+from armcontour.scene import Scene, Sphere
 
 
 def test_what_is_certified_clear_touches_nothing() -> None:
@@ -25,11 +27,23 @@ def test_the_judge_sees_touches_and_has_the_same_kinematics() -> None:
     arm = ac.load_arm("ur5e")
     assert arm.chain is not None
     found = judge.Judge(arm.chain, pairs_of(arm, Scene())[0])
-    assert found.touches(np.array([0, -1.5, 3.1, 0.3, 0, 0])) > 0
-    assert found.touches(np.array([0, -1.5, 1.5, -1.5, -1.5, 0])) == 0
+    assert found.touches(np.array([[0, -1.5, 3.1, 0.3, 0, 0]])) > 0
+    assert found.touches(np.array([[0, -1.5, 1.5, -1.5, -1.5, 0]])) == 0
     q = np.random.default_rng(1).uniform(-3, 3, 6)
-    mine = np.array(found.poses(q))[:, :3]
+    mine = np.array(found.poses(q[None]))[:, 0, :3]
     np.testing.assert_allclose(mine, link_poses(arm.chain, q[None])[0], atol=1e-12)
+
+
+def test_the_judge_takes_other_meshes_of_the_links() -> None:
+    arm = ac.load_arm("ur5e")
+    assert arm.chain is not None and arm.shapes is not None
+    given = {x.name: x for x in arm.shapes.shapes}
+    pairs, _ = pairs_of(arm, Scene())
+    folded = np.array([[0, -1.5, 3.1, 0.3, 0, 0]])
+    own = judge.Judge(arm.chain, pairs).touches(folded)
+    assert judge.Judge(arm.chain, pairs, given).touches(folded) == own
+    tiny = {name: replace(x, shape=Sphere(radius=1e-6), exact=None) for name, x in given.items()}
+    assert judge.Judge(arm.chain, pairs, tiny).touches(folded) == 0
 
 
 @pytest.mark.parametrize("name", judge.ARMS)
