@@ -24,6 +24,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Sequence
 from importlib import resources
@@ -34,10 +35,14 @@ import armcontour as ac
 from armcontour._process import processors
 from armcontour.batches import read_plan
 from armcontour.batches.conducting import conduct
+from armcontour.batches.folder import look
+from armcontour.batches.ledger import Ledger
 from armcontour.batches.working import Outcome
 
 # Bars: speed of two processors over one, the share of an engine, memory of the parent [bytes].
 FASTER, SHARE, MEMORY = 1.8, 0.10, 500e6
+# Longest work that a killed batch may lose [s].
+LOST = 5.0
 
 
 def plan_of(folder: FilePath, jobs: int) -> FilePath:
@@ -166,6 +171,7 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
         done, lost = 0, []
         while done < options.times:
             with _started(plan, out) as process:
+                told = Told(process)
                 _wait_for_work(process, out)
                 if name == "worker":
                     done += _kill_workers(process, draw, options.times - done, whole)
@@ -175,7 +181,7 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
                     except subprocess.TimeoutExpired:
                         process.kill()
                         done += 1
-                        lost.append(_age(out))
+                        lost.append(told.lost(_kept(plan, out)))
                         continue
             good &= _same(rows(ac.batch(plan, out, workers=0)), want)
             say(f"{name}: complete after {done} kills")
@@ -184,17 +190,62 @@ def kills(folder: FilePath, options: argparse.Namespace) -> bool:
             good &= _same(rows(ac.batch(plan, out, workers=0)), want)
         say(f"{name}: killed {done} times, {'the same rows' if good else 'OTHER ROWS'}")
         if lost:
-            say(f"parent: the newest part was at most {max(lost):.1f} s old, starts included")
+            say(f"parent: lost at most {max(lost):.1f} s of work (bar {LOST:.0f})")
+            good &= max(lost) <= LOST
     return good
 
 
-def _started(plan: FilePath, out: FilePath) -> subprocess.Popen[bytes]:
-    """A batch of its own."""
-    call = [sys.executable, "-m", "armcontour", "batch", str(plan), "--out", str(out)]
-    return subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def _started(plan: FilePath, out: FilePath) -> subprocess.Popen[str]:
+    """A batch of its own, which tells how far it is as lines of JSON."""
+    call = [sys.executable, "-m", "armcontour", "batch", str(plan), "--out", str(out), "--json"]
+    return subprocess.Popen(
+        call, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1
+    )
 
 
-def _wait_for_work(process: subprocess.Popen[bytes], out: FilePath) -> None:
+class Told:
+    """What a batch tells of itself, and when.
+
+    Args:
+        process: The batch.
+    """
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        # Times, and how many jobs had a result by then.
+        self.done: list[tuple[float, int]] = []
+        self._reader = threading.Thread(target=self._read, args=(process,), daemon=True)
+        self._reader.start()
+
+    def _read(self, process: subprocess.Popen[str]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            told = json.loads(line).get("progress")
+            if told:
+                self.done.append((time.monotonic(), told["done"]))
+
+    def lost(self, kept: int) -> float:
+        """For how long at most the batch had worked in vain when it was killed, now [s].
+
+        Args:
+            kept: How many results its parts have.
+        """
+        now = time.monotonic()
+        self._reader.join()
+        in_vain = [t for t, done in self.done if done > kept]
+        if not in_vain:
+            return 0.0
+        before = [t for t, done in self.done if done <= kept]
+        return now - (before[-1] if before else in_vain[0])
+
+
+def _kept(plan: FilePath, out: FilePath) -> int:
+    """How many jobs of a plan have a result in a folder."""
+    ledger = Ledger(read_plan(plan))
+    look(out, ledger)
+    return ledger.done
+
+
+def _wait_for_work(process: subprocess.Popen[str], out: FilePath) -> None:
     """Wait until a batch has begun, which it says by writing its plan again."""
     begin = time.time()
     plan = out / "plan.json"
@@ -203,7 +254,7 @@ def _wait_for_work(process: subprocess.Popen[bytes], out: FilePath) -> None:
 
 
 def _kill_workers(
-    process: subprocess.Popen[bytes], draw: random.Random, most: int, whole: float
+    process: subprocess.Popen[str], draw: random.Random, most: int, whole: float
 ) -> int:
     """Kill workers of a batch at random moments, until it ends; returns how many.
 
@@ -229,12 +280,6 @@ def _children(pid: int) -> list[int]:
     for x in FilePath(f"/proc/{pid}/task").iterdir():
         found += [int(y) for y in (x / "children").read_text().split()]
     return found
-
-
-def _age(out: FilePath) -> float:
-    """Age of the newest part [s]; 0 without parts."""
-    parts = list((out / "parts").glob("*")) if (out / "parts").exists() else []
-    return time.time() - max(x.stat().st_mtime for x in parts) if parts else 0.0
 
 
 def _same(found: Sequence[Any], want: Sequence[Any]) -> bool:
