@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour.motion import JointPath
 from armcontour.timing import trace_fastest
-from armcontour.timing.fastest_configuration import ROUGHLY, bound_duration, find_starts
+from armcontour.timing.fastest_configuration import (
+    ROUGHLY,
+    bound_duration,
+    find_starts,
+    trace_all_fastest,
+)
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace_all
 
@@ -52,6 +59,24 @@ def test_of_equal_configurations_the_first_counts(monkeypatch):
     twins = [ac.JointPath(**{x: getattr(y, x) for x in y.__slots__}) for y in found]
     monkeypatch.setattr("armcontour.timing.fastest_configuration.trace_all", lambda *_, **__: twins)
     assert trace_fastest(path, arm) is twins[0]
+
+
+def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
+    # The speed of the tool bounds all of the path, whichever way the arm reaches it.
+    arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
+    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=None)
+    usual = trace_all_fastest(path, arm, slow)
+    assert len(usual) > 1
+    rng = np.random.default_rng(4)
+
+    def noisy(*x, **named):
+        planned = plan_optimal(*x, **named)
+        return SimpleNamespace(duration=planned.duration * (1 + rng.uniform(-1e-9, 1e-9)))
+
+    monkeypatch.setattr("armcontour.timing.fastest_configuration.plan_optimal", noisy)
+    for _ in range(5):
+        found = trace_all_fastest(path, arm, slow)
+        assert [x(0.0).tolist() for x in found] == [x(0.0).tolist() for x in usual]
 
 
 def test_bound_of_a_straight_line_is_its_duration():

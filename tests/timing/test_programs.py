@@ -31,6 +31,7 @@ from armcontour.program import (
     round_corners,
 )
 from armcontour.timing import trace_program
+from armcontour.timing.fastest_configuration import trace_all_fastest
 
 PMK3S = ac.load_arm("pmk3s")
 UR5E = ac.load_arm("ur5e")
@@ -517,6 +518,20 @@ def test_an_event_that_lags_beyond_the_end_asks_for_a_lead_out(
     )
 
 
+def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chosen() -> None:
+    # The speed of the tool bounds both contours; the way between them depends on the posture.
+    moves = Contour(path=in_space(SQUARE)), Contour(path=in_space(BEND, 0.3))
+    program = Program(moves=moves)
+    rounded = round_corners(program, tolerance=1e-3)
+    limits = IN_SPACE.replace(speed=0.02, joint_torque=None)
+    equals = trace_all_fastest(rounded.contours[0].path, UR5E, limits)
+    assert len(equals) > 1
+    durations = [ac.plan(rounded, UR5E, limits, start=x(0.0)).duration for x in equals]
+    assert max(durations) > 1.001 * min(durations)
+    found = ac.plan(rounded, UR5E, limits)
+    assert found.duration == pytest.approx(min(durations), rel=1e-6)
+
+
 def test_an_approach_does_not_choose_another_configuration_than_the_contour() -> None:
     square = SQUARE.vertices + [0.2, 0.1]
     path = Path.polyline(np.pad(square, ((0, 0), (0, 1)), constant_values=0.3)).pointing([0, 0, -1])
@@ -604,7 +619,7 @@ def test_a_traced_program_is_timed_again_without_tracing(
         raise AssertionError("traced again")
 
     tracing = sys.modules["armcontour.timing.program_tracing"]
-    monkeypatch.setattr(tracing, "trace_fastest", never)
+    monkeypatch.setattr(tracing, "trace_all_fastest", never)
     monkeypatch.setattr(tracing, "trace", never)
     again = ac.plan(traced, PMK3S, IN_PLANE, reserve=0.2)
     assert again.duration == whole.duration and again.events == whole.events

@@ -245,6 +245,22 @@ def test_compiled_plans_are_those_of_the_general_way(viscous, coulomb, speeds):
     assert np.allclose(found.laws[0].breaks, expected.laws[0].breaks, rtol=1e-12, atol=0)
 
 
+@pytest.mark.parametrize("intervals", [60, 1000])
+@pytest.mark.parametrize("viscous", [0, 1])
+def test_no_plan_is_given_up_that_would_gain_much(monkeypatch, viscous, intervals):
+    arm = ur5e(viscous=viscous * VISCOUS)
+    limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
+    for seed in range(6):
+        way = np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6))
+        joint_path, grid = ac.JointPath.spline(way), np.linspace(0, 1, intervals + 1)
+        grid = grid * joint_path.length
+        usual = plan_optimal(joint_path, arm, limits, grid=grid).duration
+        with monkeypatch.context() as never:
+            never.setattr("armcontour.timing.optimal.LEAST_GAIN", -1.0)
+            longest = plan_optimal(joint_path, arm, limits, grid=grid).duration
+        assert usual == pytest.approx(longest, rel=5e-6)
+
+
 def test_terms_on_a_grid_are_those_of_all_its_places():
     dynamics, path = ur5e().dynamics, ac.JointPath.spline(POINTS)
     grid = place_grid(path, 90)

@@ -15,7 +15,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.motion._intervals import law_of_squares
 from armcontour.timing._block import ENDS, count_blocks, filled, widths_of
-from armcontour.timing._bracket import bound_u, bound_x, judge, spread
+from armcontour.timing._bracket import bound_u, bound_x, gain_left, judge, spread
 from armcontour.timing._joint_limits import FOUND, LEFT, TOO_MUCH, at_points, reach_ends
 from armcontour.timing._reach import (
     BELOW_CEILING,
@@ -537,6 +537,8 @@ def plan_in_brackets(
             if times[n] > duration:
                 return best, best_skew, lost, FOUND
             if not bracketed or times[n] >= duration * (1 - rules.least_gain):
+                return x, skew, lost, FOUND
+            if gain_left(times, lost, x, most, least, ratio, rules.close) <= rules.least_gain:
                 return x, skew, lost, FOUND
             best, best_skew, duration, moves = x, skew, times[n], 0
             for i in range(n):

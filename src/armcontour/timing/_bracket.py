@@ -9,6 +9,9 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 
+# Margins in brackets change by about so many times the share by which the brackets move.
+SENSITIVE = 10.0
+
 
 @compiled(inner=True)
 def sag(skew: float, width: float) -> float:
@@ -138,3 +141,40 @@ def judge(
         any_dips |= dips[i]
         any_left |= left[i]
     return any_dips, any_left
+
+
+@compiled()
+def gain_left(
+    times: FloatArray,
+    lost: FloatArray,
+    x: FloatArray,
+    most: FloatArray,
+    least: FloatArray,
+    reach: FloatArray,
+    close: float,
+) -> float:
+    """About the largest share of the duration that a plan in brackets around this one gains.
+
+    Margins cost about the share of the limits that they take; brackets of other places and of the
+    same reach have other margins only as far as the places differ.
+
+    Args:
+        times: The plan's times at the grid points [s], (n + 1,).
+        lost: Largest share of any limit that margins take on each interval, (n,).
+        x: The plan [m²/s²], (n + 1,).
+        most: The larger x of both ends that the brackets of the plan were around, (n,).
+        least: The smaller x, (n,).
+        reach: Ratio by which these brackets extended beyond both, (n,).
+        close: That ratio of the brackets around this plan.
+    """
+    n, total = len(lost), 0.0
+    for i in range(n):
+        share = 1.0
+        if reach[i] <= close:
+            high, low = max(x[i], x[i + 1]), min(x[i], x[i + 1])
+            moved = max(abs(high - most[i]), abs(low - least[i]))
+            known = most[i] if low == least[i] else least[i]
+            if moved < known:
+                share = min(1.0, SENSITIVE * moved / known)
+        total += (times[i + 1] - times[i]) * lost[i] * share
+    return float(total / times[n])

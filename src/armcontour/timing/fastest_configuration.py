@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import numpy.typing as npt
 
@@ -30,6 +32,8 @@ ALIKE = 1e-4
 # A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
 # limits at points, and may miss what happens between them.
 SURE = 0.998
+# Plans whose durations differ by less than this share are as fast: the planner is no more exact.
+AS_FAST = 1e-6
 
 
 def trace_fastest(
@@ -42,6 +46,8 @@ def trace_fastest(
 ) -> JointPath:
     """Trace a path in the configuration whose optimal plan takes the least time.
 
+    Among equals it is the one with the shortest joint path.
+
     Args:
         path: A tool path.
         arm: The arm.
@@ -53,30 +59,53 @@ def trace_fastest(
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
+    return trace_all_fastest(path, arm, limits, branch=branch, start=start)[0]
+
+
+def trace_all_fastest(
+    path: Path,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+) -> list[JointPath]:
+    """Trace a path in all configurations whose optimal plans take the least time.
+
+    Args:
+        path: As in `trace_fastest`, as the others.
+        arm: See above.
+        limits: See above.
+        branch: See above.
+        start: See above.
+
+    Returns:
+        Joint paths that are as fast, the shortest one first; of a long path only one.
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: The path does not fit the arm.
+    """
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
         long = _trace_long(path, arm, bounds) if branch is None and start is None else None
         if long is not None:
-            return long
+            return [long]
     found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
     if len(found) == 1:
-        return found[0]
+        return found
     at_least = [bound_duration(x, rough) for x in found]
-    best, least = 0, float("inf")
+    durations = np.full(len(found), np.inf)
     for i in np.argsort(at_least, kind="stable"):
-        if SURE * at_least[i] > least:
+        if SURE * at_least[i] > durations.min():
             break
-        try:
-            duration = plan_optimal(found[i], arm, rough, intervals=ROUGHLY).duration
-        except ArmContourError:
-            # If no configuration can be planned, the plan of the first one raises the reason.
-            continue
-        # Among equals the first one counts, whichever was planned first.
-        if duration < least or (duration == least and i < best):
-            best, least = int(i), duration
-    return found[best]
+        # If no configuration can be planned, the plan of the first one raises the reason.
+        with suppress(ArmContourError):
+            durations[i] = plan_optimal(found[i], arm, rough, intervals=ROUGHLY).duration
+    as_fast = durations <= durations.min() * (1 + AS_FAST)
+    return [x for x, fast in zip(found, as_fast, strict=True) if fast]
 
 
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:

@@ -23,7 +23,7 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing._all_limits import Rules
 from armcontour.timing._block import memory_of_blocks
-from armcontour.timing._bracket import bound_u, bound_x, judge, spread
+from armcontour.timing._bracket import bound_u, bound_x, gain_left, judge, spread
 from armcontour.timing._joint_limits import FOUND, TOO_MUCH, plan_in_one_go
 from armcontour.timing._reach import (
     BELOW_CEILING,
@@ -95,8 +95,8 @@ NEAR_TANGENT = 1e-2
 # bracket is widened by this ratio.
 WIDER = 1.5
 # A plan within its brackets is made again in brackets of the ratio CLOSE around it, which cost
-# about 1e-6 of the duration, until a repetition gains less than LEAST_GAIN or plans have left the
-# brackets MOST_MOVES times.
+# about 1e-6 of the duration, until a repetition gains less than LEAST_GAIN, or can gain no more, or
+# plans have left the brackets MOST_MOVES times.
 CLOSE = 1.02
 LEAST_GAIN = 1e-6
 MOST_MOVES = 4
@@ -502,7 +502,7 @@ def _solve_on_grid(grid: Grid, task: _Task, most: float) -> tuple[PathLaw | None
             bracket.widen(x, left if task.bracketed else np.ones_like(left))
         else:
             law = _law(grid, x, skew)
-            if not task.bracketed or not bracket.gains(law):
+            if not task.bracketed or not bracket.gains(law) or bracket.fits(x, law, lost):
                 return bracket.better(law), lost
             bracket.close_in(x, law)
     return bracket.found, np.maximum(lost, most)
@@ -638,6 +638,18 @@ class _Bracket:
     def gains(self, law: PathLaw) -> bool:
         """Whether a law is so much faster than the law found before that a repetition pays."""
         return self.found is None or bool(law.breaks[-1] < self.found.breaks[-1] * (1 - LEAST_GAIN))
+
+    def fits(self, x: FloatArray, law: PathLaw, lost: FloatArray) -> bool:
+        """Whether a bracket around the plan x would not gain more time than LEAST_GAIN.
+
+        Args:
+            x: The plan [m²/s²], (n + 1,).
+            law: Its law.
+            lost: The share of limits that margins take in this bracket, (n,).
+        """
+        around = self.most, self.least, self.reach
+        # Kernels are compiled for arrays that may be written.
+        return bool(gain_left(np.array(law.breaks), lost, x, *around, CLOSE) <= LEAST_GAIN)
 
     def better(self, law: PathLaw) -> PathLaw:
         """The faster one of a law and the law found before."""

@@ -20,11 +20,13 @@ from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
-from armcontour.timing.fastest_configuration import trace_fastest
+from armcontour.timing.fastest_configuration import AS_FAST, bound_duration, trace_all_fastest
 from armcontour.tracing import trace
 
 # Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
 SAME_POSITION = 1e-9
+# Where configurations are as fast for a contour, so many contours after it tell which is chosen.
+AHEAD = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,10 +82,11 @@ def trace_program(
 ) -> Tracing:
     """Trace all moves of a program.
 
-    The first contour starts in its fastest configuration. Every other contour starts in the
-    configuration nearest to the joint positions before it, or in its fastest configuration if the
-    nearest one does not complete it. A rapid without a path, and a gap between two moves, becomes a
-    straight line in joint space.
+    The first contour starts in its fastest configuration, and where several are as fast for it, in
+    the one in which the next contours are reached and done the soonest. Every other contour starts
+    in the configuration nearest to the joint positions before it, or in its fastest configuration
+    if the nearest one does not complete it. A rapid without a path, and a gap between two moves,
+    becomes a straight line in joint space.
 
     Args:
         program: The program, with rounded corners and the required tool orientation.
@@ -97,9 +100,7 @@ def trace_program(
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
-    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    limited = arm.with_limits(bounds)
-    tracer = _Tracer(program.single_path, program.contours, arm, limited, bounds, branch, start)
+    tracer = _Tracer.of(program, arm, limits, branch, start)
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
@@ -127,11 +128,20 @@ def choose_start(
     """
     if given is not None or isinstance(arm, PlanarTwoLink):
         return given
-    first, contour = next((i, x) for i, x in enumerate(program.moves) if isinstance(x, Contour))
-    path = contour.path.objective if isinstance(contour.path, ShapedPath) else contour.path
-    plain = dataclasses.replace(contour, path=path, events=(), work=None)
-    begin = Program(moves=(*program.moves[:first], plain))
-    return ends_of(trace_program(begin, arm, limits).joint_paths[0])[0]
+    plain = Program(moves=tuple(map(_without_shape, program.moves)))
+    tracer = _Tracer.of(plain, arm, limits)
+    for i, move in enumerate(plain.moves):
+        tracer.follow(i, move)
+        if tracer.done:
+            break
+    return ends_of(next(x.joint_path for x in tracer.steps if x.joint_path is not None))[0]
+
+
+def _without_shape(move: Move) -> Move:
+    """A move, of which a shaped path is its objective."""
+    if not isinstance(move, Contour) or not isinstance(move.path, ShapedPath):
+        return move
+    return dataclasses.replace(move, path=move.path.objective, events=(), work=None)
 
 
 @dataclass(slots=True)
@@ -139,6 +149,7 @@ class _Tracer:
     """Traces the moves of a program one after the other; each starts where the last one ended."""
 
     single_path: Path | None
+    moves: tuple[Move, ...]
     contours: tuple[Contour, ...]
     arm: Arm
     limited: Arm
@@ -148,6 +159,29 @@ class _Tracer:
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
+    looks_ahead: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        program: Program,
+        arm: Arm,
+        limits: Limits | None,
+        branch: str | None = None,
+        start: npt.ArrayLike | None = None,
+    ) -> _Tracer:
+        """The tracer of a program; arguments as in `trace_program`."""
+        bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+        return cls(
+            program.single_path,
+            program.moves,
+            program.contours,
+            arm,
+            arm.with_limits(bounds),
+            bounds,
+            branch,
+            start,
+        )
 
     def follow(self, i: int, move: Move) -> None:
         """Add the steps of a move; a rapid without a path is the gap before the next move."""
@@ -156,7 +190,7 @@ class _Tracer:
             alone = self.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                self._append(i, self._trace(move.path), called)
+                self._append(i, self._trace(move.path, i), called)
             self.done += 1
         elif not isinstance(move, Rapid):
             self.steps.append(TracedMove(move=i))
@@ -174,7 +208,7 @@ class _Tracer:
         turned = turn_along(path, before, after)
         with locate_errors(called):
             first = self.last is None and self.start is None
-            found = self._trace_to(after[0], turned) if first else self._trace(turned)
+            found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
             self._append(i, found, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
@@ -186,28 +220,65 @@ class _Tracer:
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
-    def _trace(self, path: Path) -> JointPath:
-        """Trace a path from the present configuration, else from the fastest one."""
+    def _trace(self, path: Path, i: int) -> JointPath:
+        """Trace the path of a move from the present configuration, else from the fastest one."""
         if self.last is None or isinstance(self.arm, PlanarTwoLink):
             start = self.start if self.last is None else None
-            return trace_fastest(path, self.arm, self.limits, branch=self.branch, start=start)
+            return self._fastest(path, i, branch=self.branch, start=start)
         try:
             return trace(path, self.limited, start=ends_of(self.last)[1])
         except Unreachable:
-            return trace_fastest(path, self.arm, self.limits)
+            return self._fastest(path, i)
 
-    def _trace_to(self, contour: Contour, path: Path) -> JointPath:
+    def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limits = self.arm, self.limits
         if isinstance(arm, PlanarTwoLink):
-            return self._trace(path)
+            return self._trace(path, i)
         try:
-            fastest = trace_fastest(contour.path, arm, limits)
+            at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
+            fastest = self._fastest(contour.path, at)
             back = trace(reverse_path(path), arm, limits=limits, start=fastest(0.0))
             return trace(path, arm, limits=limits, start=back(back.length))
         except ArmContourError:
             # Try the other configurations; errors of the contour are raised when it is traced.
-            return self._trace(path)
+            return self._trace(path, i)
+
+    def _fastest(
+        self, path: Path, i: int, branch: str | None = None, start: npt.ArrayLike | None = None
+    ) -> JointPath:
+        """Trace the path of a move in its fastest configuration; of equals that for what follows.
+
+        Args:
+            path: The path.
+            i: Index of the move.
+            branch: As in `trace_fastest`.
+            start: As in `trace_fastest`.
+        """
+        found = trace_all_fastest(path, self.arm, self.limits, branch=branch, start=start)
+        if len(found) == 1 or not self.looks_ahead:
+            return found[0]
+        durations = np.array([self._look_ahead(x, i) for x in found])
+        return found[int(np.argmax(durations <= durations.min() * (1 + AS_FAST)))]
+
+    def _look_ahead(self, joint_path: JointPath, i: int) -> float:
+        """A lower bound of the duration of some moves after a move [s]; infinite without a way.
+
+        Args:
+            joint_path: The joint path of the move.
+            i: Index of the move.
+        """
+        done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
+        trial = dataclasses.replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
+        for k, move in enumerate(self.moves[i + 1 :], i + 1):
+            if trial.done == done + AHEAD:
+                break
+            try:
+                trial.follow(k, move)
+            except ArmContourError:
+                return np.inf
+        ways = [x.joint_path for x in trial.steps if x.joint_path is not None]
+        return sum(bound_duration(x, self.limits) for x in ways)
 
 
 def _line(begin: FloatArray, end: FloatArray) -> JointPath:
