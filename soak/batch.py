@@ -94,11 +94,12 @@ def speed(folder: FilePath, options: argparse.Namespace) -> bool:
         f"without an engine, {processors()} loops at once do {loop / together * processors():.2f} "
         f"times the jobs of one: the most that this machine gives"
     )
-    took = {}
+    took, found_by = {}, {}
     for workers in (1, processors()):
         begin, (own, others) = time.perf_counter(), spent()
         found = ac.batch(plan, folder / f"speed-{workers}", workers=workers)
         took[workers] = time.perf_counter() - begin
+        found_by[workers] = rows(found)
         own, others = (b - a for a, b in zip((own, others), spent(), strict=True))
         ideal = (loop if workers == 1 else together) * len(found.plan)
         say(
@@ -107,8 +108,12 @@ def speed(folder: FilePath, options: argparse.Namespace) -> bool:
             f"engine adds {(own + others) / ideal - 1:.1%} (bar {SHARE:.0%})"
         )
     ratio = took[1] / took[processors()]
-    say(f"{processors()} workers are {ratio:.2f} times as fast as one (bar {FASTER} for two)")
-    return ratio >= FASTER and (own + others) / ideal - 1 <= SHARE
+    same = found_by[1] == found_by[processors()]
+    say(
+        f"{processors()} workers are {ratio:.2f} times as fast as one (bar {FASTER} for two); "
+        f"{'the same rows' if same else 'OTHER ROWS'}"
+    )
+    return same and ratio >= FASTER and (own + others) / ideal - 1 <= SHARE
 
 
 def _loops(plan: FilePath, count: int) -> float:
