@@ -31,8 +31,8 @@ Done = TypeVar("Done", contravariant=True)
 FEWEST = 12
 # Parts of the items that an executor gets, each with the work: more would send it too often.
 CHUNKS = 32
-# Work ahead begins when this process has worked so long on its own [s of processor time], if twice
-# as much is left for each of the others: a start takes about as long.
+# Work ahead is given to another process if twice as much of it is left for each of them as a start
+# takes, about [s]. That is judged as soon as this process has worked a quarter of it on its own.
 ALONE = 1.0
 # Largest number of others that work ahead; each takes about as much memory as this process.
 MOST_AHEAD = 7
@@ -323,7 +323,7 @@ def _do_each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 def _worth(spent: float, share: float) -> int:
     """Number of other processes that are worth their start, after a share of some work [s]."""
-    if spent < ALONE or is_other() or not can_start():
+    if spent < ALONE / 4 or is_other() or not can_start():
         return 0
     return min(processors() - 1, MOST_AHEAD, int(spent * (1 / share - 1) / (2 * ALONE)))
 
