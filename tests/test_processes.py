@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import armcontour as ac
 from armcontour._pool import STARTS, ProcessPool, Worker
 from armcontour._process import ProcessEnded, pack, unpack
-from armcontour._processes import map_ahead, map_in_processes, share_work
+from armcontour._processes import WorkAhead, map_in_processes, share_work
 from armcontour._threads import Beside, map_in_threads, split_evenly
 
 # Functions that other processes can import.
@@ -99,27 +99,35 @@ def eager(monkeypatch):
 SLOW = "(__import__('time').sleep(0.02), {}, __import__('os').getpid())[1:]"
 
 
+def work_ahead(work, items):
+    """The results of all items, all of which are there at the beginning."""
+    with WorkAhead(work) as ahead:
+        for k, item in enumerate(items):
+            ahead.add(item, (k + 1) / len(items))
+        yield from ahead.results()
+
+
 def test_work_ahead_comes_in_order_from_all_processes(eager):
-    found = list(map_ahead(eval, [SLOW.format(k) for k in range(60)]))
+    found = list(work_ahead(eval, [SLOW.format(k) for k in range(60)]))
     assert [k for k, _ in found] == list(range(60))
     assert len({pid for _, pid in found}) == 3
 
 
 def test_work_ahead_raises_the_first_error_in_its_place(eager):
-    found = map_ahead(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
+    found = work_ahead(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
     assert [next(found) for _ in range(20)] == [1.0] * 20
     with pytest.raises(ZeroDivisionError):
         next(found)
 
 
 def test_what_others_cannot_do_is_done_here(eager):
-    assert list(map_ahead(lambda x: x + 1, range(30))) == list(range(1, 31))
+    assert list(work_ahead(lambda x: x + 1, range(30))) == list(range(1, 31))
     ends = f"__import__('os').getpid() == {os.getpid()} or __import__('os')._exit(1)"
-    assert list(map_ahead(eval, [ends] * 30)) == [True] * 30
+    assert list(work_ahead(eval, [ends] * 30)) == [True] * 30
 
 
 def test_little_work_stays_here():
-    found = map_ahead(eval, ["__import__('os').getpid()"] * 100)
+    found = work_ahead(eval, ["__import__('os').getpid()"] * 100)
     assert set(found) == {os.getpid()}
 
 
@@ -186,7 +194,7 @@ def test_a_frozen_application_does_all_itself(monkeypatch, eager):
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     here = [os.getpid()] * 20
     tell = ["__import__('os').getpid()"] * 20
-    assert list(map_ahead(eval, tell)) == here
+    assert list(work_ahead(eval, tell)) == here
     assert map_in_processes(eval, tell, processes=2) == here
     order = Halves([8, 4, 3, 2, 1])
     share_work(halve, order, processes=2)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from functools import cached_property
+from functools import cached_property, partial
 from threading import Condition, Lock, Thread
 from typing import Any, Generic, Protocol, TypeVar, cast
 
@@ -31,11 +31,14 @@ Done = TypeVar("Done", contravariant=True)
 FEWEST = 12
 # Parts of the items that an executor gets, each with the work: more would send it too often.
 CHUNKS = 32
-# Work ahead begins when this process has worked so long on its own [s of processor time], if twice
-# as much is left for each of the others: a start takes about as long.
+# Work ahead is given to another process if twice as much of it is left for each of them as a start
+# takes, about [s]. That is judged as soon as this process has worked a quarter of it on its own.
 ALONE = 1.0
 # Largest number of others that work ahead; each takes about as much memory as this process.
 MOST_AHEAD = 7
+# Another process that works ahead gets more items at once as long as they take less than this [s]:
+# between two of its turns this process may hold Python's lock for some milliseconds.
+BRIEF = 0.02
 
 
 def map_in_processes(
@@ -184,85 +187,34 @@ def _each(left: Iterator[T], lock: Lock) -> Iterator[T]:
         yield item
 
 
-def map_ahead(work: Callable[[T], R], items: Sequence[T]) -> Generator[R]:
-    """Do some work on items and yield the results in order; others work ahead if that saves time.
+class WorkAhead(Generic[T, R]):
+    """Some work on items that come one after the other; others work ahead if that saves time.
 
-    This process works too, and does again what another one fails at. So an error is raised here,
-    that of the first item that has one.
+    This process works too, on what is asked for, and does again what another one fails at. So an
+    error is raised here, in the place of its item. It is a context, with which the others end.
 
     Args:
         work: The work; if it, an item or a result cannot be pickled, this process does all.
-        items: The items.
-    """
-    team: _Team[T, R] | None = None
-    begin = time.thread_time()
-    try:
-        for k in range(len(items)):
-            if team is None and k:
-                others = _worth(time.thread_time() - begin, k, len(items) - k)
-                team = _Team(work, items, k, others) if others > 0 else None
-            yield work(items[k]) if team is None else team.result(k)
-    finally:
-        if team is not None:
-            team.end()
-
-
-def _worth(spent: float, done: int, left: int) -> int:
-    """Number of other processes that are worth their start, after some work [s] on some items."""
-    if spent < ALONE or is_other() or not can_start():
-        return 0
-    return min(processors() - 1, MOST_AHEAD, int(spent / done * left / (2 * ALONE)))
-
-
-class _Team(Generic[T, R]):
-    """This process and others, which work on the items of `map_ahead` from some item on.
-
-    Args:
-        work: The work.
-        items: The items.
-        first: Index of the first item that is not done yet.
-        others: Number of other processes.
     """
 
-    def __init__(self, work: Callable[[T], R], items: Sequence[T], first: int, others: int) -> None:
-        self.work, self.items = work, items
+    def __init__(self, work: Callable[[T], R]) -> None:
+        self.work, self.items = work, list[T]()
         # Index of the next item that nobody works on, the items that others work on, and results
         # that nobody has asked for: in lists, which are empty where somebody failed.
-        self.next, self.away, self.found = first, set[int](), dict[int, list[R]]()
-        self.news = Condition()
-        self.children = [start() for _ in range(others)]
-        self.threads = [
-            Thread(target=self._feed, args=(x,), name="work ahead", daemon=True)
-            for x in self.children
-        ]
-        for x in self.threads:
-            x.start()
+        self.next, self.away, self.found = 0, set[int](), dict[int, list[R]]()
+        self.ended, self.news = False, Condition()
+        self.children: list[subprocess.Popen[bytes]] = []
+        self.threads: list[Thread] = []
+        self.begin = time.thread_time()
 
-    def result(self, k: int) -> R:
-        """The result of an item; until it is there, this process works on others."""
-        while True:
-            with self.news:
-                while k in self.away and self.next >= len(self.items):
-                    self.news.wait()
-                done = self.found.pop(k, None)
-                if k in self.away:
-                    other = self._take()
-                else:
-                    other, self.next = None, max(self.next, k + 1)
-            if done:
-                return done[0]
-            if other is None:
-                return self.work(self.items[k])
-            try:
-                found = [self.work(self.items[other])]
-            except Exception:
-                found = []
-            self._add(other, found)
+    def __enter__(self) -> WorkAhead[T, R]:
+        return self
 
-    def end(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the other processes."""
         with self.news:
-            self.next = len(self.items)
+            self.ended = True
+            self.news.notify_all()
         # Threads that wait for an answer get none, and end.
         for child in self.children:
             child.kill()
@@ -271,43 +223,109 @@ class _Team(Generic[T, R]):
         for child in self.children:
             end(child)
 
-    def _take(self) -> int | None:
-        """Index of an item for somebody to work on; None if there is none."""
-        if self.next >= len(self.items):
-            return None
-        self.next += 1
-        return self.next - 1
+    def add(self, item: T, share: float) -> None:
+        """Add an item, on which others may work at once.
 
-    def _add(self, k: int, found: list[R]) -> None:
-        """Keep the result of an item; after a failure nobody works ahead any more."""
+        Args:
+            item: The item.
+            share: How much of all items there is with this one. What is left to be added is taken
+                to be as much work for others as it was for this process to come so far.
+        """
         with self.news:
-            self.found[k] = found
-            self.away.discard(k)
-            if not found:
-                self.next = len(self.items)
+            self.items.append(item)
+            self.news.notify_all()
+        self._start_if_worth(share)
+
+    def results(self) -> Iterator[R]:
+        """The results of all items, in order."""
+        self.begin = time.thread_time()
+        for k in range(len(self.items)):
+            if k:
+                self._start_if_worth(k / len(self.items))
+            yield self._result(k)
+
+    def _start_if_worth(self, share: float) -> None:
+        """Start others if that saves time, after a share of the work since the beginning."""
+        if self.children:
+            return
+        others = _worth(time.thread_time() - self.begin, share)
+        self.children = [start() for _ in range(others)]
+        self.threads = [
+            Thread(target=self._feed, args=(x,), name="work ahead", daemon=True)
+            for x in self.children
+        ]
+        for x in self.threads:
+            x.start()
+
+    def _result(self, k: int) -> R:
+        """The result of an item; until it is there, this process works on others."""
+        while True:
+            with self.news:
+                while k in self.away and not (others := self._take(1)):
+                    self.news.wait()
+                done = self.found.pop(k, None)
+                if k not in self.away:
+                    others, self.next = range(0), max(self.next, k + 1)
+            if done:
+                return done[0]
+            if not others:
+                return self.work(self.items[k])
+            try:
+                found = [self.work(self.items[others[0]])]
+            except Exception:
+                found = []
+            self._add(others, found)
+
+    def _take(self, most: int) -> range:
+        """Indices of items for somebody to work on, at most so many; none if there are none."""
+        first = self.next
+        if not self.ended:
+            self.next = min(first + most, len(self.items))
+        return range(first, self.next)
+
+    def _add(self, taken: range, found: list[R]) -> None:
+        """Keep the results of items; after a failure nobody works ahead any more."""
+        with self.news:
+            self.found |= {k: found[i : i + 1] for i, k in enumerate(taken)}
+            self.away -= {*taken}
+            self.ended |= not found
             self.news.notify_all()
 
     def _feed(self, child: subprocess.Popen[bytes]) -> None:
-        """Have another process work on items, until none is left or it fails."""
+        """Have another process work on items, until there are no more or it fails."""
         assert child.stdin is not None and child.stdout is not None
-        found: list[R] = [...]  # type: ignore[list-item]
-        sent = False
-        while found:
+        most, sent = 1, False
+        while True:
             with self.news:
-                k = self._take()
-                if k is None:
+                while not (taken := self._take(most)) and not self.ended:
+                    self.news.wait()
+                if not taken:
                     return
-                self.away.add(k)
-            found = []
+                self.away |= {*taken}
+            found, begin = [], time.perf_counter()
             try:
                 if not sent:
-                    send(child.stdin, self.work)
+                    send(child.stdin, partial(_do_each, self.work))
                     sent = True
-                send(child.stdin, self.items[k])
-                found = [receive(child.stdout)]
+                send(child.stdin, [self.items[k] for k in taken])
+                found = receive(child.stdout)
             except Exception:  # Also what pickle raises, which is anything.
                 pass
-            self._add(k, found)
+            self._add(taken, found)
+            if time.perf_counter() - begin < BRIEF:
+                most *= 2
+
+
+def _do_each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Do some work on each of several items."""
+    return [work(x) for x in items]
+
+
+def _worth(spent: float, share: float) -> int:
+    """Number of other processes that are worth their start, after a share of some work [s]."""
+    if spent < ALONE / 4 or is_other() or not can_start():
+        return 0
+    return min(processors() - 1, MOST_AHEAD, int(spent * (1 / share - 1) / (2 * ALONE)))
 
 
 class _Several:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import subprocess
 import sys
 from collections.abc import Callable
 
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armcontour as ac
+from armcontour._process import start
 from armcontour._progress import Step
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
@@ -30,7 +32,7 @@ from armcontour.program import (
     prepare,
     round_corners,
 )
-from armcontour.timing import trace_program
+from armcontour.timing import trace_and_plan, trace_program
 from armcontour.timing.fastest_configuration import trace_all_fastest
 
 PMK3S = ac.load_arm("pmk3s")
@@ -655,6 +657,38 @@ def test_plans_made_ahead_are_the_same(monkeypatch):
     assert np.array_equal(alone.starts, ahead.starts)
     assert all(np.array_equal(alone(t, k), ahead(t, k)) for k in range(3))
     assert told[:20] == told[20:] == [Step(("timing",), (k + 1) / 20) for k in range(20)]
+
+
+def test_moves_are_planned_while_others_are_still_traced(monkeypatch):
+    lines = [Path.polyline([[0.3, y], [0.31, y]]) for y in np.linspace(-0.1, 0.1, 12)]
+    program = Program(moves=tuple(Contour(path=in_space(x)) for x in lines))
+    alone = ac.plan(program, UR5E, IN_SPACE, intervals=100)
+    monkeypatch.setattr("armcontour._processes.ALONE", 1e-9)
+    monkeypatch.setattr("armcontour._processes.processors", lambda: 2)
+    told: list[Step | str] = []
+
+    def started() -> subprocess.Popen[bytes]:
+        told.append("started")
+        return start()
+
+    monkeypatch.setattr("armcontour._processes.start", started)
+    traced, ahead = trace_and_plan(program, UR5E, IN_SPACE, intervals=100, progress=told.append)
+    t = np.linspace(0, alone.duration, 999)
+    assert all(np.array_equal(alone(t, k), ahead(t, k)) for k in range(3))
+    assert told.index("started") < told.index(Step(("tracing",), 0.5))
+    steps = [x.names[0] for x in told if x != "started"]
+    assert steps == ["tracing"] * 12 + ["timing"] * 13
+    assert len(traced.joint_paths) == 23
+
+
+def test_what_cannot_be_traced_is_said_before_what_cannot_be_planned(monkeypatch):
+    """The first contour is too far out for a weak joint, the last one out of reach."""
+    lines = [Path.polyline([[x, 0.0], [x + 0.01, 0.0]]) for x in [*[0.65] * 6, 2.0]]
+    program = Program(moves=tuple(Contour(path=in_space(x)) for x in lines))
+    weak = IN_SPACE.replace(joint_torque=[150, 44, 150, 28, 28, 28])
+    monkeypatch.setattr("armcontour._processes.ALONE", 1e-9)
+    with pytest.raises(Unreachable, match="contour 7:"):
+        ac.plan(program, UR5E, weak, intervals=100)
 
 
 def test_what_cannot_be_planned_is_said_in_its_place(monkeypatch):

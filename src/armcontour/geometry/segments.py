@@ -179,9 +179,10 @@ class Segments:
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        found = self.at(EVERY, self.lengths, 1)
-        # Inside a transition, where one may be cut, the parameter is not quite the arc length.
-        found[self.bent] = _unit_or_zero(found[self.bent])
+        found, bent = self.at(EVERY, self.lengths, 1), self.bent
+        if bent.any():
+            # Inside a transition, where one may be cut, the parameter is not quite the arc length.
+            found[bent] = _unit_or_zero(found[bent])
         return found
 
     @property

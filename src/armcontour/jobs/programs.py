@@ -35,6 +35,7 @@ from armcontour.timing import (
     intervals_of,
     plan,
     shape,
+    trace_and_plan,
     trace_program,
     with_reserve,
 )
@@ -257,7 +258,29 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float
 
 def plan_run(job: Job, this: Run, program: Program) -> Trajectory:
     """Trace and time a program under the limits and the options of a run."""
-    return time_run(job, this, trace_run(job, this, program))
+    return trace_and_time_run(job, this, program)[1]
+
+
+def trace_and_time_run(
+    job: Job,
+    this: Run,
+    program: Program,
+    progress: Progress | None = None,
+    *,
+    duration: float | None = None,
+) -> tuple[Tracing, Trajectory]:
+    """Trace a program as `trace_run`, and time it as `time_run`, partly at the same time."""
+    return trace_and_plan(
+        program,
+        job.arm,
+        this.limits,
+        branch=job.branch,
+        start=_start(job, this, program),
+        duration=duration,
+        progress=progress,
+        memory=job.memory,
+        **this.plan_options,
+    )
 
 
 def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
@@ -265,12 +288,17 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress | None =
 
     A shaped program is traced in the configuration that it was shaped for.
     """
-    start: npt.ArrayLike | None = job.start
-    if this.rounding is not None and this.rounding.free:
-        start = choose_start(program, job.arm, this.limits, start)
+    start = _start(job, this, program)
     return trace_program(
         program, job.arm, this.limits, branch=job.branch, start=start, progress=progress
     )
+
+
+def _start(job: Job, this: Run, program: Program) -> npt.ArrayLike | None:
+    """Where a program is traced from: a shaped one in the configuration it was shaped for."""
+    if this.rounding is not None and this.rounding.free:
+        return choose_start(program, job.arm, this.limits, job.start)
+    return job.start
 
 
 def time_run(

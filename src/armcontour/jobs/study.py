@@ -32,7 +32,7 @@ from armcontour.jobs.programs import (
     programs_of,
     teach_run,
     time_run,
-    trace_run,
+    trace_and_time_run,
 )
 from armcontour.jobs.reach import reach_told
 from armcontour.jobs.shaped import Shaped
@@ -512,11 +512,7 @@ def _teach(
     # Refused before planning, by the least duration: rounding may halve the length of the path.
     least = assigned_time(job.program, this.limits) / 2
     refuse_too_large(job, this, least, done_before, simulated)
-    objective, path, traced = _trace(job, this, progress, earlier)
-    progress(Step(("timing",)))
-    trajectory = _planned_before(this, traced, earlier)
-    if trajectory is None:
-        trajectory = time_run(job, this, traced, progress, duration=this.duration)
+    objective, path, traced, trajectory = _plan(job, this, progress, earlier)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     cleared = keep_clear(job, this, traced, trajectory, progress)
     traced, trajectory = cleared.traced, cleared.trajectory
@@ -536,10 +532,10 @@ def _teach(
     )
 
 
-def _trace(
+def _plan(
     job: Job, this: Run, progress: Progress, earlier: Iterable[RunPlan]
-) -> tuple[Program, Program, Tracing]:
-    """The program of a run before and after rounding, and the joint paths of its moves.
+) -> tuple[Program, Program, Tracing, Trajectory]:
+    """The program of a run before and after rounding, the joint paths of its moves, and its plan.
 
     Runs with the same path and limits share one tracing, because tracing with redundant degrees of
     freedom takes seconds, and shaping too. Leads of automatic length depend on the timing, so that
@@ -547,12 +543,17 @@ def _trace(
     """
     for x in earlier:
         if x.traced is not None and job.objective is not None and traced_alike(x.run, this):
-            return x.objective, x.path, x.traced
+            progress(Step(("timing",)))
+            planned = _planned_before(this, x.traced, earlier)
+            if planned is None:
+                planned = time_run(job, this, x.traced, progress, duration=this.duration)
+            return x.objective, x.path, x.traced, planned
     progress(Step((steps_of(this)[0],)))
     with reach_told(job):
         objective, path = programs_of(job, this, progress)
         progress(Step(("tracing",)))
-        return objective, path, trace_run(job, this, path, progress)
+        both = trace_and_time_run(job, this, path, progress, duration=this.duration)
+        return objective, path, *both
 
 
 def _planned_before(this: Run, traced: Tracing, earlier: Iterable[RunPlan]) -> Trajectory | None:

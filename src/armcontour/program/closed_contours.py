@@ -190,9 +190,9 @@ def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
         return float(path.project(point[None]).s[0])
     if isinstance(begin, float):
         return begin % path.length
-    ends = path([0.0, path.length], 1, side="left")
-    turn = np.linalg.norm(path(0.0, 1) - ends[1])
-    if turn <= TANGENT_TOLERANCE:
+    last = slice(len(path) - 1, None)
+    end = path.segments.at(last, path.lengths[last], 1)
+    if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
         return 0.0
     longest = int(np.argmax(path.lengths))
     return float(path.breaks[longest] + path.lengths[longest] / 2)

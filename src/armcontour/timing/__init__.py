@@ -15,6 +15,7 @@ from armcontour.timing.planner import (
     intervals_of,
     plan,
     refuse_endless,
+    trace_and_plan,
     with_reserve,
 )
 from armcontour.timing.program_tracing import Tracing, choose_start, trace_program, turn_along
@@ -37,6 +38,7 @@ __all__ = [
     "refuse_endless",
     "refuse_unkept_jerk",
     "shape",
+    "trace_and_plan",
     "trace_fastest",
     "trace_program",
     "turn_along",

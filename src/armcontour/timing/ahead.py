@@ -3,43 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
 from armcontour._checks import FloatArray
-from armcontour._processes import map_ahead
+from armcontour._processes import WorkAhead
 from armcontour.arms import Arm
 from armcontour.motion import JointPath, Law, Method, PathLaw, Rates, Trajectory
-from armcontour.program import Contour
+from armcontour.program import Contour, Program
 from armcontour.timing.methods import MoveTiming, Smoothed, Timing
-from armcontour.timing.program_tracing import Tracing
+from armcontour.timing.program_tracing import AddMove, TracedMove
 
 
 @contextmanager
-def planned_ahead(traced: Tracing, timing: MoveTiming) -> Iterator[MoveTiming]:
+def planned_ahead(program: Program, timing: MoveTiming) -> Iterator[tuple[MoveTiming, AddMove]]:
     """A context with a timing that gives the same plans of a program's moves, in their order.
 
-    Only a `Timing` by the planner plans every move independently of the others; a `Smoothed` one
-    smooths its plans. Any other timing is given as it is.
+    All moves are added before the first plan is asked for; others begin to plan meanwhile. Only a
+    `Timing` by the planner plans every move independently of the others; a `Smoothed` one smooths
+    its plans. Any other timing is given as it is.
 
     Args:
-        traced: The program.
+        program: The program.
         timing: How its moves are timed.
     """
     inner = timing.timing if isinstance(timing, Smoothed) else timing
     if not isinstance(inner, Timing) or inner.method not in (Method.OPTIMAL, Method.SHAPED):
-        yield timing
+        yield timing, lambda step, share: None
         return
-    contours = [isinstance(x, Contour) for x in traced.program.moves]
-    moves = [
-        _Move(x.joint_path, x.move is not None and contours[x.move])
-        for x in traced.steps
-        if x.joint_path is not None
-    ]
-    with closing(map_ahead(partial(_plan, inner), moves)) as plans:
-        ahead = _Ahead(inner, plans)
-        yield Smoothed(ahead, timing.windows) if isinstance(timing, Smoothed) else ahead
+    contours = [isinstance(x, Contour) for x in program.moves]
+    with WorkAhead(partial(_plan, inner)) as work:
+
+        def add(step: TracedMove, share: float) -> None:
+            if step.joint_path is not None:
+                is_contour = step.move is not None and contours[step.move]
+                work.add(_Move(step.joint_path, is_contour), share)
+
+        ahead = _Ahead(inner, work.results())
+        yield Smoothed(ahead, timing.windows) if isinstance(timing, Smoothed) else ahead, add
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._progress import Progress
 from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import JointPath, Law, PathLaw, Rates, Trajectory
@@ -33,28 +32,26 @@ LONGEST_WAIT = 1e-3
 MOST_PLANS = 20
 
 
-def time_in(
-    duration: float, traced: Tracing | JointPath, timing: Timing, progress: Progress | None = None
+def slow_down(
+    fastest: Trajectory, duration: float, traced: Tracing | JointPath, timing: Timing
 ) -> Trajectory:
-    """Time a path or program so that it takes a given time.
+    """Slow the fastest motion down, so that it takes a given time.
 
     All contours are slowed down by one factor. Rapids and dwells take the time that they take in
     the fastest motion.
 
     Args:
+        fastest: The fastest motion.
         duration: The time from start to end [s].
         traced: What the joints follow.
         timing: The method of the fastest motion, "optimal".
-        progress: As of `time_program`.
 
     Raises:
         NotRealizable: The fastest motion takes longer.
     """
     if isinstance(traced, JointPath):
-        fastest = timing.contour(traced)
         factor = _factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)
-    fastest = time_program(traced, timing, progress)
     contours = sum(x.t[1] - x.t[0] for x in fastest.contour_spans)
     factor = _factor(duration, contours, fastest.duration - contours)
     done = [x.trajectory for x in fastest.spans if x.trajectory is not None]

@@ -423,7 +423,9 @@ def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
         InvalidInput: Nothing limits the acceleration.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    rests = np.union1d(task.standing, task.rests(grid)) if task.bracketed else task.standing
+    rests = task.rests(grid) if task.bracketed else NOWHERE
+    if len(task.standing):
+        rests = np.union1d(task.standing, rests)
     grid = finer_at_rests(grid, rests)
     for round_ in range(MOST_REFINEMENTS):
         most = min(LARGEST_MARGIN * MORE_EACH_TIME**round_, LARGEST_MARGIN_EVER)

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
-from armcontour._progress import Progress
+from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.given_duration import time_in
+from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import (
     OPTIONS,
@@ -28,8 +28,8 @@ from armcontour.timing.methods import (
     Timing,
     refuse_unkept_jerk,
 )
-from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
-from armcontour.timing.programs import time_program
+from armcontour.timing.program_tracing import AddMove, TracedMove, Tracing, trace_program
+from armcontour.timing.programs import time_program, trace_and_time
 from armcontour.timing.shaping import Shaping, Wishes
 from armcontour.tracing import refuse_out_of_range
 
@@ -98,6 +98,64 @@ def plan(
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
             duration, or it keeps no limits of jerk and there are some.
     """
+    return _plan(
+        path,
+        arm,
+        limits,
+        method=method,
+        branch=branch,
+        start=start,
+        reserve=reserve,
+        duration=duration,
+        smoothing=smoothing,
+        progress=progress,
+        memory=memory,
+        **options,
+    )[1]
+
+
+def trace_and_plan(
+    program: Program,
+    arm: Arm,
+    limits: Limits,
+    *,
+    progress: Progress | None = None,
+    **options: Any,
+) -> tuple[Tracing, Trajectory]:
+    """Trace a program and time it; where that saves time, moves are timed while others are traced.
+
+    Args:
+        program: The program.
+        arm: The arm.
+        limits: The limits.
+        progress: Called as by `trace_program`, then with the step "timing", then as by `plan`.
+        options: All others of `plan`.
+
+    Raises:
+        ArmContourError: As `trace_program`, and then as `plan`.
+    """
+    traced, found = _plan(program, arm, limits, progress=progress, tracing=progress, **options)
+    assert isinstance(traced, Tracing)
+    return traced, found
+
+
+def _plan(
+    path: Path | Program | JointPath | Tracing,
+    arm: Arm | None,
+    limits: Limits | None,
+    *,
+    method: str = "optimal",
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+    reserve: float = 0.0,
+    duration: float | None = None,
+    smoothing: npt.ArrayLike = (),
+    progress: Progress | None = None,
+    tracing: Progress | None = None,
+    memory: float = _memory.DEFAULT,
+    **options: Any,
+) -> tuple[Tracing | JointPath, Trajectory]:
+    """What `plan` gives, and what the joints follow; `tracing` is told of the progress of that."""
     _checks.choice("method", method, PLANNING_METHODS)
     arm = _arm_of(path, arm, limits)
     bounds = _bounds(arm, limits)
@@ -109,17 +167,31 @@ def plan(
         _refuse_duration(duration, method, options, smoothed=bool(windows))
     if method == Method.SHAPED:
         path, start = _shape(path, timing, branch, start, progress)
-    traced = _trace(path, arm, bounds, branch, start)
-    if isinstance(traced, Tracing):
-        timing = replace(timing, options=_fit_options(traced.program, method, options))
+    known = _known(path, arm, bounds, branch, start)
+    program = known.program if isinstance(known, Tracing) else known
+    if not isinstance(program, JointPath):
+        timing = replace(timing, options=_fit_options(program, method, options))
     moves: MoveTiming = Smoothed(timing, windows) if windows else timing
-    if duration is not None:
-        found = time_in(duration, traced, timing, progress)
-    elif isinstance(traced, JointPath):
-        found = moves.contour(traced)
+
+    def trace(add: AddMove) -> Tracing:
+        assert isinstance(program, Program)
+        found = trace_program(
+            program, arm, bounds, branch=branch, start=start, progress=tracing, add=add
+        )
+        if tracing is not None:
+            tracing(Step(("timing",)))
+        return found
+
+    traced: Tracing | JointPath
+    if isinstance(known, JointPath):
+        traced, found = known, moves.contour(known)
+    elif isinstance(known, Tracing):
+        traced, found = known, time_program(known, moves, progress)
     else:
-        found = time_program(traced, moves, progress)
-    return _refuse_endless_motion(found)
+        traced, found = trace_and_time(trace, known, moves, progress)
+    if duration is not None:
+        found = slow_down(found, duration, traced, timing)
+    return traced, _refuse_endless_motion(found)
 
 
 def _shape(
@@ -152,18 +224,18 @@ def _shape(
     return shaping.shape(program, start, progress, named=program is path)
 
 
-def _trace(
+def _known(
     path: Path | Program | JointPath | Tracing,
     arm: Arm,
     limits: Limits,
     branch: str | None,
     start: npt.ArrayLike | None,
-) -> Tracing | JointPath:
-    """Trace a path or program unless it is traced; a joint path without a tool path is returned.
+) -> Program | Tracing | JointPath:
+    """A program that is to be traced, its tracing, or a joint path without a tool path.
 
     Raises:
         InvalidInput: `path` is no path, takes too long, or is traced for another arm.
-        Unreachable: A point of the path is out of reach, out of a joint range or singular.
+        Unreachable: A joint path leaves a joint range.
     """
     if isinstance(path, JointPath):
         _refuse_foreign((TracedMove(move=None, joint_path=path),), arm, limits, branch, start)
@@ -173,7 +245,7 @@ def _trace(
         return path
     program = Program.of(path, "plan needs a Path, a JointPath or a Program")
     refuse_endless(program, limits)
-    return trace_program(program, arm, limits, branch=branch, start=start)
+    return program
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
@@ -48,6 +48,9 @@ class TracedMove:
         return locate_errors(self.called) if self.called else nullcontext()
 
 
+AddMove = Callable[[TracedMove, float], None]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracing:
     """A program with its joint paths; plans that differ only in timing share it.
@@ -79,6 +82,7 @@ def trace_program(
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
     progress: Progress | None = None,
+    add: AddMove | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
 
@@ -96,13 +100,19 @@ def trace_program(
         branch: As in `plan`.
         start: As in `plan`.
         progress: Called after every contour with the step "tracing" and the share that is done.
+        add: Called with every step as soon as it is there, and with the share of all of them that
+            are there with it, about.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     tracer = _Tracer.of(program, arm, limits, branch, start)
     for i, move in enumerate(program.moves):
+        known = len(tracer.steps)
         tracer.follow(i, move)
+        if add is not None:
+            for x in tracer.steps[known:]:
+                add(x, (i + 1) / len(program.moves))
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
     return Tracing(program=program, steps=tuple(tracer.steps))

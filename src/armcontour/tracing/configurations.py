@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -250,27 +251,31 @@ class _Different:
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
-        # Null spaces at some knots of the known solutions, and along all of them where a difference
-        # is looked at closely.
-        self._rough: list[FloatArray] = []
+        # Null spaces of known solutions that others are compared with, at some knots, and along all
+        # of them where a difference is looked at closely.
+        self._rough: dict[int, FloatArray] = {}
         self._spaces: dict[int, FloatArray] = {}
-        self._few = np.unique(np.linspace(0, len(poses) - 1, FEW_KNOTS).astype(np.intp))
+
+    @cached_property
+    def _few(self) -> IntArray:
+        """Indices of some knots."""
+        return np.unique(np.linspace(0, len(self.poses) - 1, FEW_KNOTS).astype(np.intp))
 
     def add(self, q: FloatArray) -> bool:
         """Add joint positions, (n, dof), unless they are those of a known solution."""
         if any(self._is_known(k, q) for k in range(len(self._known))):
             return False
         self._known.append(q)
-        if self.task < self.arm.dof:
-            few = self._few
-            self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
         return True
 
     def _is_known(self, k: int, q: FloatArray) -> bool:
         """Whether joint positions are those of a known solution but for null-space motion."""
-        known, few = self._known[k], self._few
+        known = self._known[k]
         if self.task == self.arm.dof:
             return bool(np.abs(q - known).max() < SAME_SOLUTION)
+        few = self._few
+        if k not in self._rough:
+            self._rough[k] = null_space(self.arm, self.poses[few], self.task, known[few])
         # At any knot no more may be left than from a difference of half a turn.
         if _outside(self._rough[k], q[few] - known[few])[0] >= SAME_SOLUTION * np.pi:
             return False

@@ -13,6 +13,8 @@ from armcontour.geometry import Path
 from armcontour.motion import quintic
 from armcontour.tracing.knots import MIDDLE, PLACES, Knots
 
+# Powers of the places of an interval, (places, 6).
+POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -95,7 +97,7 @@ class Solver(ABC, Generic[A]):
 def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
     """Joint positions on the quintics of n intervals at their places, (places, n, dof)."""
     coefficients = quintic(knots.u1 - knots.u0, start, end)
-    return np.asarray(np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients))
+    return np.tensordot(POWERS, coefficients, (1, 1))
 
 
 def largest_errors(errors: FloatArray, n: int) -> FloatArray:

@@ -35,6 +35,58 @@ def measure(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 @compiled()
+def bound_on_pieces(
+    velocity: FloatArray, acceleration: FloatArray, flat: float, even: float
+) -> tuple[FloatArray, BoolArray]:
+    """Bounds of what `measure` gives on pieces, and whether the curvature varies on each.
+
+    A bound is the largest sample of a piece plus the spread of its samples, as a margin between
+    them.
+
+    Args:
+        velocity: Velocities of the tool at some places of every piece, (places, pieces, dimension).
+        acceleration: Accelerations there.
+        flat: Curvatures below this do not vary.
+        even: Nor do those that vary by less than this share.
+
+    Returns:
+        The bounds, (3, pieces), and whether the curvature varies, (pieces,).
+    """
+    places, pieces, dimension = velocity.shape
+    found, uneven = np.empty((3, pieces)), np.empty(pieces, np.bool_)
+    rows = places * pieces, dimension
+    samples = measure(velocity.reshape(rows), acceleration.reshape(rows))
+    for i in range(pieces):
+        for k in range(3):
+            least = most = samples[k, i]
+            for place in range(1, places):
+                value = samples[k, place * pieces + i]
+                least, most = min(least, value), max(most, value)
+            found[k, i] = 2 * most - least
+            if k == 1:
+                uneven[i] = most > flat and most - least > even * most
+    return found, uneven
+
+
+@compiled()
+def touch_chords(chords: FloatArray, share: float) -> FloatArray:
+    """Tangents of the bound of x where the curvature is linear, see `ToolMetric.curvature_on`.
+
+    Args:
+        chords: Curvatures at both ends of intervals, (2, n).
+        share: A tangent touches where the curvature is at least this share of its largest.
+    """
+    n = chords.shape[1]
+    found = np.empty((2, n))
+    for i in range(n):
+        begin, end = chords[0, i], chords[1, i]
+        touch = max((begin + end) / 2, share * max(begin, end))
+        for k in range(2):
+            found[k, i] = touch * touch / (2 * touch - chords[k, i]) if touch > 0.0 else 0.0
+    return found
+
+
+@compiled()
 def shrink_discs(
     width: FloatArray,
     curvature: FloatArray,

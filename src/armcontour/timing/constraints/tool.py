@@ -16,7 +16,12 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
-from armcontour.timing.constraints._tool import measure, shrink_discs
+from armcontour.timing.constraints._tool import (
+    bound_on_pieces,
+    measure,
+    shrink_discs,
+    touch_chords,
+)
 from armcontour.timing.constraints.base import (
     Bounds,
     Ceiling,
@@ -26,8 +31,8 @@ from armcontour.timing.constraints.base import (
 )
 from armcontour.timing.grid import Grid
 
-# Samples of the tool motion per piece of the joint path.
-PLACES = 9
+# Shares of a piece of the joint path at which the tool motion is sampled.
+SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
 # Samples of an interval whose curvature varies.
 SHARES = np.linspace(0.0, 1.0, 5)[:, None]
 # A piece is even if its curvature varies by less than this share.
@@ -63,16 +68,17 @@ class ToolMetric:
     def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics."""
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
-        s = breaks[:-1] + np.linspace(0, 1, PLACES)[:, None] * np.diff(breaks)
-        speed, across, along = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
-        most = across.max(axis=0)
+        s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
+        motion = _motion(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        bounds, uneven = bound_on_pieces(*motion, FLAT, EVEN)
+        speed, curvature, stretch = bounds
         return cls(
             joint_path=joint_path,
             arm=arm,
-            speed=_bound(speed),
-            curvature=_bound(across),
-            stretch=_bound(along),
-            uneven=(most > FLAT) & (most - across.min(axis=0) > EVEN * most),
+            speed=speed,
+            curvature=curvature,
+            stretch=stretch,
+            uneven=uneven,
         )
 
     def curvature_on(self, grid: Grid) -> FloatArray:
@@ -83,11 +89,7 @@ class ToolMetric:
         convex: x stays below its tangent, which c at the ends stands for. The tangent touches in
         the middle, or nearer to the end of the larger curvature, so that it is positive.
         """
-        found = self.chords_on(grid)
-        begin, end = found
-        touch = np.maximum((begin + end) / 2, TOUCH * np.maximum(begin, end))
-        with np.errstate(invalid="ignore"):
-            return np.asarray(np.where(touch > 0, touch**2 / (2 * touch - found), 0.0))
+        return np.asarray(touch_chords(self.chords_on(grid), TOUCH))
 
     def chords_on(self, grid: Grid) -> FloatArray:
         """Curvatures at both ends of the intervals, whose chord is above the curvature, (2, n).
@@ -95,12 +97,16 @@ class ToolMetric:
         Where the curvature varies, a factor bounds how far it is above its chord: twice what the
         samples in between show.
         """
-        found = np.stack([self.curvature[grid.piece]] * 2)
+        found = np.empty((2, len(grid)))
+        found[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
             s = grid.s[i] + SHARES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
-            _, values, _ = _measure(self.joint_path, self.arm, pieces, s)
+            velocity, acceleration = _motion(self.joint_path, self.arm, pieces, s)
+            rows = s.size, -1
+            measured = measure(velocity.reshape(rows), acceleration.reshape(rows))
+            values = measured[1].reshape(s.shape)
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
             even = begin + SHARES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
@@ -108,20 +114,19 @@ class ToolMetric:
         return found
 
 
-def _measure(
+def _motion(
     joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Speed, curvature and stretch at arc lengths on pieces of a joint path, each as `s`."""
+) -> tuple[FloatArray, FloatArray]:
+    """Velocity and acceleration of the tool at ds = 1, at arc lengths on pieces of a joint path.
+
+    Both are of the shape of `s` and a last axis.
+    """
     motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     # Arms of users may give arrays of any kind.
-    velocity, acceleration = (np.require(x, np.float64, ["C", "W"]) for x in motion)
-    speed, across, along = measure(velocity, acceleration).reshape(3, *s.shape)
-    return speed, across, along
-
-
-def _bound(values: FloatArray) -> FloatArray:
-    """Largest sample of each piece plus the spread of its samples, as a margin between them."""
-    return np.asarray(2 * values.max(axis=0) - values.min(axis=0))
+    velocity, acceleration = (
+        np.require(x, np.float64, ["C", "W"]).reshape(*s.shape, -1) for x in motion
+    )
+    return velocity, acceleration
 
 
 class ToolSpeed(Constraint):
