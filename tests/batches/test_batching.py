@@ -14,8 +14,8 @@ from pathlib import Path as FilePath
 import pytest
 
 import armcontour as ac
+from armcontour._executors import Engine, InProcess
 from armcontour.batches import read_plan, working
-from armcontour.batches.executors import Engine, InProcess
 from armcontour.errors import InvalidInput
 
 # Names of columns that may differ from one run to the next.

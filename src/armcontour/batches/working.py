@@ -19,10 +19,10 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
+from armcontour._executors import Engine
 from armcontour._process import end_at_once, is_other
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, TEACH, figures_of
-from armcontour.batches.executors import Engine
 from armcontour.batches.plan import Plan
 from armcontour.errors import ArmContourError
 from armcontour.jobs import Job
