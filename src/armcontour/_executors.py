@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future
 from concurrent.futures import wait as wait_for
@@ -13,7 +14,14 @@ from importlib.util import find_spec
 from typing import Any, Generic, TypeVar, cast
 
 from armcontour._pool import ProcessPool
-from armcontour._process import Packed, ProcessEnded, pack, processors, unpack
+from armcontour._process import (
+    Packed,
+    ProcessEnded,
+    pack,
+    processors,
+    unpack,
+    working_for_another,
+)
 from armcontour.errors import ArmContourError, ExecutionError, InvalidInput
 
 T = TypeVar("T")
@@ -179,16 +187,18 @@ class Crew(Generic[T, R]):
 
     Args:
         work: The work; it can be pickled, as items and results can.
-        executor: The executor; None works in this process, when an item is given.
+        executor: The executor; None and `InProcess` work when an item is given.
         workers: Number of its workers; by default what it tells.
     """
 
     def __init__(
         self, work: Callable[[T], R], executor: Executor | None, workers: int | None = None
     ) -> None:
-        self._work, self._executor = work, executor
-        self.workers = 1 if executor is None else workers or workers_of(executor)
-        self._call = None if executor is None else partial(_on, _frozen(pack(work)))
+        # A subclass may do otherwise.
+        alone = executor is None or type(executor) is InProcess
+        self._work, self._executor = work, None if alone else executor
+        self.workers = 1 if executor is None or alone else workers or workers_of(executor)
+        self._call = None if alone else partial(_on, _frozen(pack(work)))
         self._done: list[tuple[T, R]] = []
         self._away: dict[Future[Packed], T] = {}
 
@@ -261,12 +271,14 @@ def map_on(
         ArmContourError: As the work raises.
     """
     step = max(1, len(items) // CHUNKS)
+    left = deque(range(0, len(items), step))
     found: dict[int, list[R]] = {}
     number = 0
     with Crew[tuple[int, Sequence[T]], list[R]](partial(_several, work), executor) as crew:
-        for k in range(0, len(items), step):
-            crew.give((k, items[k : k + step]))
-        while len(crew):
+        while left or len(crew):
+            while left and (crew.ahead > 1 or not len(crew)):
+                k = left.popleft()
+                crew.give((k, items[k : k + step]))
             if done is not None:
                 done(number)
             for (k, _), results in crew.take():
@@ -291,7 +303,8 @@ def _on(work: tuple[bytes, tuple[bytes, ...]], item: Packed) -> Packed:
     An error of this package is a result, which keeps its kind on every way.
     """
     try:
-        return pack(_unpacked(work)(unpack(item)))
+        with working_for_another():
+            return pack(_unpacked(work)(unpack(item)))
     except ArmContourError as error:
         return pack(error)
 
