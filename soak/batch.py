@@ -355,7 +355,7 @@ POISON = {
 
 def poison(folder: FilePath, options: argparse.Namespace) -> bool:
     """A job that exits, eats memory or never ends costs itself only."""
-    from armcontour.batches.executors import open_engine
+    from armcontour._executors import open_engine
     from armcontour.batches.working import work_on
 
     path = plan_of(folder, 225)

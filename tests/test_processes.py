@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from functools import partial
 from operator import truediv
 from threading import Condition, Event, Timer, current_thread
@@ -224,13 +225,15 @@ def test_a_pool_is_an_executor_of_other_processes():
         pool.submit(abs, 1)
 
 
-def test_an_executor_does_work_on_many_items():
-    with ProcessPool(1) as pool:
-        told = []
-        items = list(range(1, 101))
-        found = map_in_processes(halve, items, executor=pool, done=told.append)
-        assert found == [1 / x for x in items] and told[-1] < 100 and len(told) > 10
-        assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
+def test_a_pool_that_is_ended_waits_for_nothing():
+    pool = ProcessPool(2)
+    assert pool.submit(eval, "1").result() == 1
+    away = [pool.submit(eval, "__import__('time').sleep(600)") for _ in range(3)]
+    begin = time.monotonic()
+    pool.end()
+    assert time.monotonic() - begin < 60 and all(x.done() for x in away)
+    with pytest.raises(RuntimeError, match="shut down"):
+        pool.submit(abs, 1)
 
 
 def test_a_process_of_a_pool_that_ends_costs_its_work_only():

@@ -43,7 +43,8 @@ class ProcessPool(Executor):
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
         self._given = SimpleQueue[tuple[Future[Any], partial[Any]] | None]()
-        self._lock, self._open = Lock(), True
+        self._lock, self._open, self._ended = Lock(), True, False
+        self._children = set[subprocess.Popen[bytes]]()
         # A program may end without these threads, and then their processes end too.
         self._threads = [
             Thread(target=self._feed, name="pool", daemon=True) for _ in range(self.processes)
@@ -75,6 +76,17 @@ class ProcessPool(Executor):
             for x in self._threads:
                 x.join()
 
+    def end(self) -> None:
+        """End the processes at once, whatever they are at; work that is not done is lost."""
+        self.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._ended = True
+            for child in self._children:
+                child.kill()
+        if can_start():
+            for x in self._threads:
+                x.join()
+
     def _feed(self) -> None:
         """Give work to one process, and to another if it ends."""
         child: subprocess.Popen[bytes] | None = None
@@ -88,7 +100,7 @@ class ProcessPool(Executor):
                     future.set_result(work())
                     continue
                 if child is None:
-                    child = _prepared(work.func)
+                    child = self._prepared(work.func)
                     begin = time.monotonic()
                 assert child.stdin is not None and child.stdout is not None
                 send(child.stdin, work)
@@ -96,13 +108,43 @@ class ProcessPool(Executor):
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
                     error.after = time.monotonic() - begin
-                    child.kill()
-                    end(child)
+                    self._end(child)
                     child = None
                 future.set_exception(error)
         if child is not None:
-            child.kill()
-            end(child)
+            self._end(child)
+
+    def _prepared(self, work: Callable[..., Any]) -> subprocess.Popen[bytes]:
+        """A process that is ready for some work.
+
+        Raises:
+            ProcessEnded: So many processes have ended before they were ready, or the pool is ended.
+        """
+        for left in reversed(range(STARTS)):
+            with self._lock:
+                if self._ended:
+                    raise ProcessEnded("The pool is ended.")
+                child = start()
+                self._children.add(child)
+            assert child.stdin is not None and child.stdout is not None
+            try:
+                send(child.stdin, _call)
+                send(child.stdin, getattr(work, "prepare", _nothing))
+                receive(child.stdout)
+            except BaseException as error:
+                self._end(child)
+                if not isinstance(error, ProcessEnded) or not left:
+                    raise
+            else:
+                break
+        return child
+
+    def _end(self, child: subprocess.Popen[bytes]) -> None:
+        """End a process."""
+        with self._lock:
+            self._children.discard(child)
+        child.kill()
+        end(child)
 
 
 class Worker(Generic[T, R]):
@@ -145,29 +187,6 @@ class Worker(Generic[T, R]):
         """End the process, and close its pipes."""
         self.end()
         end(self._child)
-
-
-def _prepared(work: Callable[..., Any]) -> subprocess.Popen[bytes]:
-    """A process of a pool that is ready for some work.
-
-    Raises:
-        ProcessEnded: So many processes have ended before they were ready.
-    """
-    for left in reversed(range(STARTS)):
-        child = start()
-        assert child.stdin is not None and child.stdout is not None
-        try:
-            send(child.stdin, _call)
-            send(child.stdin, getattr(work, "prepare", _nothing))
-            receive(child.stdout)
-        except BaseException as error:
-            child.kill()
-            end(child)
-            if not isinstance(error, ProcessEnded) or not left:
-                raise
-        else:
-            break
-    return child
 
 
 def _nothing() -> None:

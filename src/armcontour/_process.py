@@ -14,7 +14,9 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import IO, Any, TypeAlias
 
@@ -49,6 +51,8 @@ class _Serving:
     """Whether this process is one of the others, which start no further ones."""
 
     here = False
+    # The same of threads that work for an executor.
+    threads = threading.local()
     # Where answers go.
     answers: IO[bytes] | None = None
 
@@ -66,8 +70,19 @@ def can_start() -> bool:
 
 
 def is_other() -> bool:
-    """Whether this process only works for another one."""
-    return _Serving.here
+    """Whether this process, or this thread, only works for another one."""
+    return _Serving.here or getattr(_Serving.threads, "busy", False)
+
+
+@contextmanager
+def working_for_another() -> Iterator[None]:
+    """Context in which this thread works for another process, and starts no further ones."""
+    before = getattr(_Serving.threads, "busy", False)
+    _Serving.threads.busy = True
+    try:
+        yield
+    finally:
+        _Serving.threads.busy = before
 
 
 def end_at_once() -> None:

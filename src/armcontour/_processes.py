@@ -5,22 +5,19 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from functools import cached_property, partial
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
 from threading import Condition, Lock, Thread
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import Any, Generic, Protocol, TypeVar
 
 from armcontour._process import (
-    Packed,
     can_start,
     end,
     is_other,
-    pack,
     processors,
     receive,
     send,
     start,
-    unpack,
 )
 
 T = TypeVar("T")
@@ -29,8 +26,6 @@ Done = TypeVar("Done", contravariant=True)
 
 # Starting a process takes as long as some items, so that fewer of them are not given away.
 FEWEST = 12
-# Parts of the items that an executor gets, each with the work: more would send it too often.
-CHUNKS = 32
 # Work ahead is given to another process if twice as much of it is left for each of them as a start
 # takes, about [s]. That is judged as soon as this process has worked a quarter of it on its own.
 ALONE = 1.0
@@ -46,7 +41,6 @@ def map_in_processes(
     items: Sequence[T],
     *,
     processes: int | None = None,
-    executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Do some work on all items; results are in the order of the items.
@@ -56,7 +50,6 @@ def map_in_processes(
         items: The items.
         processes: Number of processes; by default that of processors. 1 works in this process, and
             so does one of the other processes itself.
-        executor: An executor that does the work in place of processes of its own.
         done: Called with the number of items that are done, from time to time.
 
     Raises:
@@ -64,8 +57,6 @@ def map_in_processes(
         Exception: As the work raises, or a RuntimeError with its text from another process.
     """
     tell = done or (lambda number: None)
-    if executor is not None:
-        return _map_on(executor, work, items, tell)
     count = min(processes or processors(), len(items))
     found: list[Any] = [None] * len(items)
     if count < 2 or len(items) < FEWEST or is_other() or not can_start():
@@ -88,25 +79,6 @@ def map_in_processes(
                 tell(len(finished))
 
     _feed_all(children, feed)
-    return found
-
-
-def _map_on(
-    executor: Executor,
-    work: Callable[[T], R],
-    items: Sequence[T],
-    tell: Callable[[int], None],
-) -> list[R]:
-    """Have an executor do some work on all items, some at a time."""
-    step = max(1, len(items) // CHUNKS)
-    unpacked = _Several(pack(work))
-    away = [
-        executor.submit(unpacked, pack(items[k : k + step])) for k in range(0, len(items), step)
-    ]
-    found: list[R] = []
-    for x in away:
-        tell(len(found))
-        found += x.result()
     return found
 
 
@@ -326,23 +298,3 @@ def _worth(spent: float, share: float) -> int:
     if spent < ALONE / 4 or is_other() or not can_start():
         return 0
     return min(processors() - 1, MOST_AHEAD, int(spent * (1 / share - 1) / (2 * ALONE)))
-
-
-class _Several:
-    """Work on several items together, for executors; arrays are read-only as in own processes.
-
-    Args:
-        packed: The work.
-    """
-
-    def __init__(self, packed: Packed) -> None:
-        self.packed = packed
-
-    @cached_property
-    def work(self) -> Callable[[Any], Any]:
-        """The work itself."""
-        return cast(Callable[[Any], Any], unpack(self.packed))
-
-    def __call__(self, items: Packed) -> list[Any]:
-        """Do the work on each of the items."""
-        return [self.work(x) for x in unpack(items)]

@@ -14,8 +14,8 @@ from pathlib import Path as FilePath
 import pytest
 
 import armcontour as ac
+from armcontour._executors import Engine, InProcess
 from armcontour.batches import read_plan, working
-from armcontour.batches.executors import Engine, InProcess
 from armcontour.errors import InvalidInput
 
 # Names of columns that may differ from one run to the next.
@@ -115,6 +115,65 @@ def test_threads_processes_shards_and_dask_give_the_same_rows(reference, small, 
     ) as cluster:
         found = ac.batch(small, tmp_path / "dask", cluster=cluster.scheduler_address)
     assert rows(found) == want
+
+
+PLACED = """placement: {over: {x: {from: -30 mm, to: 30 mm, places: 3}}, refine: false}
+"""
+
+
+@pytest.fixture(scope="module")
+def placing(jobs):
+    """A plan that places a job, once along x and once out of reach."""
+    (jobs / "placed.yaml").write_text((jobs / "bend.yaml").read_text() + PLACED)
+    xs = [(-0.03, 0.03), (0.6, 0.7)]
+    return {
+        "job": str(jobs / "placed.yaml"),
+        "do": "place",
+        "over": {
+            "limits.speed": [0.05, 0.1],
+            "placement.over.x": [{"from": a, "to": b, "places": 3} for a, b in xs],
+        },
+        "columns": ["place.x", "place.yaw", "place.duration", "own.duration", "gain", "places",
+                    "planned", "refused"],
+    }  # fmt: skip
+
+
+def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
+    found = ac.batch(placing, tmp_path / "here", workers=0)
+    want = rows(found)
+    assert [x["status"] for x in want] == ["done", "refused"] * 2
+    assert "None of 3 places is feasible (3 by reach)" in want[1]["sentence"]
+    text = (jobs / "placed.yaml").read_text()
+    alone = ac.place(ac.read_job(_written(jobs, text.replace("0.1 m/s", "0.05 m/s"))))
+    best, own = alone.refined.verdict.duration, alone.own.duration
+    got = {x: want[0][x] for x in placing["columns"]}
+    assert got == {
+        "place.x": alone.best.values["x"],
+        "place.yaw": None,
+        "place.duration": best,
+        "own.duration": own,
+        "gain": 1 - best / own,
+        "places": 3.0,
+        "planned": float(alone.planned),
+        "refused": 0.0,
+    }
+    assert rows(ac.batch(placing, tmp_path / "pool", workers=2)) == want
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        found = ac.batch(placing, tmp_path / "dask", cluster=cluster.scheduler_address)
+    assert rows(found) == want
+
+
+def test_usual_figures_of_a_place_have_a_page(placing, tmp_path):
+    usual = {key: x for key, x in placing.items() if key != "columns"}
+    found = ac.batch(usual, tmp_path / "out", workers=0)
+    row = next(found.rows())
+    assert row["place.x"] is not None and row["place.z"] is None
+    page = (tmp_path / "out" / "report.html").read_text()
+    # Nothing is varied along z.
+    assert "place.duration" in page and "gain" in page and "place.z" not in page
 
 
 class Stop(Exception):

@@ -6,10 +6,10 @@ from concurrent.futures import Executor, Future
 
 import pytest
 
+from armcontour._executors import InProcess
 from armcontour._pool import ProcessPool
 from armcontour._process import ProcessEnded
 from armcontour.batches.conducting import TRIES, conduct
-from armcontour.batches.executors import InProcess
 from armcontour.batches.working import (
     DONE,
     KILLED,

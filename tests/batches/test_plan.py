@@ -98,17 +98,56 @@ def test_a_drawing_in_a_cell_is_a_job(tmp_path):
 
 
 def test_keys_of_a_placement_take_values_and_its_run_is_that_of_the_plan(planned, jobs):
-    file = jobs / "bend.yaml"
     asked = "placement: {over: {yaw: {from: 0 deg, to: 10 deg, places: 2}}, run: only}\n"
-    file.write_text(file.read_text() + asked)
+    (jobs / "asked.yaml").write_text((jobs / "bend.yaml").read_text() + asked)
     over = {"placement.over.yaw.to": ["20 deg", "30 deg"], "placement.objective": "manipulability"}
-    plan = read_plan(planned(over))
+    plan = read_plan(planned(over) | {"job": str(jobs / "asked.yaml")})
     job = plan.bases[0].job(plan.bases[0].at(plan.keys, plan.values(1)))
     assert job.placement.over["yaw"] == (0.0, pytest.approx(math.radians(30)), 2)
     assert job.placement.objective == "manipulability" and job.placement.run is None
 
 
+TWO = "runs: {only: {compensation: {method: none}}, other: {compensation: {method: none}}}\n"
+
+
+def test_placing_takes_the_run_that_the_placement_names(planned, jobs):
+    text = (jobs / "bend.yaml").read_text().partition("runs:")[0] + TWO
+    asked = "placement: {over: {x: {from: 0 mm, to: 10 mm, places: 2}}, run: other}\n"
+    (jobs / "two.yaml").write_text(text + asked)
+    named = {"job": str(jobs / "two.yaml"), "do": "place"}
+    assert read_plan(planned() | named).bases[0].run == "other"
+    assert read_plan(planned() | named | {"run": "only"}).bases[0].run == "only"
+    # Which run that is, the placement decides, as with one run of the timing optimal.
+    (jobs / "two.yaml").write_text(text + asked.replace(", run: other", ""))
+    assert read_plan(planned() | named).bases[0].run is None
+
+
 WRONG = {
+    "nothing to place": (
+        {"do": "place"},
+        {},
+        ["do: place needs the key placement.over of bend.yaml, which says where to look"],
+    ),
+    "nowhere to look": (
+        {"do": "place"},
+        {"placement.objective": ["cycle", "torque"]},
+        ["do: place needs the key placement.over of bend.yaml"],
+    ),
+    "arms to compare": (
+        {"do": "place"},
+        {"placement": [{"over": {"x": {"from": 0, "to": 0.1, "places": 2}}, "arms": ["ur5e"]}]},
+        ["placement.arms of bend.yaml is for the command place", "over: {arm: [...]}"],
+    ),
+    "figures of a run where places are looked for": (
+        {"do": "place", "columns": ["duration"]},
+        {"placement.over.x": [{"from": 0, "to": 0.1, "places": 2}]},
+        ["columns (item 1): duration comes from do: teach, but the plan does place"],
+    ),
+    "places of a run": (
+        {"columns": ["place.x"]},
+        {},
+        ["columns (item 1): place.x comes from do: place, but the plan does run"],
+    ),
     "unknown key of a plan": ({"ower": {}}, {}, ["the plan", "ower", "did you mean over?"]),
     "unknown key of a job": (
         {},

@@ -26,6 +26,7 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 command_interval: 20 ms
 runs: {plain: {compensation: {method: none}}}
 """
+CLUSTER = ("--cluster", "tcp://127.0.0.1:1")
 # By extra: a library that it brings, and command lines that need it.
 NEEDS = {
     "experiment": (
@@ -49,7 +50,12 @@ NEEDS = {
     ),
     "cluster": (
         "distributed",
-        [["batch", "plan.yaml", "-o", "out", "--cluster", "tcp://127.0.0.1:1"]],
+        [
+            ["batch", "plan.yaml", "-o", "out", *CLUSTER],
+            ["sweep", "job.yaml", "-o", "out", "--no-certify", *CLUSTER],
+            ["place", "job.yaml", "-o", "out", "--over", "x: 0 mm .. 1 mm, 2", *CLUSTER],
+            ["certify", "job.yaml", "--servo", "1 mm", *CLUSTER],
+        ],
     ),
     "studio": ("uvicorn", [["studio", "--no-open"]]),
 }

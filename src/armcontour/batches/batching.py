@@ -12,10 +12,10 @@ from typing import Any
 
 from armcontour._checks import IntArray
 from armcontour._describing import digits, line_up, several
+from armcontour._executors import Engine, open_engine, refuse_unclear
 from armcontour._progress import Progress
 from armcontour._warming import warm_for_run
 from armcontour.batches.conducting import conduct
-from armcontour.batches.executors import Engine, open_engine, refuse_unclear
 from armcontour.batches.folder import BatchFolder, blocks, look
 from armcontour.batches.ledger import Ledger
 from armcontour.batches.plan import Plan, read_plan

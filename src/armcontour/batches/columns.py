@@ -9,13 +9,17 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from armcontour.errors import InvalidInput
+from armcontour.jobs.axes import UNITS
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
     from armcontour.jobs import RunPlan, RunResult
+    from armcontour.placement import Placement
 
-# What is done with each job, each more than the one before.
-TEACH, RUN, CERTIFY = WORKS = ("teach", "run", "certify")
+# What is done with each job: each more than the one before, or something else.
+TEACH, RUN, CERTIFY = RISING = ("teach", "run", "certify")
+PLACE = "place"
+WORKS = (*RISING, PLACE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +29,19 @@ class Column:
     Args:
         unit: Its unit.
         since: The least work that gives it.
-        value: The figure of what the work gives: a `RunPlan`, a `RunResult`, a `Certificate`.
+        value: The figure of what the work gives: a `RunPlan`, a `RunResult`, a `Certificate`, a
+            `Placement`.
     """
 
     unit: str
     since: str
     value: Callable[[Any], float | None]
+
+    def comes_from(self, work: str) -> bool:
+        """Whether some work gives it."""
+        if PLACE in (work, self.since):
+            return work == self.since
+        return RISING.index(self.since) <= RISING.index(work)
 
 
 def _largest(values: Iterable[float] | None) -> float | None:
@@ -89,6 +100,33 @@ def _left(x: Certificate) -> float:
     return float(x.worst.budget.left)
 
 
+def _axis(name: str) -> Callable[[Placement], float | None]:
+    """A value of the best place; None for an axis that is not varied."""
+    return lambda x: x.refined.values.get(name)
+
+
+# Figures of a place.
+VERDICT = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
+
+
+def _there(figure: str) -> Callable[[Placement], float]:
+    """A figure of the best place."""
+
+    def value(x: Placement) -> float:
+        return float(getattr(x.refined.verdict, figure))
+
+    return value
+
+
+def _at_own(figure: str) -> Callable[[Placement], float]:
+    """A figure of the job's own place."""
+
+    def value(x: Placement) -> float:
+        return float(getattr(x.own, figure))
+
+    return value
+
+
 COLUMNS: dict[str, Column] = {
     "duration": Column("s", TEACH, lambda x: x.trajectory.duration),
     "length": Column("m", TEACH, lambda x: x.path.length),
@@ -120,10 +158,26 @@ COLUMNS: dict[str, Column] = {
     "budget_left": Column("m", CERTIFY, _left),
     "headroom": Column("1", CERTIFY, lambda x: x.headroom),
     "trials": Column("1", CERTIFY, lambda x: x.trials),
+    **{f"place.{x}": Column(unit, PLACE, _axis(x)) for x, unit in UNITS.items()},
+    **{f"place.{x}": Column(unit, PLACE, _there(x)) for x, unit in VERDICT.items()},
+    **{f"own.{x}": Column(unit, PLACE, _at_own(x)) for x, unit in VERDICT.items()},
+    "gain": Column("1", PLACE, lambda x: 1 - x.refined.verdict.duration / x.own.duration),
+    "places": Column("1", PLACE, lambda x: len(x.verdicts)),
+    "planned": Column("1", PLACE, lambda x: x.planned),
+    "refused": Column("1", PLACE, lambda x: sum(x.refusals.values())),
 }
 USUAL = {
     TEACH: ("duration", "corner_error"),
     RUN: ("duration", "contour_error.rms", "contour_error.max", "corner_error", "demand_ratio"),
+    PLACE: (
+        *(f"place.{x}" for x in UNITS),
+        "place.duration",
+        "own.duration",
+        "gain",
+        "places",
+        "planned",
+        "refused",
+    ),
     CERTIFY: ("duration", "optimum", "executed_error", "corner_error"),
 }
 
@@ -140,7 +194,7 @@ def read_columns(given: Iterable[str] | None, work: str) -> tuple[str, ...]:
     """
     if given is None:
         return USUAL[work]
-    known = [x for x, column in COLUMNS.items() if WORKS.index(column.since) <= WORKS.index(work)]
+    known = [x for x, column in COLUMNS.items() if column.comes_from(work)]
     names = tuple(given)
     for k, name in enumerate(names):
         where = f"columns (item {k + 1})"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
+from armcontour._executors import is_lost, is_out_of_memory, not_able
 from armcontour._process import ProcessEnded
 from armcontour.batches.working import (
     RETRIED,
@@ -33,9 +34,6 @@ NEWEST = 0.3
 TRIES = 3
 # Longest time between two calls of `tick` while all wait [s].
 PULSE = 1.0
-# What executors raise for work whose process is gone; Dask's are named, as it may be missing.
-LOST = (ProcessEnded, BrokenExecutor, CancelledError)
-LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
 
 Numbered = tuple[int, Item]
 
@@ -122,17 +120,12 @@ def _lost(future: Future[Any]) -> BaseException | None:
     """
     try:
         future.result()
-    except (*LOST, MemoryError) as error:
-        return error
-    except Exception as error:
-        if type(error).__name__ in LOST_NAMES:
+    except (Exception, CancelledError) as error:
+        if is_lost(error):
             return error
-        if str(error).startswith("Another process of this work failed: MemoryError"):
+        if is_out_of_memory(error):
             return MemoryError()
-        raise ExecutionError(
-            f"The workers of the executor cannot work on jobs ({type(error).__name__}: {error}): "
-            "they need the same version of armcontour as this process."
-        ) from None
+        raise not_able(error) from None
     return None
 
 

@@ -32,6 +32,8 @@ def render_page(ledger: Ledger, *, left: float | None = None, live: bool = False
         for k, x in enumerate(plan.parameters)
         if len(x.values) > 1 and x.numeric
     ]
+    # Figures that no job has, such as places along axes that are not varied, are left out.
+    known = np.isfinite(ledger.figures).any(axis=0)
     view = BatchView(
         name=plan.name,
         about=_about(ledger),
@@ -41,7 +43,8 @@ def render_page(ledger: Ledger, *, left: float | None = None, live: bool = False
         axes=tuple(axes),
         figures=tuple(
             Axis(f"{name} [{_unit(COLUMNS[name].unit)[1]}]", _scaled(x, COLUMNS[name].unit), False)
-            for name, x in zip(plan.columns, ledger.figures.T, strict=True)
+            for name, x, some in zip(plan.columns, ledger.figures.T, known, strict=True)
+            if some or not known.any()
         ),
         status=tuple("" if x < 0 else STATUSES[x] for x in status.tolist()),
         done=DONE,

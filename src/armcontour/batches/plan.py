@@ -16,13 +16,14 @@ from armcontour._checks import FloatArray
 from armcontour._files import read_text
 from armcontour._quantities import AtLeast, Choice, Interval, Memory
 from armcontour._yaml import load
-from armcontour.batches.columns import COLUMNS, RUN, WORKS, read_columns
+from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.batches.resolving import (
     Base,
     Identity,
     named_files,
     read_base,
+    refuse_unplaced,
     refuse_without_effect,
 )
 from armcontour.errors import InvalidInput, locate_errors
@@ -84,7 +85,8 @@ class PlanModel:
         jobs: Several of them, each with all parameters.
         run: Name of the run of the jobs; it may be left out where they have one run.
         do: What is done with each job: `teach` plans and compensates, `run` simulates too,
-            `certify` finds the fastest plan that keeps the job's certificate.
+            `certify` finds the fastest plan that keeps the job's certificate, `place` finds where
+            its part lies best.
         over: Values of keys of the jobs, by the keys with dots between them.
         combine: How the values are combined: `product` is each with each other, `zip` the first
             of all, the second of all and so on; or samples of ranges.
@@ -111,7 +113,7 @@ class Plan:
         name: Name of the plan.
         bases: The jobs before their parameters have values.
         parameters: The parameters.
-        work: What is done with each job: "teach", "run" or "certify".
+        work: What is done with each job: "teach", "run", "certify" or "place".
         columns: Names of the figures that are kept.
         combine: "product" or "zip"; samples are combined already.
         samples: Values of the parameters that are sampled, (n, sampled); None without samples.
@@ -236,6 +238,8 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     )
     for base in bases:
         refuse_without_effect(base, [x.key for x in parameters])
+        if model.do == PLACE:
+            refuse_unplaced(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
     found = Plan(
         name=_checks.check_name("name of the plan", model.name or name),
@@ -260,8 +264,12 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
 
 def _heard(base: Base, parameters: Sequence[Parameter], trust_xacro: bool) -> Base:
     """A base with the digests of all files that it reads."""
-    data = base.at([x.parts for x in parameters], [x.values[0] for x in parameters])
-    return base.heard(data, trust_xacro=trust_xacro)
+    return base.heard(_first(base, parameters), trust_xacro=trust_xacro)
+
+
+def _first(base: Base, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """The data of a base with the first values of all parameters."""
+    return base.at([x.parts for x in parameters], [x.values[0] for x in parameters])
 
 
 def _refuse_overlaps(keys: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from armcontour._text import show
 from armcontour._version import __version__
 from armcontour._yaml import load
 from armcontour.arms import Arm
-from armcontour.batches.columns import CERTIFY
+from armcontour.batches.columns import CERTIFY, PLACE
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.cell import cell_data
@@ -45,7 +45,7 @@ class Base:
         source: Name of its file in messages.
         folder: Folder of relative file names.
         data: The data of its file, in SI units, with one run only.
-        run: Name of that run; None lets the certificate choose.
+        run: Name of that run; None lets the certificate or the placement choose.
         files: Digests of files that it reads and that no key names, such as subprograms.
         dimension: Dimension of its arm's work space.
     """
@@ -179,12 +179,13 @@ def _with_run(
         InvalidInput: There is no such run, or several to choose from.
     """
     runs, goal = data["runs"], data.get("certificate") or {}
-    name = run or (goal.get("run") if work == CERTIFY else None)
+    asked = {CERTIFY: goal, PLACE: data.get("placement") or {}}.get(work, {})
+    name = run or asked.get("run")
     if name is None and len(runs) == 1:
         (name,) = runs
     if name is not None and name not in runs:
         raise InvalidInput(f"run: {source} has no run {show(name)}: it has {', '.join(runs)}.")
-    if name is None and work != CERTIFY:
+    if name is None and work not in (CERTIFY, PLACE):
         raise InvalidInput(
             f"run is missing: {source} has several runs, so say which: {', '.join(runs)}."
         )
@@ -232,6 +233,30 @@ def refuse_without_effect(base: Base, keys: Sequence[str]) -> None:
             raise InvalidInput(
                 f"over.{key} has no effect, because the run {base.run} of {base.source} has its "
                 f"own: write runs.{base.run}.{key}."
+            )
+
+
+def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
+    """Refuse a job that does not say where its part is to be placed, or that compares arms.
+
+    Args:
+        base: The job.
+        data: Its data with the first values of all parameters.
+
+    Raises:
+        InvalidInput: There is no key placement.over, or arms or tools are to be compared.
+    """
+    asked = data.get("placement") or {}
+    if not asked.get("over"):
+        raise InvalidInput(
+            f"do: place needs the key placement.over of {base.source}, which says where to look, "
+            "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
+        )
+    for name, key in (("arms", "arm"), ("tools", "arm.tool")):
+        if asked.get(name):
+            raise InvalidInput(
+                f"placement.{name} of {base.source} is for the command place: a batch compares "
+                f"them by over: {{{key}: [...]}}, so leave it out."
             )
 
 

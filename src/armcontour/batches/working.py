@@ -19,10 +19,10 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import IO, Any, NamedTuple
 
+from armcontour._executors import Engine
 from armcontour._process import end_at_once, is_other
 from armcontour._warming import warm_for_run
-from armcontour.batches.columns import CERTIFY, TEACH, figures_of
-from armcontour.batches.executors import Engine
+from armcontour.batches.columns import CERTIFY, PLACE, TEACH, figures_of
 from armcontour.batches.plan import Plan
 from armcontour.errors import ArmContourError
 from armcontour.jobs import Job
@@ -90,6 +90,8 @@ class Work:
         plan = _prepare(self.packed, self.share, self.dimensions)
         if plan.work == CERTIFY:
             import armcontour.certification  # noqa: F401
+        if plan.work == PLACE:
+            import armcontour.placement  # noqa: F401
         import armcontour.jobs.study  # noqa: F401
 
     def __call__(self, items: Sequence[Item]) -> list[Outcome]:
@@ -171,6 +173,11 @@ def _do(work: str, job: Job, run: str | None) -> Any:
         from armcontour.certification import certify
 
         return certify(job, run)
+    if work == PLACE:
+        from armcontour.placement import place
+
+        # Others have jobs of their own.
+        return place(job, run, processes=1)
     from armcontour.jobs import study
 
     if work == TEACH:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -132,6 +133,7 @@ def execute_bodies(
     worst: Worst,
     errors: FloatArray,
     *,
+    executor: Executor | None = None,
     progress: Progress,
     seed: int | None = None,
 ) -> Spread:
@@ -142,6 +144,7 @@ def execute_bodies(
         taught: The set-points.
         worst: What the linear model says, for its unknowns.
         errors: Errors of the unknowns, (n, k).
+        executor: An executor that does it in place of processes of this machine.
         progress: Called with the share that is done.
         seed: Seed of the errors; None for corners.
     """
@@ -158,7 +161,7 @@ def execute_bodies(
     def tell(done: int) -> None:
         progress(Step(names, done / (len(errors) + 1)))
 
-    return spread_on_bodies(runs, errors, seed=seed, done=tell)
+    return spread_on_bodies(runs, errors, seed=seed, executor=executor, done=tell)
 
 
 def figures(worst: Worst, samples: int, seed: int) -> LinearFigures:

@@ -8,6 +8,7 @@ is derated stays derated, so a search ends. See docs/concepts/certificate.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -154,6 +155,7 @@ class Search:
         approach: What the joints do before.
         goal: What is to be kept.
         progress: Called with a step before each trial.
+        executor: What executes robots of a box as rigid bodies; None is processes of this machine.
         intervals: Of the path's grid; by default those of `plan`.
         margin: At which share of what trials else aim at they aim.
 
@@ -180,6 +182,7 @@ class Search:
     approach: Approach
     goal: Goal
     progress: Progress
+    executor: Executor | None = None
     intervals: int | None = None
     margin: float = 1.0
     optimum: float = np.nan
@@ -251,7 +254,13 @@ class Search:
         linear = trial.uses.linear
         assert linear is not None
         return execute_bodies(
-            self.setting, trial.taught, linear, errors, progress=self.progress, seed=seed
+            self.setting,
+            trial.taught,
+            linear,
+            errors,
+            executor=self.executor,
+            progress=self.progress,
+            seed=seed,
         )
 
     def _best_of_windows(self) -> Kept | None:

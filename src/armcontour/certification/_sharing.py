@@ -7,6 +7,7 @@ given back to the shape.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +77,7 @@ class Sharing:
         this: The run.
         goal: The goal.
         progress: Called with a step before each trial.
+        executor: What executes robots of a box as rigid bodies; None is processes of this machine.
         deadline: Duration of a plan that is known [s]: slower programs are not searched.
 
     Attributes:
@@ -89,6 +91,7 @@ class Sharing:
     this: Run
     goal: Goal
     progress: Progress
+    executor: Executor | None = None
     deadline: float = np.inf
     trials: int = 0
     shares: bool = field(init=False)
@@ -253,6 +256,7 @@ class Sharing:
             objective=objective,
             program=program,
             progress=self.progress,
+            executor=self.executor,
             traced=traced,
         )
         try:

@@ -8,6 +8,7 @@ the command interval in the program. The whole program is then executed and judg
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -138,6 +139,7 @@ class Assembly:
         objective: The program before its corners were rounded.
         program: The program to plan.
         progress: Called with a step before each trial.
+        executor: What executes robots of a box as rigid bodies; None is processes of this machine.
         traced: The traced program; None if it is not traced yet. Tracing does not depend on timing:
             all rounds share it.
 
@@ -152,6 +154,7 @@ class Assembly:
     objective: Program
     program: Program
     progress: Progress
+    executor: Executor | None = None
     traced: Tracing | None = None
     trials: int = 0
     # Plans in the order in which they are needed, and the number of them that this round has used.
@@ -285,6 +288,7 @@ class Assembly:
             Approach.of(before, self.robot),
             self.goal,
             under(self.progress, *names),
+            executor=self.executor,
             intervals=intervals_of(program),
             margin=self._margins.get(len(self._done), 1.0),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import fields, replace
 from typing import Any
 
@@ -49,7 +50,12 @@ SHORTEST = 1e-4
 
 
 def certify(
-    job: Job, run: str | None = None, *, progress: Progress | None = None, **overrides: Any
+    job: Job,
+    run: str | None = None,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    **overrides: Any,
 ) -> Certificate:
     """Find the fastest plan of a job whose execution keeps its tolerance.
 
@@ -60,6 +66,8 @@ def certify(
     Args:
         job: The job; its certificate is the goal.
         run: Name of the run; by default that of the goal.
+        executor: An executor that executes robots of the box as rigid bodies, such as a
+            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
         progress: Called with a step, which has a few words as its name, before every trial.
         overrides: Fields of `Goal` that replace those of the job.
 
@@ -85,7 +93,7 @@ def certify(
     if this.experiment is not None:
         # What refuses the robot of the experiment is said before the search.
         build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
-    search = _Certifying(job, this, goal, under(progress))
+    search = _Certifying(job, this, goal, executor, under(progress))
     with reach_told(job):
         return search.certificate()
 
@@ -127,8 +135,11 @@ def run_of(job: Job, name: str | None) -> Run:
 class _Certifying:
     """One call of `certify`."""
 
-    def __init__(self, job: Job, this: Run, goal: Goal, progress: Progress) -> None:
+    def __init__(
+        self, job: Job, this: Run, goal: Goal, executor: Executor | None, progress: Progress
+    ) -> None:
         self.job, self.this, self.goal, self.progress = job, this, goal, progress
+        self.executor = executor
         self.trials = 0
 
     def certificate(self) -> Certificate:
@@ -165,7 +176,12 @@ class _Certifying:
             Slower: All plans are slower than the known one.
         """
         sharing = Sharing(
-            job=self.job, this=this, goal=self.goal, progress=self.progress, deadline=deadline
+            job=self.job,
+            this=this,
+            goal=self.goal,
+            executor=self.executor,
+            progress=self.progress,
+            deadline=deadline,
         )
         try:
             return sharing.fastest(), sharing

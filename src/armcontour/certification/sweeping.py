@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from armcontour import _checks
 from armcontour._describing import line_up, mm
-from armcontour._process import Packed, pack, unpack
+from armcontour._executors import map_on
 from armcontour._progress import Progress, Step, under
 from armcontour.certification.certificate import Certificate
 from armcontour.certification.certifying import certify, goal_of, run_of
@@ -212,9 +213,8 @@ def _values(
 Choice = tuple[float | None, float | None, str | None]
 
 
-def _point(packed: Packed, choice: Choice) -> SweepPoint:
+def _point(job: Job, this: Run, goal: Goal | None, choice: Choice) -> SweepPoint:
     """A point, in another process."""
-    job, this, goal = unpack(packed)
     return _Point(job, this, goal, under(None)).at(*choice)
 
 
@@ -228,11 +228,14 @@ class _Point:
 
     def share(self, choices: Sequence[Choice], executor: Executor) -> None:
         """Have an executor work on several points."""
-        packed = pack((self.job, self.this, self.goal))
-        away = {x: executor.submit(_point, packed, x) for x in dict.fromkeys(choices)}
-        for k, (x, future) in enumerate(away.items()):
-            self.progress(Step((f"{k + 1} of {len(away)} points",), k / len(away)))
-            self.known[x] = future.result()
+        work = partial(_point, self.job, self.this, self.goal)
+        several = list(dict.fromkeys(choices))
+
+        def tell(done: int) -> None:
+            count = len(several)
+            self.progress(Step((f"{min(done + 1, count)} of {count} points",), done / count))
+
+        self.known.update(zip(several, map_on(executor, work, several, done=tell), strict=True))
 
     def at(self, tolerance: float | None, speed: float | None, shape: str | None) -> SweepPoint:
         """The point of a corner tolerance [m], an assigned velocity [m/s] and a shape."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from armcontour.certification import Budget, Certificate
     from armcontour.cli.options import CertifyOptions, JobOptions
     from armcontour.evaluation import Evaluation
+    from armcontour.jobs import Job
 
 
 CONTOURS = (
@@ -42,6 +43,7 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     from armcontour._quantities import Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
+    from armcontour.cli.sharing import open_executor
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, certificate_json
 
@@ -53,12 +55,18 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     }
     given = {**lengths, "plant": x.plant}
     overrides = {name: value for name, value in given.items() if value is not None}
-    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
+    shared = x.workers is not None or x.cluster is not None
+    with (
+        open_executor(x.workers, x.cluster) if shared else nullcontext() as executor,
+        nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder,
+    ):
         from armcontour.certification import certify
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, under(progress, "reading"))
-            found = certify(job, x.run_name, progress=progress, **overrides)
+            if shared:
+                _refuse_nothing_shared(job, overrides)
+            found = certify(job, x.run_name, executor=executor, progress=progress, **overrides)
         if folder is not None:
             _write(found, folder)
     if x.as_json:
@@ -67,6 +75,24 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         _print(found, None if x.out is None else x.out / "report.html")
     if x.open_report and x.out is not None:
         open_page(x.out / "report.html")
+
+
+def _refuse_nothing_shared(job: Job, overrides: dict[str, Any]) -> None:
+    """Refuse `--workers` and `--cluster` for a certificate that has no work for them.
+
+    Raises:
+        InvalidInput: No robots of a box are executed as rigid bodies.
+    """
+    from armcontour.certification.certifying import goal_of
+    from armcontour.errors import InvalidInput
+
+    goal = goal_of(job, overrides)
+    if goal.plant != "rigid_body" or goal.box is None:
+        raise InvalidInput(
+            "--workers and --cluster share robots of a box that are executed as rigid bodies, and "
+            "this certificate executes none: leave them out, or give the job's certificate a box "
+            "and plant: rigid_body."
+        )
 
 
 def _write(found: Certificate, folder: Any) -> None:

@@ -80,6 +80,21 @@ Start = Annotated[
 End = Annotated[
     str | None, typer.Option("--to", help="Last time of the log to use, such as '30 s'.")
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        min=0,
+        max=1000,
+        help="Processes on this machine; by default one a processor. 0 works in this one.",
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster", help="Address of a Dask scheduler that does the work: tcp://10.0.0.1:8786."
+    ),
+]
 Unwrap = Annotated[bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
 ServoBudget = Annotated[
@@ -459,6 +474,17 @@ class CertifyOptions:
         str | None,
         typer.Option("--plant", help="Robots to certify for: servo, rigid_body; else the job's."),
     ] = None
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            min=0,
+            max=1000,
+            help="Processes on this machine that execute robots of a box as rigid bodies; by "
+            "default one a processor. 0 works in this one.",
+        ),
+    ] = None
+    cluster: Cluster = None
     out: Annotated[
         FilePath | None, typer.Option("--out", "-o", help="Folder for the certificate; else none.")
     ] = None
@@ -493,6 +519,8 @@ class SweepOptions:
     speeds: Annotated[str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")] = (
         None
     )
+    workers: Workers = None
+    cluster: Cluster = None
     force: Force = False
     open_report: Open = False
 
@@ -572,10 +600,18 @@ class PlaceOptions:
             help="Look for a better place between those of the grid, too (default).",
         ),
     ] = None
-    processes: Annotated[
+    workers: Annotated[
         int | None,
-        typer.Option("--processes", min=1, max=1024, help="Number of processes; all processors."),
+        typer.Option(
+            "--workers",
+            "--processes",
+            min=0,
+            max=1000,
+            help="Processes on this machine; by default one a processor for 100 places or more. 0 "
+            "works in this one.",
+        ),
     ] = None
+    cluster: Cluster = None
     run_name: Name = None
     force: Force = False
     open_report: Open = False
@@ -645,21 +681,8 @@ class LearnOptions:
 class BatchOptions:
     """Options of the command `batch`."""
 
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            min=0,
-            max=1000,
-            help="Processes on this machine; by default one a processor. 0 works in this one.",
-        ),
-    ] = None
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            "--cluster", help="Address of a Dask scheduler that does the work: tcp://10.0.0.1:8786."
-        ),
-    ] = None
+    workers: Workers = None
+    cluster: Cluster = None
     shard: Annotated[
         str | None,
         typer.Option(

@@ -38,6 +38,7 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     """
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import share_progress
+    from armcontour.cli.sharing import open_executor
     from armcontour.errors import InvalidInput, locate_errors
     from armcontour.io import ResultFolder, placement_csv, placement_json
     from armcontour.io.job_model import PlacementModel
@@ -56,7 +57,12 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
     about = _read_about(x.about)
     variants = _variants(job_options, x, asked or PlacementModel(), home)
-    with ResultFolder(out, force=x.force) as folder:
+    # By default places decide by their number.
+    own = x.workers is None and x.cluster is None
+    with (
+        nullcontext() if own else open_executor(x.workers, x.cluster) as executor,
+        ResultFolder(out, force=x.force) as folder,
+    ):
         from armcontour.report import render_placement
 
         with share_progress() as progress:
@@ -77,7 +83,7 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
                     about=about,
                     every=x.every,
                     refined=x.refined,
-                    processes=x.processes,
+                    executor=executor,
                     progress=tell,
                 )
 

@@ -29,13 +29,17 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
     from armcontour._quantities import Speed, Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
+    from armcontour.cli.sharing import open_executor
     from armcontour.io import ResultFolder, sweep_csv, sweep_json
 
     corners = read_option_list("--tolerances", x.tolerances, Tolerance)
     speeds = read_option_list("--speeds", x.speeds, Speed)
     servo = read_option("--servo", x.servo, Tolerance)
     goal: dict[str, Any] = {} if servo is None else {"servo": servo}
-    with ResultFolder(out, force=x.force) as folder:
+    with (
+        open_executor(x.workers, x.cluster) as executor,
+        ResultFolder(out, force=x.force) as folder,
+    ):
         from armcontour.certification import sweep
         from armcontour.report import render_sweep
 
@@ -48,6 +52,8 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
                 speeds=speeds,
                 shapes=None if x.shapes is None else [y.strip() for y in x.shapes.split(",")],
                 certified=x.certified,
+                # In this process every trial of a point is told.
+                executor=None if x.workers == 0 else executor,
                 progress=progress,
                 **goal,
             )

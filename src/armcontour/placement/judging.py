@@ -89,6 +89,32 @@ class Verdict:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Trail:
+    """Verdicts on a place for all scores that it may have to beat, up to the one it was judged for.
+
+    Args:
+        steps: Verdicts, each with a bound on the score; the first bound that is above a score ends
+            the judgement for it.
+    """
+
+    steps: tuple[tuple[float, Verdict], ...]
+
+    @property
+    def last(self) -> Verdict:
+        """The verdict for the score that the place was judged for."""
+        return self.steps[-1][1]
+
+    def at(self, cutoff: float) -> Verdict | None:
+        """The verdict for a score; None if the place was judged for a smaller one, and left.
+
+        Args:
+            cutoff: The score.
+        """
+        ends = (x for bound, x in self.steps if bound > cutoff or bound == np.inf)
+        return next(ends, None)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judge:
     """Judges places of a job.
@@ -183,23 +209,39 @@ class Judge:
             place: Values of the axes [m, rad].
             cutoff: A score; a place that cannot have it is not planned.
         """
+        return self.weigh(place, cutoff).last
+
+    def weigh(self, place: Mapping[str, float], cutoff: float = np.inf) -> Trail:
+        """The same as `judge`, with the verdicts for smaller scores than the cutoff.
+
+        Args:
+            place: As in `judge`.
+            cutoff: As in `judge`.
+        """
         corners = corners_of(self.uncertainty)
         around = [place, *({**place, **_shifted(place, x)} for x in corners)]
+        steps: list[tuple[float, Verdict]] = []
         bound = 0.0
         for x in around:
             seen = self.look(x)
             bound = max(bound, SURE * seen.duration)
-            if seen.refusal or self.least_score(seen) > cutoff:
-                return Verdict(bound=bound, singular=seen.singular, refusal=seen.refusal)
-        found: list[Verdict] = []
+            verdict = Verdict(bound=bound, singular=seen.singular, refusal=seen.refusal)
+            steps.append((np.inf if seen.refusal else self.least_score(seen), verdict))
+            if steps[-1][0] > cutoff or seen.refusal:
+                return Trail(tuple(steps))
+        worst: Verdict | None = None
         for x in around:
-            found.append(self.plan(x, cutoff))
-            if not found[-1].planned:
-                return found[-1]
-        worst = found[0]
-        for other in found[1:]:
-            worst = worst.worse(other)
-        return worst
+            found = self.plan(x, cutoff)
+            if self.objective == CYCLE:
+                steps.append((found.bound, Verdict(bound=found.bound)))
+                if found.bound > cutoff:
+                    return Trail(tuple(steps))
+            if not found.planned:
+                worst = found
+                break
+            worst = found if worst is None else worst.worse(found)
+        assert worst is not None
+        return Trail((*steps, (np.inf, worst)))
 
     def plan(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
         """Plan the job at a place, without its uncertainty, unless a bound is above the cutoff.

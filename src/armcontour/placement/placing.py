@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from typing import Any, NoReturn
 
 import numpy as np
@@ -48,6 +49,7 @@ def place(
     every: bool | None = None,
     refined: bool | None = None,
     processes: int | None = None,
+    executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Placement:
     """Find where a job's part lies best: the best place of a grid, and a better one beside it.
@@ -80,14 +82,22 @@ def place(
             own origin.
         every: Whether to plan every place, for a map without bounds; this takes far longer.
         refined: Whether to look for a better place between those of the grid (default).
-        processes: Number of processes; by default that of processors for 100 places or more.
+        processes: Number of processes; by default that of processors for 100 places or more. The
+            results are the same whoever works.
+        executor: An executor that looks for the best of the grid in place of these processes, such
+            as a `concurrent.futures.ProcessPoolExecutor` or `Client.get_executor()` of Dask.
         progress: Called with the share that is done.
 
     Raises:
         InvalidInput: No such run, axis or objective, or an empty range.
         Unreachable: No place is within reach, or none in one configuration.
         NotRealizable: No place has a plan that keeps limits and margins.
+        ExecutionError: The executor takes no work, has lost a worker, or its workers cannot work.
     """
+    if processes is not None:
+        _checks.whole("processes", processes, 1, 1024)
+        if executor is not None:
+            raise InvalidInput("An executor has its own workers: leave processes out.")
     asked = (job.placement or PlaceSearch()).replaced(
         {"run": run, "over": over, "objective": objective, "uncertainty": uncertainty}
         | {"what": what, "absolute": absolute, "about": about, "every": every, "refined": refined}
@@ -114,11 +124,16 @@ def place(
             f"The {' and '.join(compared)} of the key placement are compared by the command "
             "`armcontour place` only: this is the job's own arm with its own tool."
         )
-    if processes is not None:
-        _checks.whole("processes", processes, 1, 1024)
     tell = under(progress, "placing")
     places = all_places(axes)
-    verdicts = search(judge, places, every=asked.every, processes=processes, progress=tell)
+    verdicts = search(
+        judge,
+        places,
+        every=asked.every,
+        processes=processes,
+        executor=executor,
+        progress=tell,
+    )
     k = best_of(verdicts, asked.objective)
     if k is None:
         _refuse_all(judge, places, verdicts)

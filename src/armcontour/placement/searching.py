@@ -1,21 +1,26 @@
-"""The search over a grid: bounds of all places first, then plans of those that may be the best."""
+"""The search over a grid: bounds of all places first, then plans of those that may be the best.
+
+What it finds does not depend on who works: places are planned ahead of their turn, but what is
+kept of each is what the best of all places before it, in the order of their bounds, asks for.
+"""
 
 from __future__ import annotations
 
-import heapq
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from functools import partial
-from threading import Condition
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
-from armcontour._process import processors
-from armcontour._processes import share_work
+from armcontour._executors import Crew, open_engine
+from armcontour._process import is_other, processors
 from armcontour._progress import Progress, Step
 from armcontour.jobs.place_search import CYCLE
-from armcontour.placement.judging import Judge, Verdict
+from armcontour.placement.judging import Judge, Trail, Verdict
 from armcontour.placement.screening import Screened
 
 # Places that are looked at together without a plan: about a quarter of a second of work.
@@ -25,7 +30,7 @@ FEWEST_PLACES = 100
 
 # Work on places: their indices and, for a plan, the score that it has to beat.
 Task: TypeAlias = tuple[tuple[int, ...], float | None]
-Answer: TypeAlias = list[Screened] | Verdict
+Answer: TypeAlias = list[Screened] | Trail
 Place: TypeAlias = Mapping[str, float]
 
 
@@ -35,6 +40,7 @@ def search(
     *,
     every: bool = False,
     processes: int | None = None,
+    executor: Executor | None = None,
     progress: Progress,
 ) -> list[Verdict]:
     """Find the best of some places; the others have bounds that prove it.
@@ -44,16 +50,22 @@ def search(
         places: The places.
         every: Whether every place is planned.
         processes: Number of processes; by default that of processors for many places, else 1.
+        executor: An executor that does the work in place of these processes.
         progress: Called with the share that is done.
 
     Returns:
-        What is known of every place.
+        What is known of every place; the same whoever works.
+
+    Raises:
+        ExecutionError: The executor takes no work, or has lost a worker.
     """
-    order = _BestFirst(judge, places, every, progress)
     if processes is None:
-        processes = processors() if len(places) >= FEWEST_PLACES else 1
-    _share(judge, places, order, processes)
-    return order.verdicts
+        processes = processors() if len(places) >= FEWEST_PLACES and not is_other() else 1
+    alone = executor is not None or processes == 1
+    with nullcontext() if alone else open_engine(workers=processes) as engine:
+        work = partial(_work, judge, tuple(places))
+        with Crew[Task, Answer](work, executor if engine is None else engine.executor) as crew:
+            return _Search(judge, len(places), every, progress).run(crew)
 
 
 def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
@@ -63,94 +75,54 @@ def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
     return best if np.isfinite(scores[best]) else None
 
 
-def _share(judge: Judge, places: Sequence[Place], order: _BestFirst, processes: int) -> None:
-    """Work in the order, in this process or in others; all sharing is here."""
-    if processes > 1:
-        work = partial(_work, judge, list(places))
-        share_work(work, order, processes=processes)
-        return
-    while (task := order.take()) is not None:
-        order.finish(task, _work(judge, places, task))
-
-
 def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
     """Look at some places, or plan one."""
     which, cutoff = task
     if cutoff is None:
         return judge.look_all([places[k] for k in which])
-    return judge.judge(places[which[0]], cutoff)
+    return judge.weigh(places[which[0]], cutoff)
 
 
-class _BestFirst:
-    """Places in the order of their bounds, as `share_work` takes them.
+class _Search:
+    """One call of `search`.
 
     Args:
         judge: Says what bounds are worth.
-        places: The places.
+        count: Number of places.
         every: Whether every place is planned.
         progress: Called with the share that is done.
     """
 
-    def __init__(
-        self, judge: Judge, places: Sequence[Place], every: bool, progress: Progress
-    ) -> None:
-        self.verdicts = [Verdict() for _ in places]
+    def __init__(self, judge: Judge, count: int, every: bool, progress: Progress) -> None:
+        self.verdicts = [Verdict() for _ in range(count)]
         self._judge, self._every, self._progress = judge, every, progress
-        every_index = range(len(places))
-        looks = judge.screen is not None
-        self._chunks = [
-            tuple(every_index[k : k + CHUNK]) for k in range(0, len(places) if looks else 0, CHUNK)
-        ]
-        self._away, self._done = 0, 0
-        # Least scores and indices of places that may be planned.
-        self._left = [] if looks else [(-np.inf, k) for k in every_index]
-        self._candidates = len(self._left)
+        # Least scores and indices of places that may be planned; the best score, also of places
+        # that are planned ahead of their turn.
+        self._left: list[tuple[float, int]] = []
         self._best, self._refused = np.inf, Counter[str]()
-        self._news = Condition()
 
-    def take(self) -> Task | None:
-        """The next places to look at, or the next one to plan; None if none can be better."""
-        with self._news:
-            if self._chunks:
-                self._away += 1
-                return self._chunks.pop(0), None
-            # Plans begin when all bounds are known.
-            while self._away and not self._planning:
-                self._news.wait()
-            if not self._left:
-                return None
-            _, k = heapq.heappop(self._left)
-            self._away += 1
-            return (k,), np.inf if self._every else self._best
+    def run(self, crew: Crew[Task, Answer]) -> list[Verdict]:
+        """Look at all places, then plan those that may be the best."""
+        if self._judge.screen is None:
+            self._left = [(-np.inf, k) for k in range(len(self.verdicts))]
+        else:
+            self._look(crew)
+        self._plan(crew)
+        return self.verdicts
 
-    @property
-    def _planning(self) -> bool:
-        return self._done >= len(self.verdicts) or self._judge.screen is None
-
-    def finish(self, task: Task, answer: Answer) -> None:
-        """Take what was found."""
-        which, cutoff = task
-        with self._news:
-            self._away -= 1
-            if isinstance(answer, Verdict):
-                self._judged(which[0], answer)
-            else:
-                for k, seen in zip(which, answer, strict=True):
+    def _look(self, crew: Crew[Task, Answer]) -> None:
+        """Find bounds of all places, some of them at a time."""
+        count, given, done = len(self.verdicts), 0, 0
+        while given < count or len(crew):
+            while given < count and len(crew) < crew.ahead:
+                which = tuple(range(given, min(given + CHUNK, count)))
+                crew.give((which, None))
+                given += len(which)
+            for (which, _), answer in crew.take():
+                for k, seen in zip(which, cast(list[Screened], answer), strict=True):
                     self._looked(k, seen)
-                self._done += len(which)
-                if self._planning:
-                    heapq.heapify(self._left)
-                    self._candidates = len(self._left)
-            self._tell(looking=cutoff is None)
-            self._news.notify_all()
-
-    def give_up(self) -> None:
-        """Have no places any more."""
-        with self._news:
-            self._chunks.clear()
-            self._left.clear()
-            self._done = len(self.verdicts)
-            self._news.notify_all()
+                done += len(which)
+                self._tell("bounds", done / count)
 
     def _looked(self, k: int, seen: Screened) -> None:
         """Keep the bounds of a place."""
@@ -162,24 +134,51 @@ class _BestFirst:
         else:
             self._left.append((least, k))
 
+    def _plan(self, crew: Crew[Task, Answer]) -> None:
+        """Plan places in the order of their bounds, until no other can be better."""
+        self._left.sort()
+        bounds, turns = [x for x, _ in self._left], [k for _, k in self._left]
+        # Trails that wait for their turn; the best score of the places whose turn was.
+        trails: dict[int, Trail] = {}
+        best, given, turn = np.inf, 0, 0
+        while self._can_beat(turn, best):
+            while len(crew) < crew.ahead and self._can_beat(given, self._best):
+                crew.give(((turns[given],), self._cutoff(self._best)))
+                given += 1
+            if not len(crew):
+                # A bound on a place that was planned ahead was above its plan: others come anew.
+                crew.give(((turns[turn],), self._cutoff(best)))
+                given = max(given, turn + 1)
+            for (which, _), answer in crew.take():
+                trail = trails[which[0]] = cast(Trail, answer)
+                self._best = min(self._best, trail.last.score(self._judge.objective))
+            while turn < given and turns[turn] in trails and self._can_beat(turn, best):
+                found = trails.pop(turns[turn]).at(self._cutoff(best))
+                if found is None:
+                    break
+                best = min(best, found.score(self._judge.objective))
+                self._judged(turns[turn], found)
+                turn += 1
+            needed = len(turns) if self._every else bisect_right(bounds, best)
+            self._tell("plans", turn / max(needed, 1))
+        self._best = best
+
+    def _can_beat(self, turn: int, score: float) -> bool:
+        """Whether there is a place at a turn, and it may have a better score."""
+        return turn < len(self._left) and (self._every or self._left[turn][0] <= score)
+
+    def _cutoff(self, score: float) -> float:
+        """The score that a place has to beat."""
+        return np.inf if self._every else score
+
     def _judged(self, k: int, found: Verdict) -> None:
         """Keep the verdict on a place."""
         self.verdicts[k] = found
         if found.refusal:
             self._refused[found.refusal] += 1
-        score = found.score(self._judge.objective)
-        if score < self._best:
-            self._best = score
-            if not self._every:
-                self._left = [x for x in self._left if x[0] <= score]
-                heapq.heapify(self._left)
 
-    def _tell(self, *, looking: bool) -> None:
+    def _tell(self, name: str, share: float) -> None:
         """Tell the share that is done, the best so far, and refusals by kind."""
-        if looking:
-            name, share = "bounds", self._done / len(self.verdicts)
-        else:
-            name, share = "plans", 1 - len(self._left) / max(self._candidates, 1)
         words = [name]
         if np.isfinite(self._best):
             words.append(f"best so far {shown(self._best, self._judge.objective)}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._executors import map_on
 from armcontour._processes import map_in_processes
 from armcontour.arms import Limits
 from armcontour.errors import ExecutionError
@@ -96,11 +97,15 @@ def spread_on_bodies(
         done: Called with the number of robots that are done.
 
     Raises:
-        ExecutionError: A robot does not come to rest, or its drives are too weak.
+        ExecutionError: A robot does not come to rest, its drives are too weak, or the executor has
+            lost a worker.
     """
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
-    found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
+    if executor is None:
+        found = map_in_processes(runs, rows, processes=processes, done=done)
+    else:
+        found = map_on(executor, runs, rows, done=done)
     for row, result in zip(rows, found, strict=True):
         if isinstance(result, str):
             robot = describe(unknowns, row) if row.any() else "no errors"
