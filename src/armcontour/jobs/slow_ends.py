@@ -139,5 +139,5 @@ def _warn(of: list[SlowEnd], acceleration: float) -> str:
         )
     return (
         f"{text}, with a lead of {worst.lead * 1e3:.3g} mm: a longer lead reaches more. A lead "
-        "without a length is as long as needed."
+        "without a length is as long as helps much and as the arm reaches."
     )
