@@ -406,7 +406,7 @@ def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
     bend = np.linalg.norm(control, axis=2).max(axis=1)
-    return np.divide(bend, lengths**2, out=np.zeros_like(bend), where=lengths > 0)
+    return np.asarray(np.divide(bend, lengths**2, out=np.zeros_like(bend), where=lengths > 0))
 
 
 def _unit_or_zero(v: FloatArray) -> FloatArray:
