@@ -165,6 +165,18 @@ def test_a_lead_with_too_small_an_arc_says_which_length_does() -> None:
     assert any("lead's arc" in x for x in warnings(0.95 * enough))
 
 
+@pytest.mark.parametrize("end", [[0.35, 0.25], [0.35, 0.2511], [0.357, 0.2001]])
+def test_the_arc_of_a_lead_is_not_taken_for_one_of_the_contour(end: list[float]) -> None:
+    # Where rounding puts the joint, the place of the end may be before or behind it.
+    lead = Lead(shape="arc", side="left", length=0.013)
+    path = Path.polyline([[0.3, 0.2], [0.35, 0.2], end])
+    done = job(Process(lead_in=lead, lead_out=lead), Contour(path=path))
+    (this,) = done.runs
+    _, program = programs_of(done, this)
+    found = slow_ends(program, plan_run(done, this, program), this)
+    assert found and not any("contour's arc" in x for x in found)
+
+
 def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:
     # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
