@@ -177,6 +177,15 @@ def test_dead_times_that_err_by_themselves(late, refuses):
         assert words in str(error)
 
 
+def test_a_box_that_does_not_fit_the_robot_is_refused_before_the_search(refuses):
+    def search(**box):
+        return lambda: ac.certify(job(), servo=2e-6, box=Box(**box), progress=pytest.fail)
+
+    refuses(search(payload=0.5), ac.InvalidInput, "payload of the box", "carries only 0 kg")
+    refuses(search(jitter=2e-3), ac.InvalidInput, "jitter of 0.002 s", "half the command interval")
+    refuses(search(dead_time=1e-3), ac.InvalidInput, "dead time cannot be negative")
+
+
 def test_a_total_tolerance_is_split_and_given_back():
     found = ac.certify(job(), tolerance=5e-3)
     budget, result = found.budget, found.evaluation

@@ -106,3 +106,14 @@ def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
         assert (points >= low - 1e-12).all() and (points <= high + 1e-12).all()
         # A chord of 1/20000 of the length is off by less than its square over eight radii.
         np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1e-5)
+
+
+def test_nothing_is_left_of_a_transition_that_is_cut_at_both_ends():
+    path = ac.round_corners(
+        ac.Path.polyline([(0, 0), (1, 0), (1, 2)]), tolerance=0.1, continuity="curvature"
+    )
+    rows = path.segments
+    (bent,) = np.nonzero(rows.bent)
+    middle = rows.lengths[bent] / 2
+    cut = rows.cut(bent, middle, middle)
+    assert len(bent) and (cut.lengths == 0).all() and (cut.curvatures == 0).all()

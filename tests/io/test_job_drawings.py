@@ -460,3 +460,16 @@ def test_a_wrong_drawing_is_not_the_fault_of_its_cell(folder: FilePath, refuses)
         InvalidInput,
         "the cell pmk3s: path.frame lifts",
     )
+
+
+def test_what_the_process_asks_for_in_vain_is_noted(folder: FilePath) -> None:
+    given: dict[str, Any] = {"off_between": ["spindel"], "tabs": {"count": 2, "width": "1 mm"}}
+    given |= {"switch": {"name": "laser"}}
+    found = job(folder, path={"file": "plain.csv"}, process=given).program.notes
+    assert found[-2] == (
+        "process.off_between: nothing switches the output 'spindel', so it is not switched off "
+        "during rapids either; outputs that are switched: laser."
+    )
+    assert found[-1] == "process.tabs: no contour is closed, so there are no tabs."
+    given |= {"off_between": ["glue", "laser"], "events": [{"name": "glue"}]}
+    assert job(folder, process=given).program.notes == ()

@@ -203,7 +203,11 @@ def test_full_stops_are_counted_with_their_reasons() -> None:
         "path": {"points": [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24], [0.36, 0.20]]},
         "limits": {"speed": 0.15, "joint_acceleration": 3},
         "servo": {"kp": 25, "kv": 150},
-        "runs": {"round": {"corners": {"tolerance": "1 mm"}}, "sharp": {}},
+        "runs": {
+            "round": {"corners": {"tolerance": "1 mm"}},
+            "sharp": {},
+            "through": {"timing": {"method": "conventional"}},
+        },
     }
     study = run(parse_job(yaml.safe_dump(job)))
     found = json.loads(summary(study))["runs"]
@@ -213,3 +217,8 @@ def test_full_stops_are_counted_with_their_reasons() -> None:
     assert found["sharp"]["full_stops"] == {"count": 2, "reasons": sharp}
     note = "Run sharp: 2 full stops inside contours (1 rounding off, 1 turn-back)."
     assert study.runs["sharp"].stops_note == note
+    # The conventional way goes through corners, and back, at its uniform speed.
+    assert found["through"]["full_stops"] == {"count": 0, "reasons": {}}
+    through = study.runs["through"]
+    assert through.stops_note is None
+    assert through.trajectory.speed_at([0.06, 0.10]) == pytest.approx(0.15)

@@ -191,3 +191,27 @@ def test_a_job_with_a_cell_goes_to_other_processes_without_it(job: ac.Job) -> No
         (x.first.name, x.second.name) for x in pairs
     ]
     assert there.cell is not job.cell and there.cell.pairs
+
+
+def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+    planar = parse_job(JOB.replace("ur5e", "pmk3s").replace(", 0.1]", "]"), source="test")
+    planar = dataclasses.replace(planar, path=ac.Program.of(path))
+    for fixed_to in ("base", "part"):
+        post = Obstacle(
+            name="post",
+            shape=Box(size=[0.01, 0.01, 0.1]),
+            place=Frame(position=[0.50, 0.15, 0.0]),
+            fixed_to=fixed_to,
+        )
+        (plan,) = teach(dataclasses.replace(planar, scene=Scene(obstacles=(post,)))).values()
+        (pair,) = (x for x in plan.clearance.pairs if {x.first, x.second} == {"link 2", "post"})
+        # From the post to the stretch within the second link, over all of the motion.
+        elbow, tool = arm.links(plan.trajectory(np.linspace(0, plan.trajectory.duration, 500)))[
+            :, 1:
+        ].swapaxes(0, 1)
+        along = np.linspace(0, 1 - 0.03 / 0.215, 300)[:, None, None]
+        corners = np.abs(elbow + along * (tool - elbow) - [0.50, 0.15]) - 0.005
+        brute = np.linalg.norm(np.maximum(corners, 0), axis=-1).min() - 0.03
+        assert pair.low - 1e-4 <= brute <= pair.high + 1e-4

@@ -115,6 +115,21 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape: str) 
         assert on < 0.05 * (1 - 1e-4) and off < 0.05 * (1 - 1e-4)
 
 
+def test_automatic_leads_reach_an_assigned_velocity_that_is_little_more_than_half_of_them_reach():
+    # Under a limit of jerk, the last doubling gives less than it must give where it falls short.
+    limits = LIMITS.replace(speed=0.025, path_jerk=0.5)
+    half, done = (
+        job(Process(lead_in=Lead(length=length)), Contour(path=BEND), limits=limits)
+        for length in (0.004, None)
+    )
+    _, program = programs_of(half, half.runs[0])
+    ((on, _),) = speeds_at_ends(program, plan_run(half, half.runs[0], program))
+    assert 0.025 / 1.05 < on < 0.025 * (1 - 1e-3)
+    _, program = programs_of(done, done.runs[0])
+    ((on, _),) = speeds_at_ends(program, plan_run(done, done.runs[0], program))
+    assert on == pytest.approx(0.025, rel=1e-3)
+
+
 def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     # A small circle: centripetal acceleration holds the tool below the assigned velocity.
     circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
@@ -148,6 +163,18 @@ def test_a_lead_with_too_small_an_arc_says_which_length_does() -> None:
     enough = float(found[1]) * 1e-3
     assert all("lead's arc" not in x for x in warnings(1.01 * enough))
     assert any("lead's arc" in x for x in warnings(0.95 * enough))
+
+
+@pytest.mark.parametrize("end", [[0.35, 0.25], [0.35, 0.2511], [0.357, 0.2001]])
+def test_the_arc_of_a_lead_is_not_taken_for_one_of_the_contour(end: list[float]) -> None:
+    # Where rounding puts the joint, the place of the end may be before or behind it.
+    lead = Lead(shape="arc", side="left", length=0.013)
+    path = Path.polyline([[0.3, 0.2], [0.35, 0.2], end])
+    done = job(Process(lead_in=lead, lead_out=lead), Contour(path=path))
+    (this,) = done.runs
+    _, program = programs_of(done, this)
+    found = slow_ends(program, plan_run(done, this, program), this)
+    assert found and not any("contour's arc" in x for x in found)
 
 
 def test_automatic_leads_go_as_far_as_the_arm_reaches() -> None:

@@ -319,7 +319,9 @@ def test_events_of_the_process_come_on_every_contour_by_its_own_arc_length(
         assert event.s == pytest.approx(0.06, abs=1e-15)
     far = Process(events=(Event(name="glue", s=0.15),))
     named = program(SQUARE, Contour(path=BEND, name="E7"))
-    refuses(lambda: prepare(named, far), InvalidInput, "glue", "E7", "0.1 m")
+    refuses(lambda: prepare(named, far), InvalidInput, "glue", "contour E7 is 0.1 m")
+    unnamed = program(SQUARE, Contour(path=BEND))
+    refuses(lambda: prepare(unnamed, far), InvalidInput, "contour 2 is 0.1 m")
 
 
 # -------------------------------------------------------------------------------------- resumption

@@ -208,10 +208,10 @@ class PlanarTwoLink(Arm):
         return Chain(
             joints=self.joint_names,
             rotations=np.tile(np.eye(3), (2, 1, 1)),
-            positions=np.array([[0.0, 0.0, 0.0], [0.0, self.link1, 0.0]]),
+            positions=np.array([[self.base, 0.0, 0.0], [0.0, self.link1, 0.0]]),
             # Positive angles turn clockwise, seen from above.
             axes=np.tile([0.0, 0.0, -1.0], (2, 1)),
-            base=Frame(position=np.array([self.base, 0.0, 0.0])),
+            base=Frame(),
             tip=Frame(position=np.array([0.0, self.link2, 0.0])),
             gravity=np.zeros(3),
             payload=payload,

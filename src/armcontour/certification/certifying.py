@@ -41,7 +41,7 @@ from armcontour.jobs.reach import reach_told
 from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
-from armcontour.robustness.monte_carlo import worst_corner
+from armcontour.robustness.monte_carlo import spans_of, worst_corner
 from armcontour.timing import refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
@@ -93,6 +93,9 @@ def certify(
     if this.experiment is not None:
         # What refuses the robot of the experiment is said before the search.
         build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
+    if goal.box is not None and goal.plant == "servo":
+        # So is what does not fit the box.
+        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
     search = _Certifying(job, this, goal, executor, under(progress))
     with reach_told(job):
         return search.certificate()

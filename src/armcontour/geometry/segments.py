@@ -402,11 +402,12 @@ def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
 
     Args:
         quintics: Coefficients, (n, 6, dimension).
-        lengths: Lengths [m], (n,).
+        lengths: Lengths [m], (n,); a quintic of no length, of which nothing is left, has 0.
     """
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
-    return np.asarray(np.linalg.norm(control, axis=2).max(axis=1) / lengths**2)
+    bend = np.linalg.norm(control, axis=2).max(axis=1)
+    return np.asarray(np.divide(bend, lengths**2, out=np.zeros_like(bend), where=lengths > 0))
 
 
 def _unit_or_zero(v: FloatArray) -> FloatArray:

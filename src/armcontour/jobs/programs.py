@@ -212,7 +212,8 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float
     Args:
         speed: Gives the speed at the contour's end [m/s] with a lead of a length [m].
         assigned: The assigned velocity [m/s].
-        gain: Twice the length must give more speed by this share at least, or it is not taken.
+        gain: Twice the length must give the assigned velocity, or more speed by this share at
+            least, or it is not taken.
 
     Raises:
         NotRealizable: The speed still grows at the longest lead.
@@ -231,7 +232,7 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float
             # The arm does not reach the end of this lead, but may reach that of a shorter one.
             short, length = length, 2 * length
             break
-        if longer <= now * (1 + gain):
+        if longer < enough and longer <= now * (1 + gain):
             enough, found = now * (1 - SAME_SPEED / 2), length
             break
         short, length, now = length, 2 * length, longer

@@ -73,9 +73,9 @@ def _find(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowE
         if x.work is None or span.trajectory is None:
             continue
         start, end = x.work
-        for word, s, lead, inside, outside in (
-            ("on", start, start, "right", "left"),
-            ("off", end, x.path.length - end, "left", "right"),
+        for word, s, lead, inside, inward in (
+            ("on", start, start, "right", 1),
+            ("off", end, x.path.length - end, "left", -1),
         ):
             if lead <= REPEATED_POINT:
                 continue
@@ -83,11 +83,11 @@ def _find(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowE
             speed = float(span.trajectory.speed_at(s, side=inside))
             if not np.isfinite(assigned) or speed >= assigned * (1 - SAME_SPEED):
                 continue
-            bend, of_lead = (
-                float(x.path.curvatures[x.path.locate(s, side=y)]) for y in (inside, outside)
-            )
+            # The joint with the lead is where rounding errors have put it, on either side of s.
+            beside = s + inward * REPEATED_POINT * np.array([1, -1])
+            bend, of_lead = x.path.curvatures[x.path.locate(beside)].tolist()
             cause, radius = _find_cause(bend, of_lead, speed, this)
-            step = INTO * (end - start) * (1 if word == "on" else -1)
+            step = INTO * (end - start) * inward
             if cause == "length" and span.trajectory.speed_at(s + step) <= speed:
                 cause = "beyond"
             yield SlowEnd(
@@ -139,5 +139,5 @@ def _warn(of: list[SlowEnd], acceleration: float) -> str:
         )
     return (
         f"{text}, with a lead of {worst.lead * 1e3:.3g} mm: a longer lead reaches more. A lead "
-        "without a length is as long as needed."
+        "without a length is as long as helps much and as the arm reaches."
     )

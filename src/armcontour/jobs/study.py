@@ -137,6 +137,9 @@ class TimedRun:
     @property
     def _stops_of_path(self) -> dict[str, int]:
         """Full stops that the path asks for, whatever the limits, by the reasons."""
+        if self.run.timing == Method.CONVENTIONAL:
+            # It goes through corners at its uniform speed.
+            return {}
         found: Counter[str] = Counter()
         for x in self.path.contours:
             found.update(count_full_stops(x.path))

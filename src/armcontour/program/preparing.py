@@ -51,12 +51,15 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
     if process.approach or process.retract:
         _refuse_plane(program)
     program = _pass_again(arrange(program, process), process)
-    moves: list[Move] = [
-        _start_contour(x, process.of_layer(x.layer), is_meant(program.moves, i))
-        if isinstance(x, Contour)
-        else x
-        for i, x in enumerate(program.moves)
-    ]
+    moves: list[Move] = []
+    number = 0
+    for i, x in enumerate(program.moves):
+        if isinstance(x, Contour):
+            own, called = process.of_layer(x.layer), contour_called(x, number)
+            moves.append(_start_contour(x, own, is_meant(program.moves, i), called))
+            number += 1
+        else:
+            moves.append(x)
     rapids_away = leading_away(program.moves)
     sides = _lead_sides(program.contours, process)
     moves = switch_off_between(moves, process.off_between)
@@ -205,13 +208,14 @@ def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
     return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
 
 
-def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
+def _start_contour(contour: Contour, process: Process, led: bool, called: str) -> Contour:
     """A contour with its start point, overlap, demand of its layer and events of the process.
 
     Args:
         contour: The contour.
         process: Requirements of the process.
         led: Whether a rapid, dwell or event of the program leads to the start of the contour.
+        called: What messages call the contour.
 
     Raises:
         InvalidInput: An event is past the end of the contour, or as in `close_contour`.
@@ -224,8 +228,8 @@ def _start_contour(contour: Contour, process: Process, led: bool) -> Contour:
     for x in process.events:
         if x.s > path.length + REPEATED_POINT:
             raise InvalidInput(
-                f"The event {x.name} is to come at {x.s:g} m of every contour, but the contour "
-                f"{contour.name} is {path.length:g} m long.",
+                f"The event {x.name} is to come at {x.s:g} m of every contour, but {called} is "
+                f"{path.length:g} m long.",
                 s=x.s,
                 allowed=path.length,
             )

@@ -304,7 +304,7 @@ class _Model:
         dof = arm.dof
         self.taught, self.box, self.dof, self.second = taught, box, dof, servo.order == "second"
         self.servo = servo.for_joints(dof)
-        self.spans = _spans(box, self.servo, arm, taught)
+        self.spans = spans_of(box, self.servo, arm, taught.period)
         # In the middle of its range the payload may be another one than the arm's.
         self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
         self.varies: BoolArray = self.spans > 0.0
@@ -539,8 +539,14 @@ def _threads(threads: int | None) -> int:
     return _checks.whole("threads", threads, 1, 1024)
 
 
-def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatArray:
+def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray:
     """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
+
+    Args:
+        box: The box.
+        servo: The nominal servo, with values per joint.
+        arm: The nominal arm.
+        period: Command interval [s].
 
     Raises:
         InvalidInput: The box does not fit the robot.
@@ -567,10 +573,10 @@ def _spans(box: Box, servo: ServoModel, arm: Arm, taught: TaughtData) -> FloatAr
             f"{late[j]:g} s, but a dead time cannot be negative: give the servo a larger one (the "
             "same for all joints changes no contour), or the box a smaller error."
         )
-    if box.jitter >= taught.period / 2:
+    if box.jitter >= period / 2:
         raise InvalidInput(
             f"A jitter of {box.jitter:g} s is not below half the command interval of "
-            f"{taught.period:g} s, so that set-points could come in another order."
+            f"{period:g} s, so that set-points could come in another order."
         )
     _check_payload(box, servo, arm)
     return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
