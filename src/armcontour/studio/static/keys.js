@@ -24,6 +24,7 @@ const HELP = [
       ["E", "show the executed tool"],
       ["1, 2, 3", "colour by limit, speed, error"],
       ["V", "2D, both, 3D"],
+      ["I", "save what is shown as a picture"],
     ],
   ],
   [
@@ -103,6 +104,7 @@ function actions(store, link, view) {
     2: () => store.setView({ colour: "speed" }),
     3: () => store.setView({ colour: "error" }),
     v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    i: click("picture"),
     d: () => store.setView({ dock: !store.options.dock }),
     p: click("pin"),
     c: () => compareLastPin(store, link),

@@ -40,6 +40,12 @@
  * @property {boolean} dock         whether the dock is open
  */
 /** @typedef {{kind: string, index: number} | null} Selection */
+/**
+ * Something under the path: it is painted in px of the view; its caption is for those who see the drawing without
+ * the page, and is "" while nothing is painted.
+ * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void,
+ *   caption: () => string}} Underlay
+ */
 
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
@@ -71,10 +77,7 @@ export class Store {
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
     this.theme = "light";
-    /**
-     * What is drawn under the path, in px of the drawing.
-     * @type {Set<(context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport) => void>}
-     */
+    /** What is drawn under the path. @type {Set<Underlay>} */
     this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };

@@ -137,7 +137,8 @@ export class View2d {
   }
 
   drawAll() {
-    this.painter.paint(this.context, this.view, devicePixelRatio);
+    this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    this.painter.paint(this.context, this.view);
     this.drawn = this.view.place;
   }
 
