@@ -525,3 +525,58 @@ def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
     # The arm is shaded, so that it is of many colours.
     assert len(colours) > 100
     assert max(colours.values()) < 0.8 * found[0] * found[1]
+
+
+def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
+    before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
+    studio.type("limits.speed", "5 parsecs")
+    message = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(message).to_contain_text("'5 parsecs' is not. Nothing was changed.")
+    expect(speed).to_have_value("0.15 m/s")
+    # The job is as it was, and is shown so.
+    studio.rest()
+    assert studio.told("body", "refused") != "true" and studio.text == before
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    wrong = before.replace("speed: 0.15 m/s", "sped: 0.15 m/s")
+    area.fill(wrong)
+    area.press("Control+Enter")
+    expect(studio.find("#tab-text [role=status]")).to_contain_text("Not applied: job: ")
+    expect(area).to_have_value(wrong)
+    with studio.changing():
+        area.fill(before.replace("speed: 0.15 m/s", "speed: 0.1 m/s"))
+        area.press("Control+Enter")
+    expect(studio.find("#tab-text").get_by_role("button", name="Apply")).to_be_disabled()
+
+
+def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
+    with studio.changing():
+        studio.type("limits.speed", "0.1 m/s")
+    expect(studio.slider("limits.speed").locator("input[type=text]")).to_be_focused()
+    undo = studio.find("#undo")
+    undo.focus()
+    with studio.changing():
+        studio.page.keyboard.press("Enter")
+    expect(undo).to_be_disabled()
+    assert focused(studio) == "Redo"
+    form = studio.find("form[data-task=check] button")
+    studio.do("check")
+    studio.wait(".task-result[data-task=check]", state="done")
+    expect(form).to_be_focused()
+    # Near a place of the part, the part moves away from there.
+    x, y = studio.middle(studio.handle("waypoint", 1))
+    studio.page.mouse.move(x, y)
+    for _ in range(6):
+        studio.page.mouse.wheel(0, -500)
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    near = float(studio.told("#view2d", "scale"))
+    with studio.changing():
+        moved = studio.text.replace(
+            "path:\n", "path:\n  frame: {position: [-60 mm, 0 mm, 0 mm]}\n", 1
+        )
+        area.fill(moved)
+        area.press("Control+Enter")
+    assert float(studio.told("#view2d", "scale")) < near / 4
+    for index in (0, 1, 2, 3):
+        expect(studio.handle("waypoint", index)).to_be_in_viewport()

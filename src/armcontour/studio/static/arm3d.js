@@ -304,7 +304,8 @@ export class ArmView {
    * @returns {string}
    */
   noteText(motion) {
-    if (this.store.refusal) return this.store.refusal.head.sentence;
+    // Beside the drawing, the sentence is there or in the messages.
+    if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
     if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {

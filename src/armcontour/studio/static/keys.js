@@ -16,7 +16,7 @@ const HELP = [
       ["Alt + drag a corner", "the tolerance of all corners"],
       ["drag a +, or Insert", "insert a waypoint"],
       ["Delete", "remove the waypoint"],
-      ["Tab, Shift+Tab", "next, last handle"],
+      ["Tab, Shift+Tab", "the next handle, the one before"],
       ["Escape", "undo a drag that is under way"],
       ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],
       ["F", "show all"],

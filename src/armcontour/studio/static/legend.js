@@ -48,17 +48,27 @@ function colouringOf(store, layers, picture) {
 /**
  * The legend of the drawing.
  * @param {Store} store @param {Layers} layers @param {Frame} picture
- * @param {{magnify: number, scale: number}} seen factor of the executed tool's error, 0 if it is not drawn; px per m
+ * @param {number} magnify factor of the executed tool's error; 0: it is not drawn
  * @returns {(Sample | Shades)[]}
  */
-export function legendOf(store, layers, picture, { magnify, scale }) {
+export function legendOf(store, layers, picture, magnify) {
   const ink = (/** @type {string} */ name) => themed(`--${name}`, store.theme);
   const found = [...colouringOf(store, layers, picture), sample(ink("faint"), [5, 4], 1, "objective")];
   if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
   if (magnify) found.push(sample(ink("executed"), [], 1.5, `executed tool, error ×${magnify}`));
   if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
-  if (slowPlaces(picture).length) found.push({ ...sample(ink("alarm"), [], 1, "slow place", 10), corners: SLOW });
-  if (bandOf(picture) * scale > 1) found.push(sample(ink("band"), [], 8, "corner tolerance"));
+  return found;
+}
+
+/**
+ * What the page tells when it is pointed at, and pictures by words.
+ * @param {Frame} picture @param {"light" | "dark"} theme @param {number} scale px per m @returns {Sample[]}
+ */
+export function marksOf(picture, theme, scale) {
+  const found = [];
+  const mark = sample(themed("--alarm", theme), [], 1, "slow place", 10);
+  if (slowPlaces(picture).length) found.push({ ...mark, corners: SLOW });
+  if (bandOf(picture) * scale > 1) found.push(sample(themed("--band", theme), [], 8, "corner tolerance"));
   return found;
 }
 

@@ -4,7 +4,7 @@
 import { exactnessOf, knownOf } from "./figures.js";
 import { outlineOf, planeOf, standing } from "./footprint.js";
 import { mm, seconds } from "./format.js";
-import { kindsOf, legendOf, scalesOf } from "./legend.js";
+import { kindsOf, legendOf, marksOf, scalesOf } from "./legend.js";
 import { CROSS, SLOW, slowPlaces } from "./marks.js";
 import { inksOf, Painter } from "./paint.js";
 
@@ -41,10 +41,11 @@ export function drawingSheet(store, layers, view, context) {
   layers.setScale(view.scale);
   const executed = store.refusal || !store.options.executed ? null : store.latest("executed");
   const magnify = executed ? layers.magnification(executed, view.scale) : 0;
-  const legend = legendOf(store, layers, picture, { magnify, scale: view.scale });
+  const { theme } = store;
+  const legend = [...legendOf(store, layers, picture, magnify), ...marksOf(picture, theme, view.scale)];
   const told = {
     lines: linesOf(store),
-    legend: [...legend, ...scalesOf(view.scale, magnify, store.theme)],
+    legend: [...legend, ...scalesOf(view.scale, magnify, theme)],
     captions: [...store.underlays].map((x) => x.caption()).filter(Boolean),
   };
   const painter = new Painter(store, layers);

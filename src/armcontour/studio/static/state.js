@@ -7,6 +7,7 @@
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   compare                 a frame of the compared variant came or went: listener(frame | null)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
+//   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
 //   cursor                  listener(cursor)          see `setCursor`
 //   view                    listener(options)         an option changed, see `ViewOptions`
@@ -126,6 +127,8 @@ export class Store {
       this.advance(frame);
     }
     if (frame.kind === "refusal") {
+      // The document is as it was, and so is what is shown.
+      if (frame.head.dropped) return this.tell("dropped", frame);
       // What cannot be planned stays so, whatever exact figures say of it.
       if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
       return this.setRefusal(frame);

@@ -124,7 +124,7 @@ class Viewbar {
     const { layers, region } = this.view;
     const magnify = this.store.options.executed ? Number(region.dataset.magnify) : 0;
     const { scale } = this.view.view;
-    const entries = legendOf(this.store, layers, picture, { magnify, scale }).map((x) => make("span", {}, partsOf(x)));
+    const entries = legendOf(this.store, layers, picture, magnify).map((x) => make("span", {}, partsOf(x)));
     this.legend.replaceChildren(...entries);
     const scales = scalesOf(scale, magnify, this.store.theme);
     this.scales.replaceChildren(...scales.map((x) => make("span", { class: "scale" }, partsOf(x))));
@@ -146,7 +146,7 @@ function partsOf(entry) {
 }
 
 /** @param {Sample} sample @returns {SVGElement} */
-function line({ colour, dash, width, length, corners }) {
+function line({ colour, dash, width, length }) {
   const svg = draw("svg", { width: Math.round(length), height: 8, "aria-hidden": "true" });
   const looks = {
     d: `M0 4H${length}`,
@@ -154,8 +154,7 @@ function line({ colour, dash, width, length, corners }) {
     "stroke-width": width,
     "stroke-dasharray": dash.join(" ") || "none",
   };
-  const middle = `translate(${length / 2} 4)`;
-  svg.append(corners ? draw("path", { d: `M${corners.join("L")}Z`, fill: colour, transform: middle }) : draw("path", looks));
+  svg.append(draw("path", looks));
   return svg;
 }
 
