@@ -151,6 +151,13 @@ def test_texts_stay_within_the_picture(shown):
     assert sum(x.split().count("part") for x in words(svg)) == 4
 
 
+def test_pictures_are_of_whole_pixels(shown):
+    svg, told = take([document(), *shown], width=600.3, height=300.6)
+    assert told["width"] == 601 and told["height"] == int(told["height"]) > 300.6
+    ground = svg.find(f"{SVG}rect")
+    assert [float(ground.get(x)) for x in ("width", "height")] == [601, told["height"]]
+
+
 def test_names_are_text_and_nothing_else(shown):
     name = 'a <b> & "c"</svg><script>1</script>\x01'
     svg, _ = take([document(name=name), *shown])

@@ -107,7 +107,7 @@ function nameOf(store) {
 
 /** @param {Sheet} sheet @returns {Promise<Blob>} */
 async function bitmap(sheet) {
-  const canvas = make("canvas", { width: Math.round(RATIO * sheet.width), height: Math.round(RATIO * sheet.height) });
+  const canvas = make("canvas", { width: RATIO * sheet.width, height: RATIO * sheet.height });
   const context = canvas.getContext("2d", { alpha: false });
   if (!context) throw new Error("the browser gives no canvas.");
   context.scale(RATIO, RATIO);

@@ -124,9 +124,11 @@ function arrange(store, { lines, legend, captions }, { width, height }, context,
   const rows = flow(legend, room, context);
   const top = above.length * ROW + MARGIN;
   const bottom = (rows.length + below.length) * ROW + MARGIN;
+  // Views need not be of whole pixels; pictures are, or their edges are half empty.
+  const size = { width: Math.ceil(width), height: Math.ceil(top + height + bottom) };
   const paint = (/** @type {Context} */ on) => {
     on.fillStyle = inks.ground;
-    on.fillRect(0, 0, width, top + height + bottom);
+    on.fillRect(0, 0, size.width, size.height);
     write(on, above, MARGIN / 2);
     on.save();
     on.translate(0, top);
@@ -135,11 +137,11 @@ function arrange(store, { lines, legend, captions }, { width, height }, context,
     on.clip();
     draw(on);
     on.restore();
-    edges(on, inks.line, width, [top, top + height]);
+    edges(on, inks.line, size.width, [top, top + height]);
     rows.forEach((row, k) => writeRow(on, row, inks.quiet, top + height + MARGIN / 2 + (k + 0.5) * ROW));
     write(on, below, top + height + MARGIN / 2 + rows.length * ROW);
   };
-  return { title: lines.map((x) => x.text).join("\n"), width, height: top + height + bottom, paint };
+  return { title: lines.map((x) => x.text).join("\n"), ...size, paint };
 }
 
 /** Words in as many lines as they need. @param {Line} line @param {number} room px @param {Context} context @returns {Line[]} */
