@@ -53,10 +53,11 @@ function colouringOf(store, layers, picture) {
  */
 export function legendOf(store, layers, picture, magnify) {
   const ink = (/** @type {string} */ name) => themed(`--${name}`, store.theme);
-  const found = [...colouringOf(store, layers, picture), sample(ink("faint"), [5, 4], 1, "objective")];
-  if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
+  const found = colouringOf(store, layers, picture);
   if (magnify) found.push(sample(ink("executed"), [], 1.5, `executed tool, error ×${magnify}`));
   if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
+  found.push(sample(ink("faint"), [5, 4], 1, "objective"));
+  if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
   return found;
 }
 
