@@ -580,3 +580,13 @@ def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
     assert float(studio.told("#view2d", "scale")) < near / 4
     for index in (0, 1, 2, 3):
         expect(studio.handle("waypoint", index)).to_be_in_viewport()
+
+
+def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal", changes=[("- [0.350, 0.100]", "- [9, 0.1]")])
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.wait("body", refused="true")
+        studio.find("#picture").click()
+        expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
+        expect(studio.find("#question")).to_be_hidden()
