@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 import time
 from collections import Counter
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ import armcontour as ac
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 EXACT = 1e-9
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 def agree(studio: Studio, found) -> None:
@@ -436,3 +439,154 @@ def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_
     assert asked in studio.text
     tick.uncheck()
     expect(steps).to_be_enabled()
+
+
+def take_picture(studio: Studio, kind: str) -> tuple[str, bytes]:
+    """Save a picture by the key and the button; returns its name and content."""
+    studio.page.keyboard.press("i")
+    return studio.save_file(studio.find("#question").get_by_role("button", name=kind))
+
+
+def colours_of(studio: Studio, png: bytes) -> tuple[list[int], Counter[str]]:
+    """Width and height of a picture [px], and how often each colour is in it."""
+    page = studio.page.context.browser.new_page()
+    found = page.evaluate(
+        """async (bytes) => {
+            const blob = new Blob([new Uint8Array(bytes)], { type: "image/png" });
+            const image = await createImageBitmap(blob);
+            const canvas = new OffscreenCanvas(image.width, image.height);
+            const context = canvas.getContext("2d");
+            context.drawImage(image, 0, 0);
+            const data = context.getImageData(0, 0, image.width, image.height).data;
+            const all = {};
+            for (let i = 0; i < data.length; i += 4) {
+                const name = data.subarray(i, i + 3).join();
+                all[name] = (all[name] ?? 0) + 1;
+            }
+            return [[image.width, image.height], all];
+        }""",
+        list(png),
+    )
+    page.close()
+    return found[0], Counter(found[1])
+
+
+def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
+    legend = {x.strip() for x in studio.find("#legend > span").all_inner_texts()}
+    binding = {"assigned speed reached", "joint acceleration", "corner"}
+    binding.add("nothing binds, or another limit")
+    assert binding < legend
+    name, content = take_picture(studio, "Drawing as SVG")
+    assert name == "paper-optimal.svg"
+    svg = ElementTree.fromstring(content)
+    tags = {x.tag.removeprefix(SVG) for x in svg.iter()}
+    assert tags == {"svg", "title", "clipPath", "g", "path", "rect", "text"}
+    # No script, no style sheet, nothing from elsewhere.
+    assert not re.search(rb"href|style=|script|\son\w+=|@import", content)
+    assert re.findall(rb"\w+://[^\"]+", content) == [b"http://www.w3.org/2000/svg"]
+    said = [x.text.replace("\xa0", " ") for x in svg.iter(f"{SVG}text")]
+    assert said[0] == "paper, run optimal"
+    assert "cycle time 5.326 s" in said[1] and "(exact)" in said[1]
+    # The picture's legend is the page's, and its path has a stroke for each limit that is named.
+    assert legend <= set(said)
+    times = f"×{studio.told('#view2d', 'magnify')}"
+    assert any(x.endswith(times) for x in said)
+    widths = Counter(x.get("stroke-width") for x in svg.iter(f"{SVG}path"))
+    assert widths["3.2"] == len(binding)
+    size = [round(float(svg.get(x))) for x in ("width", "height")]
+    box = studio.find("#view2d").bounding_box()
+    assert size[0] == round(box["width"]) and size[1] > box["height"]
+    name, content = take_picture(studio, "Drawing as PNG")
+    assert name == "paper-optimal.png"
+    found, colours = colours_of(studio, content)
+    assert found == [2 * x for x in size]
+    # The ground, and the colours of what binds and of the executed tool.
+    assert colours["255,255,255"] > 0.5 * found[0] * found[1]
+    assert min(colours[x] for x in ("0,158,115", "213,94,0", "0,114,178")) > 100
+    # On a dark page it is dark, or light where that is wished.
+    studio.find("#theme").click()
+    _, dark = colours_of(studio, take_picture(studio, "Drawing as PNG")[1])
+    assert dark["20,23,26"] == max(dark.values()) and "213,94,0" not in dark
+    studio.page.keyboard.press("i")
+    studio.find("#question").get_by_label("in light colours").check()
+    button = studio.find("#question").get_by_role("button", name="Drawing as PNG")
+    assert colours_of(studio, studio.save_file(button)[1])[1] == colours
+    assert studio.told("html", "theme") == "dark"
+    studio.find("#viewbar").get_by_role("button", name="3D").click()
+    studio.wait_for("#view3d[data-frames]")
+    studio.find("#picture").click()
+    expect(studio.find("#question").get_by_role("button", name="Drawing as SVG")).to_have_count(0)
+    studio.page.keyboard.press("Escape")
+    name, content = take_picture(studio, "Arm as PNG")
+    assert name == "paper-optimal-arm.png"
+    box = studio.find(".arm-box").bounding_box()
+    found, colours = colours_of(studio, content)
+    assert found[0] == 2 * round(box["width"]) and found[1] > 2 * box["height"]
+    # The arm is shaded, so that it is of many colours.
+    assert len(colours) > 100
+    assert max(colours.values()) < 0.8 * found[0] * found[1]
+
+
+def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
+    before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
+    studio.type("limits.speed", "5 parsecs")
+    message = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(message).to_contain_text("'5 parsecs' is not. Nothing was changed.")
+    expect(speed).to_have_value("0.15 m/s")
+    # The job is as it was, and is shown so.
+    studio.rest()
+    assert studio.told("body", "refused") != "true" and studio.text == before
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    wrong = before.replace("speed: 0.15 m/s", "sped: 0.15 m/s")
+    area.fill(wrong)
+    area.press("Control+Enter")
+    expect(studio.find("#tab-text [role=status]")).to_contain_text("Not applied: job: ")
+    expect(area).to_have_value(wrong)
+    with studio.changing():
+        area.fill(before.replace("speed: 0.15 m/s", "speed: 0.1 m/s"))
+        area.press("Control+Enter")
+    expect(studio.find("#tab-text").get_by_role("button", name="Apply")).to_be_disabled()
+
+
+def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
+    with studio.changing():
+        studio.type("limits.speed", "0.1 m/s")
+    expect(studio.slider("limits.speed").locator("input[type=text]")).to_be_focused()
+    undo = studio.find("#undo")
+    undo.focus()
+    with studio.changing():
+        studio.page.keyboard.press("Enter")
+    expect(undo).to_be_disabled()
+    assert focused(studio) == "Redo"
+    form = studio.find("form[data-task=check] button")
+    studio.do("check")
+    studio.wait(".task-result[data-task=check]", state="done")
+    expect(form).to_be_focused()
+    # Near a place of the part, the part moves away from there.
+    x, y = studio.middle(studio.handle("waypoint", 1))
+    studio.page.mouse.move(x, y)
+    for _ in range(6):
+        studio.page.mouse.wheel(0, -500)
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    near = float(studio.told("#view2d", "scale"))
+    with studio.changing():
+        moved = studio.text.replace(
+            "path:\n", "path:\n  frame: {position: [-60 mm, 0 mm, 0 mm]}\n", 1
+        )
+        area.fill(moved)
+        area.press("Control+Enter")
+    assert float(studio.told("#view2d", "scale")) < near / 4
+    for index in (0, 1, 2, 3):
+        expect(studio.handle("waypoint", index)).to_be_in_viewport()
+
+
+def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal", changes=[("- [0.350, 0.100]", "- [9, 0.1]")])
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.wait("body", refused="true")
+        studio.find("#picture").click()
+        expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
+        expect(studio.find("#question")).to_be_hidden()

@@ -39,7 +39,7 @@ def test_a_pin_is_compared_and_swapped(session: Session, tab: Tab) -> None:
     tab.say("pin", name="before")
     (pin,) = tab.last("document")["pins"]
     before = tab.last("picture")["duration"]
-    assert pin["name"] == "before" and pin["duration"] == before and pin["rms"] > 0
+    assert pin["name"] == "before" and pin["duration"] == before and pin["max"] > pin["rms"] > 0
     tab.edit({"do": "set", "key": "limits.speed", "value": "60 mm/s"})
     changed, after = session.document.text, tab.last("picture")["duration"]
     heard = tab.say("compare", **{"with": {"pin": pin["pin"]}})

@@ -131,6 +131,30 @@ def test_a_refusal_stays_until_a_path_is_had_again():
 
 
 @with_node
+def test_an_edit_that_was_not_made_leaves_what_is_shown(tmp_path):
+    kinds = [
+        ("picture", 1, False),
+        ("refusal", 2, True),
+        ("refusal", 3, False),
+        ("refusal", 4, True),
+    ]
+    found = compute(
+        """
+        const { Store } = await import("./state.js");
+        const store = new Store(), rest = { arrays: {}, shapes: {}, asked: 0 };
+        let said = 0;
+        store.on("dropped", () => said++);
+        tell(given.map(([kind, seq, dropped]) => {
+          store.put({ kind, rev: 1, seq, head: { of: "live", tier: 1, dropped }, ...rest });
+          return [store.refusal?.seq ?? null, said];
+        }));
+        """,
+        kinds,
+    )
+    assert found == [[None, 0], [None, 1], [3, 1], [3, 2]]
+
+
+@with_node
 def test_sliders_give_their_ends_and_come_back_to_where_they_were():
     found = compute(
         """

@@ -142,14 +142,15 @@ class Display:
 
     @property
     def figures(self) -> Mapping[str, Any]:
-        """Duration and error of what is shown, exact if they are known."""
+        """Duration and errors of what is shown, exact if they are known."""
         exact = self.exact.latest
         if exact is not None and exact.request == self.request({}):
-            return {"duration": exact.header.get("duration"), "rms": exact.header.get("rms")}
+            return {name: exact.header.get(name) for name in ("duration", "rms", "max")}
         planned, executed = self.screen.planned, self.screen.executed
         return {
             "duration": None if planned is None else planned.trajectory.duration,
             "rms": None if executed is None else executed.errors.rms,
+            "max": None if executed is None else executed.errors.max,
         }
 
     def tell(self, frame: Frame, to: Tab | None = None) -> None:

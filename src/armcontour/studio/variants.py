@@ -31,6 +31,7 @@ class Pin:
         run: Name of its run.
         duration: Duration of the run [s]; None if unknown.
         rms: Root mean square of its contour error [m]; None if unknown.
+        max: The largest contour error [m]; None if unknown.
     """
 
     number: int
@@ -40,6 +41,7 @@ class Pin:
     run: str
     duration: float | None = None
     rms: float | None = None
+    max: float | None = None
 
 
 class Variants:
@@ -59,7 +61,7 @@ class Variants:
             "pins": [
                 {
                     **{"pin": x.number, "name": x.name, "run": x.run},
-                    **{"duration": x.duration, "rms": x.rms},
+                    **{"duration": x.duration, "rms": x.rms, "max": x.max},
                 }
                 for x in self.pins
             ],
@@ -256,5 +258,6 @@ def pin_to_run(data: Mapping[str, Any], pin: Pin, name: str) -> list[Change]:
 
 
 def _set_figures(pin: Pin, figures: Mapping[str, Any]) -> None:
-    """Set duration and error of a pin."""
+    """Set duration and errors of a pin."""
     pin.duration, pin.rms = figures.get("duration"), figures.get("rms")
+    pin.max = figures.get("max")

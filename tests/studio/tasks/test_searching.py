@@ -31,6 +31,8 @@ def test_values_of_a_sweep_that_are_refused_are_not_numbers(coarse, drawings):
 def test_a_place_that_is_better_is_found_in_the_plane(coarse, drawings):
     over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
     found = ask("place", coarse, "optimal", drawings, over=over, refined=False)
+    # The part is moved by these, and they are written into the file.
+    assert set(found.arrays["by"].ravel()) == {-0.02, 0.0, 0.02}
     assert found.arrays["by"].shape == (9, 2)
     durations = found.arrays["duration"]
     best = int(np.nanargmin(durations))

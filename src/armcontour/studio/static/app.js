@@ -14,6 +14,7 @@ import { init as messages } from "./messages.js";
 import { init as notes } from "./notes.js";
 import { init as obstacles } from "./obstacles.js";
 import { init as panel } from "./panel.js";
+import { init as picture } from "./picture.js";
 import { init as place } from "./place.js";
 import { init as playback } from "./playback.js";
 import { init as runs } from "./runs.js";
@@ -50,7 +51,7 @@ const regions = [
   () => files(store, link),
   () => textpane(store, link),
   () => notes(store),
-  () => arm3d(store, link),
+  () => picture(store, view, arm3d(store, link)),
   () => charts(store, link),
   () => playback(store, link),
   () => tasks(store, link),

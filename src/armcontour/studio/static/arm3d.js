@@ -3,6 +3,7 @@
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
 import { PAINTS, cellOf, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
+import { seconds } from "./format.js";
 import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
 import { Rate } from "./rate.js";
@@ -31,16 +32,18 @@ const READING = 80;
  * Fill the region of the 3D view.
  * @param {Store} store
  * @param {Link} _link
+ * @returns {ArmView}
  */
 export function init(store, _link) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
   for (const event of ["cursor", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
+  return view;
 }
 
 /** The 3D view. Nothing is drawn while it is hidden, or while nothing changes. */
-class ArmView {
+export class ArmView {
   /**
    * @param {HTMLElement} region
    * @param {Store} store
@@ -59,6 +62,8 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** Of a picture, while it is taken. @type {"light" | "dark" | null} */
+    this.theme = null;
     /** Which motion was asked for. */
     this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
@@ -184,6 +189,32 @@ class ArmView {
   }
 
   /**
+   * The arm as it is seen now, drawn once more for a picture.
+   * @param {"light" | "dark"} theme
+   * @param {number} ratio pixels of the image per px of the page
+   * @returns {{image: HTMLCanvasElement, width: number, height: number, scale: number, posture: string} | null} the image is
+   *   there until the browser draws again; `scale` in px per m; null while nothing is seen
+   */
+  still(theme, ratio) {
+    this.theme = theme;
+    this.stale.add("theme");
+    this.drawNow(true);
+    const { clientWidth: width, clientHeight: height } = this.box;
+    // Before the motion begins, all of its path is of interest.
+    if (this.told?.t === 0 && this.cell) {
+      const links = this.cell.chain.links(this.told.q);
+      this.scene?.pose(links, this.told.at, this.trail?.times.length ?? 0);
+    }
+    this.scene?.render(this.camera, width, height, true, ratio);
+    this.theme = null;
+    this.stale.add("theme");
+    this.draw();
+    if (!this.scene || !this.told) return null;
+    const posture = `the arm at ${seconds(this.told.t)} s of the ${this.told.of} motion`;
+    return { image: this.canvas, width, height, scale: height / 2 / this.camera.reach, posture };
+  }
+
+  /**
    * Read what is new of the frames.
    * @param {Scene3D | Stick2D} scene
    * @param {import("./state.js").Frame} frame
@@ -192,14 +223,14 @@ class ArmView {
     const { stale, store } = this;
     if (stale.has("arm") || stale.has("theme")) {
       this.cell = cellOf(frame);
-      scene.setCell(this.cell, PAINTS[store.theme]);
+      scene.setCell(this.cell, PAINTS[this.theme ?? store.theme]);
     }
     const which = store.options.time;
     if (stale.size > 0 || this.asked !== which) {
       this.asked = which;
       const picture = store.latest("picture");
       this.motion = motionOf(store, which) ?? motionOf(store, "planned");
-      this.trail = this.motion && picture ? trailOf(this.motion, picture, store.theme) : null;
+      this.trail = this.motion && picture ? trailOf(this.motion, picture, this.theme ?? store.theme) : null;
       scene.setTrail(this.trail?.ends ?? new Float32Array(), this.trail?.colours ?? new Float32Array());
     }
     stale.clear();
@@ -273,7 +304,8 @@ class ArmView {
    * @returns {string}
    */
   noteText(motion) {
-    if (this.store.refusal) return this.store.refusal.head.sentence;
+    // Beside the drawing, the sentence is there or in the messages.
+    if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
     if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {

@@ -2,6 +2,9 @@
 
 import { oncePerFrame } from "./state.js";
 
+/** A file that was given to the browser is kept so long [ms]. */
+const KEPT_FOR = 10_000;
+
 /**
  * An element that must be there.
  * @template {Element} [T=HTMLElement]
@@ -67,6 +70,13 @@ export function mark(element, name, value) {
 /** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
+}
+
+/** Give a file to the browser, to save it. @param {Blob} content @param {string} name */
+export function give(content, name) {
+  const address = URL.createObjectURL(content);
+  make("a", { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), KEPT_FOR);
 }
 
 /**

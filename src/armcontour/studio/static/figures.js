@@ -52,27 +52,20 @@ class Figures {
 
   update() {
     const { store } = this;
-    const tier1 = store.refusal?.head.tier === 1;
-    this.region.classList.toggle("stale", tier1);
+    this.region.classList.toggle("stale", store.refusal?.head.tier === 1);
     for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
-    const drawn = store.latest("picture")?.head.planned === false;
-    say(this.state, drawn ? "not planned yet" : tier1 ? "refused, the last" : exact ? "exact" : "preview");
+    say(this.state, exactnessOf(store));
     this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
     this.region.dataset.exact = String(exact);
   }
 
   /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
   values() {
-    const { store } = this;
-    const figures = store.latest("figures");
-    const exact = store.isCurrent(figures) ? figures?.head : null;
-    const executed = store.refusal ? null : store.latest("executed")?.head;
-    const picture = store.latest("picture")?.head;
+    const { exact, executed, duration, ...errors } = knownOf(this.store);
     const other = this.compared();
-    const duration = exact?.duration ?? picture?.duration ?? null;
-    const error = (/** @type {string} */ name) => {
-      const value = exact?.[name] ?? executed?.[name] ?? null;
+    const error = (/** @type {"rms" | "max"} */ name) => {
+      const value = errors[name];
       return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
     };
     return {
@@ -137,6 +130,26 @@ class Figures {
     this.spoken = sentence;
     say(find("#spoken"), sentence);
   }
+}
+
+/**
+ * What is known of the shown motion: exact figures where they belong to the picture, else those of the preview.
+ * @param {Store} store @returns {{exact: any, executed: any, duration: number | null, rms: number | null, max: number | null}}
+ */
+export function knownOf(store) {
+  const figures = store.latest("figures");
+  const exact = store.isCurrent(figures) ? figures?.head : null;
+  const executed = store.refusal ? null : store.latest("executed")?.head;
+  const duration = exact?.duration ?? store.latest("picture")?.head.duration ?? null;
+  const error = (/** @type {string} */ name) => exact?.[name] ?? executed?.[name] ?? null;
+  return { exact, executed, duration, rms: error("rms"), max: error("max") };
+}
+
+/** How true the figures are, in a word. @param {Store} store @returns {string} */
+export function exactnessOf(store) {
+  if (store.latest("picture")?.head.planned === false) return "not planned yet";
+  if (store.refusal?.head.tier === 1) return "refused, the last";
+  return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
 /** @param {any[]} joints */

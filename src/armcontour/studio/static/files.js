@@ -1,7 +1,7 @@
 // Files: open by picker or drop, save, what saving would change, conflicts with the disk, drafts.
 
 import { difference, show } from "./ask.js";
-import { find, make } from "./dom.js";
+import { find, give, make } from "./dom.js";
 import { notify } from "./messages.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -116,9 +116,7 @@ class Files {
   async download({ file, name }) {
     const answer = await this.link.request(`/files/${encodeURIComponent(file)}`);
     if (!answer.ok) return notify(await sentenceOf(answer), "alarm");
-    const address = URL.createObjectURL(await answer.blob());
-    make("a", { href: address, download: name }).click();
-    URL.revokeObjectURL(address);
+    give(await answer.blob(), name);
     notify(`${name} was given to the browser to save.`);
   }
 

@@ -1,5 +1,7 @@
 // Obstacles as they are seen from above the plane of the drawing: the hull of their corners.
 
+import { place, poseOf } from "./kinematics.js";
+
 /** @typedef {[number, number]} Point */
 /** @typedef {[number, number, number]} Vector */
 /**
@@ -9,7 +11,25 @@
  */
 /** @typedef {{origin: number[], x: number[], y: number[]}} Plane */
 
+/** @typedef {import("./state.js").Store} Store */
+
 const ROUND = 24;
+
+/** The plane of the picture in the frame of the base, which obstacles are given in. @param {Store} store @returns {Plane | undefined} */
+export function planeOf(store) {
+  const plane = store.latest("picture")?.head.plane;
+  const work = store.latest("arm")?.head.work;
+  if (!plane || !work) return plane;
+  const pose = poseOf(work);
+  const zero = place(pose, [0, 0, 0]);
+  const turned = (/** @type {number[]} */ axis) => place(pose, axis).map((c, k) => c - zero[k]);
+  return { origin: place(pose, plane.origin), x: turned(plane.x), y: turned(plane.y) };
+}
+
+/** Obstacles of the job that stand on the base. @param {Store} store @returns {Obstacle[]} */
+export function standing(store) {
+  return (store.document?.obstacles ?? []).filter((/** @type {Obstacle} */ x) => (x.fixed_to ?? "base") === "base");
+}
 
 /** @param {number[]} a @param {number[]} b */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + (a[2] ?? 0) * (b[2] ?? 0);

@@ -36,7 +36,7 @@ export class Gesture {
 }
 
 /**
- * Drag an element with any pointer. A lost pointer ends the gesture; Escape cancels it.
+ * Drag an element with any pointer; meanwhile it has the class "dragging". A lost pointer ends the gesture; Escape cancels it.
  * @param {Element} element
  * @param {{start: (event: PointerEvent) => boolean, move: (event: PointerEvent) => void, end: (cancelled: boolean) => void}} on
  *   `start` returns whether it is a drag
@@ -49,10 +49,12 @@ export function dragged(element, on) {
     event.stopPropagation();
     /** @type {HTMLElement} */ (element).focus({ preventScroll: true });
     element.setPointerCapture(event.pointerId);
+    element.classList.add("dragging");
     const ends = new AbortController();
     const finish = (/** @type {boolean} */ cancelled) => {
       if (ends.signal.aborted) return;
       ends.abort();
+      element.classList.remove("dragging");
       on.end(cancelled);
     };
     const listen = (/** @type {EventTarget} */ to, /** @type {string} */ name, /** @type {(e: any) => void} */ what) =>

@@ -249,7 +249,6 @@ export class Handles {
       if (cancelled || !gesture?.edits.length) this.held.delete(name);
       else this.held.set(name, { at: this.held.get(name)?.at ?? start, seq: this.link.seq });
       gesture = null;
-      handle.element.classList.remove("dragging");
       this.place();
     };
     const nudgedTo = (/** @type {number} */ du, /** @type {number} */ dv) => {
@@ -261,7 +260,6 @@ export class Handles {
         if (!begin()) return false;
         const at = this.plane(event);
         grip = [start[0] - at[0], start[1] - at[1]];
-        handle.element.classList.add("dragging");
         return true;
       },
       move: (event) => {

@@ -39,6 +39,16 @@ function compareOf(value) {
   return value.startsWith("pin ") ? { pin: Number(name) } : { run: name };
 }
 
+/** Which button has the focus when one can do nothing any more: else the focus is lost. @type {Record<string, string[]>} */
+const HEIRS = { undo: ["redo", "save"], redo: ["undo", "save"], diff: ["save"] };
+
+/** @param {Record<string, HTMLButtonElement>} buttons @param {Record<string, boolean>} dead by name */
+function disable(buttons, dead) {
+  const focused = document.activeElement?.id ?? "";
+  for (const [name, is] of Object.entries(dead)) buttons[name].disabled = is;
+  if (dead[focused]) buttons[HEIRS[focused].find((name) => !buttons[name].disabled) ?? "save"].focus();
+}
+
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
@@ -58,11 +68,9 @@ export function init(store, link) {
     document.title = `${head.dirty ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
     document.body.dataset.dirty = String(head.dirty);
     document.body.dataset.rev = String(head.rev);
-    buttons.undo.disabled = !head.can_undo;
-    buttons.redo.disabled = !head.can_redo;
+    disable(buttons, { undo: !head.can_undo, redo: !head.can_redo, diff: !head.dirty });
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
     buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
-    buttons.diff.disabled = !head.dirty;
     choose(
       run,
       head.runs.map((/** @type {any} */ r) => [r.name, r.name]),

@@ -15,9 +15,15 @@ const TOO_SMALL = 13;
 const TOO_LARGE = 70;
 
 export class Layers {
-  /** @param {Store} store */
-  constructor(store) {
+  /**
+   * @param {Store} store
+   * @param {import("./strokes.js").Way} [Way] what lines are made of
+   * @param {number} [shortest] shorter pieces of lines are not seen [px]
+   */
+  constructor(store, Way = Path2D, shortest = SHORTEST) {
     this.store = store;
+    this.Way = Way;
+    this.shortest = shortest;
     /** @type {Map<string, {keys: any[], value: any}>} */
     this.kept = new Map();
     this.factor = 1;
@@ -27,7 +33,7 @@ export class Layers {
 
   /** The view shows so many px per m; lines are made again where that doubles. @param {number} scale */
   setScale(scale) {
-    this.least = SHORTEST / 2 ** Math.ceil(Math.log2(scale));
+    this.least = this.shortest / 2 ** Math.ceil(Math.log2(scale));
   }
 
   /**
@@ -47,7 +53,7 @@ export class Layers {
   objective(picture) {
     const { objective, objective_breaks: breaks } = picture.arrays;
     return this.keep(`objective ${picture.head.of}`, [picture, this.least], () =>
-      polyline(objective, breaks, this.least),
+      polyline(objective, breaks, this.least, this.Way),
     );
   }
 
@@ -64,6 +70,7 @@ export class Layers {
           theme,
           this.least,
           new Set(errors.arrays.breaks),
+          this.Way,
         );
       if (options.colour === "speed")
         return strokesByHeat(
@@ -73,15 +80,16 @@ export class Layers {
           theme,
           this.least,
           startsOf(picture),
+          this.Way,
         );
-      return strokesByLimit(picture, theme, this.least);
+      return strokesByLimit(picture, theme, this.least, this.Way);
     });
   }
 
   /** @param {Frame} picture @returns {Path2D} */
   plain(picture) {
     return this.keep(`plain ${picture.head.of}`, [picture, this.least], () =>
-      polyline(picture.arrays.path, startsOf(picture), this.least),
+      polyline(picture.arrays.path, startsOf(picture), this.least, this.Way),
     );
   }
 
@@ -89,7 +97,7 @@ export class Layers {
   rapids(picture) {
     const rapid = picture.arrays.rapid ?? new Float32Array(0);
     const starts = Array.from({ length: rapid.length / 2 / OF_RAPID }, (_, k) => k * OF_RAPID);
-    return this.keep("rapids", [picture], () => polyline(rapid, starts));
+    return this.keep("rapids", [picture], () => polyline(rapid, starts, 0, this.Way));
   }
 
   /** @param {Frame} picture */
@@ -100,7 +108,7 @@ export class Layers {
   /** @param {Frame} executed @param {number} factor */
   executed(executed, factor) {
     return this.keep(`executed ${executed.head.of}`, [executed, factor, this.least], () =>
-      magnified(executed, factor, this.least),
+      magnified(executed, factor, this.least, this.Way),
     );
   }
 

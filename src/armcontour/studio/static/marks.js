@@ -12,6 +12,9 @@ import { indexAt } from "./state.js";
 
 const NEAR = 14; // px
 const MOST_MARKS = 60;
+/** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
+export const SLOW = [[0, -5], [5, 4], [-5, 4]];
+export const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
 
 class Marks {
   /** @param {Store} store @param {View2d} view */
@@ -21,7 +24,7 @@ class Marks {
     this.slow = draw("g", { class: "slow", "aria-hidden": "true" });
     this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
     this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
-    this.refused = draw("path", { class: "refused", d: "M-9-9 9 9M-9 9 9-9", hidden: true, "aria-hidden": "true" });
+    this.refused = draw("path", { class: "refused", d: CROSS.map((x) => `M${x.join("L")}`).join(""), hidden: true, "aria-hidden": "true" });
     view.overlay.prepend(this.slow);
     view.overlay.append(this.dot, this.tool, this.refused);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
@@ -36,12 +39,9 @@ class Marks {
 
   /** Slow places of the shown run. */
   setSlow() {
-    const found = (this.store.latest("picture")?.head.shortfalls ?? []).filter(
-      (/** @type {any} */ x) => x.kind !== "fastest" && x.uv,
-    );
-    this.places = found.slice(0, MOST_MARKS);
+    this.places = slowPlaces(this.store.latest("picture"));
     while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
-    while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: "M0-5 5 4H-5Z" }));
+    while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: `M${SLOW.join("L")}Z` }));
   }
 
   /** Everything at its place on the screen. */
@@ -141,6 +141,12 @@ class Marks {
     const top = Math.min(height - box.offsetHeight - 4, Math.max(4, y + 12));
     box.style.transform = `translate(${Math.round(Math.max(4, left))}px, ${Math.round(top)}px)`;
   }
+}
+
+/** Places that are slower than they were to be. @param {Frame | null} picture @returns {{uv: [number, number]}[]} */
+export function slowPlaces(picture) {
+  const found = (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind !== "fastest" && x.uv);
+  return found.slice(0, MOST_MARKS);
 }
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */

@@ -48,6 +48,7 @@ export function init(store) {
     say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
   });
   store.on("picture", () => (starting.hidden = true));
+  store.on("dropped", (/** @type {any} */ frame) => notify(`${frame.head.sentence} Nothing was changed.`, "alarm"));
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   // What became of a task is said beside its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));

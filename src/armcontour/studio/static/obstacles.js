@@ -1,10 +1,9 @@
 // Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
 
 import { draw, find, make, mark } from "./dom.js";
-import { axesOf, dot, outlineOf } from "./footprint.js";
+import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
-import { place, poseOf } from "./kinematics.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -47,25 +46,14 @@ class Obstacles {
     view.followers.add(() => this.place());
   }
 
-  /** The plane of the picture in the frame of the base, which obstacles are given in. */
+  /** The plane of the picture. @returns {any} */
   get plane() {
-    const plane = this.store.latest("picture")?.head.plane;
-    const work = this.store.latest("arm")?.head.work;
-    if (!plane || !work) return plane;
-    const pose = poseOf(work);
-    const zero = place(pose, [0, 0, 0]);
-    const turned = (/** @type {number[]} */ axis) => place(pose, axis).map((c, k) => c - zero[k]);
-    return { origin: place(pose, plane.origin), x: turned(plane.x), y: turned(plane.y) };
+    return planeOf(this.store);
   }
 
-  /** Obstacles of the job that stand on the base. @returns {Obstacle[]} */
+  /** Obstacles as they are drawn: the one that is held where it is held. @returns {Obstacle[]} */
   list() {
-    const listed = (this.store.document?.obstacles ?? []).filter(
-      (/** @type {Obstacle} */ x) => (x.fixed_to ?? "base") === "base",
-    );
-    return listed.map((/** @type {Obstacle} */ x) =>
-      this.held?.kind === x.kind && this.held.index === x.index ? this.held : x,
-    );
+    return standing(this.store).map((x) => (this.held?.kind === x.kind && this.held.index === x.index ? this.held : x));
   }
 
   /** A box in the middle of the view. */

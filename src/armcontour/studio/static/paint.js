@@ -1,6 +1,8 @@
-// Draws the layers on a canvas, in the order in which they lie over each other.
+// Draws the layers on a canvas, in the order in which they lie over each other. Files of the drawing are
+// made by the same code, so that they show what the screen shows.
 
 import { themed } from "./colours.js";
+import { bandOf } from "./strokes.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -12,10 +14,15 @@ const SHORTEST_LABELLED = 46; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
 const LONG = 12_000;
 
-/** Colours of the style sheet that the canvas needs, read once per theme. */
-function inks() {
-  const names = ["ink", "quiet", "faint", "ground", "grid", "band", "executed", "compared", "refusal"];
-  return Object.fromEntries(names.map((name) => [name, themed(`--${name}`)]));
+const NAMES = ["ink", "quiet", "faint", "ground", "grid", "line", "band", "executed", "compared", "refusal", "alarm"];
+/** Colours by theme. @type {Map<string, Record<string, string>>} */
+const INKS = new Map();
+
+/** Colours of the style sheet that the canvas needs. @param {"light" | "dark"} theme @returns {Record<string, string>} */
+export function inksOf(theme) {
+  let found = INKS.get(theme);
+  if (!found) INKS.set(theme, (found = Object.fromEntries(NAMES.map((name) => [name, themed(`--${name}`, theme)]))));
+  return found;
 }
 
 export class Painter {
@@ -23,37 +30,35 @@ export class Painter {
   constructor(store, layers) {
     this.store = store;
     this.layers = layers;
-    this.inks = inks();
-    store.on("theme", () => (this.inks = inks()));
   }
 
-  /** Draw everything. @param {Context} context @param {Viewport} view @param {number} ratio device pixels per px */
-  paint(context, view, ratio) {
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  get inks() {
+    return inksOf(this.store.theme);
+  }
+
+  /** Draw everything. @param {Context} context in px of the view @param {Viewport} view */
+  paint(context, view) {
     context.fillStyle = this.inks.ground;
     context.fillRect(0, 0, view.width, view.height);
     const picture = this.store.latest("picture");
     if (!picture) return;
     this.grid(context, view);
-    for (const draw of this.store.underlays) {
+    for (const underlay of this.store.underlays) {
       context.save();
-      draw(context, view);
+      underlay.paint(context, view, this.store.theme);
       context.restore();
     }
     context.globalAlpha = this.store.refusal?.head.tier === 1 ? 0.28 : 1;
-    this.inMetres(context, view, ratio, () => this.lines(context, view, picture));
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.inMetres(context, view, () => this.lines(context, view, picture));
     this.names(context, view, picture);
     context.globalAlpha = 1;
   }
 
-  /** @param {Context} context @param {Viewport} view @param {number} ratio @param {() => void} draw */
-  inMetres(context, view, ratio, draw) {
-    const scale = view.scale * ratio;
-    const x = (view.width / 2) * ratio - view.u * scale;
-    const y = (view.height / 2) * ratio + view.v * scale;
+  /** @param {Context} context @param {Viewport} view @param {() => void} draw */
+  inMetres(context, view, draw) {
+    const [x, y] = view.toScreen([0, 0]);
     context.save();
-    context.setTransform(scale, 0, 0, -scale, x, y);
+    context.transform(view.scale, 0, 0, -view.scale, x, y);
     context.lineJoin = "round";
     context.lineCap = "butt";
     draw();
@@ -66,7 +71,7 @@ export class Painter {
     const px = 1 / view.scale;
     layers.setScale(view.scale);
     const executed = store.refusal ? null : store.latest("executed");
-    const band = Math.max(0, ...picture.head.corners.map((/** @type {any} */ c) => c.allowed ?? 0));
+    const band = bandOf(picture);
     const objective = layers.objective(picture);
     if (band * view.scale > 1) stroke(context, objective, inks.band, 2 * band);
     const count = picture.arrays.path.length;

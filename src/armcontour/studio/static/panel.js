@@ -167,7 +167,10 @@ class Panel {
       this.rows.delete(key);
     }
     const order = new Set([...Object.keys(GROUPS), ...sliders.map((s) => s.group)]);
-    for (const name of order) if (sliders.some((s) => s.group === name)) this.region.append(this.group(name));
+    const wanted = [...order].filter((name) => sliders.some((s) => s.group === name)).map((name) => this.group(name));
+    // What is put elsewhere loses the focus: that is done only where the order is another one.
+    const there = [...this.region.children].filter((x) => wanted.includes(/** @type {HTMLElement} */ (x)));
+    if (wanted.some((group, k) => group !== there[k])) this.region.append(...wanted);
     for (const slider of sliders) this.showOne(slider);
     for (const [name, group] of this.groups) group.hidden = !sliders.some((s) => s.group === name);
   }

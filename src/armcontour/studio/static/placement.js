@@ -57,7 +57,7 @@ export class PlacementMap {
       make("p", { class: "acts" }, [best, make("label", { class: "field" }, [this.shown, " draw the map under the part"])]),
       this.line, make("div", { class: "placement-frame" }, [this.table]), this.scale,
     ]);
-    store.underlays.add((context, view) => this.paint(context, view));
+    store.underlays.add(this);
     store.on("ground", (/** @type {{uv: [number, number]}} */ { uv }) => this.click(uv));
   }
 
@@ -101,8 +101,13 @@ export class PlacementMap {
     const rows = this.cells.length / this.columns;
     const row = (/** @type {number} */ k) => make("tr", {}, Array.from({ length: this.columns }, (_, j) => make("td", {}, [this.buttonOf(this.cells[j * rows + k])])));
     this.table.replaceChildren(make("tbody", {}, Array.from({ length: rows }, (_, k) => row(rows - 1 - k))));
+    say(this.scale, `Colour: ${this.words}`);
+  }
+
+  /** What colours and crosses mean. */
+  get words() {
     const [low, high] = this.range.map(this.score.text);
-    say(this.scale, `Colour: ${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused; empty: cannot be the best.`);
+    return `${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused; empty: cannot be the best.`;
   }
 
   /**
@@ -159,14 +164,24 @@ export class PlacementMap {
     this.link.edit([moveTo(cell.shift, moved, this.about)]);
   }
 
+  /** Whether the map is under the drawing. */
+  get isDrawn() {
+    return this.shown.checked && this.element.isConnected && this.cells.length > 0 && this.moved !== null;
+  }
+
+  caption() {
+    return this.isDrawn ? `Places of the part: ${this.words}` : "";
+  }
+
   /**
    * Draw the map under the drawing.
    * @param {CanvasRenderingContext2D} context in px
    * @param {Viewport} view
+   * @param {"light" | "dark"} theme
    */
-  paint(context, view) {
+  paint(context, view, theme) {
     const centre = this.store.latest("picture")?.head.centre;
-    if (!centre || !this.shown.checked || !this.element.isConnected || this.moved === null) return;
+    if (!centre || !this.isDrawn) return;
     const [wide, high] = this.sides.map((x) => x * view.scale);
     const [u, v] = [this.about[0] - centre[0], this.about[1] - centre[1]];
     context.save();
@@ -176,7 +191,7 @@ export class PlacementMap {
       if (cell.refusal) cross(context, x, y, Math.min(wide, high) / 6);
       else if (Number.isFinite(cell.value)) {
         context.globalAlpha = 0.75;
-        context.fillStyle = heat(this.goodness(cell), this.store.theme);
+        context.fillStyle = heat(this.goodness(cell), theme);
         context.fillRect(x - wide / 2 + 0.5, y - high / 2 + 0.5, wide - 1, high - 1);
       }
     }

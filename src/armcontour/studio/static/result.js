@@ -2,7 +2,7 @@
 
 import { answerOf } from "./answers.js";
 import { Chart } from "./chart.js";
-import { make, say } from "./dom.js";
+import { give, make, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -116,9 +116,7 @@ export class Result {
     try {
       const answer = await this.link.request(`/files/${encodeURIComponent(file.file)}`);
       if (!answer.ok) throw new Error(`the server answers ${answer.status}`);
-      const address = URL.createObjectURL(await answer.blob());
-      make("a", { href: address, download: file.name }).click();
-      setTimeout(() => URL.revokeObjectURL(address), 10_000);
+      give(await answer.blob(), file.name);
       say(said, "Downloaded.");
     } catch (error) {
       say(said, `It could not be downloaded: ${error instanceof Error ? error.message : error}. Start the task again.`);

@@ -123,7 +123,7 @@ class Runs {
     const to = { pin: pin.pin };
     return {
       current: false,
-      cells: [`📌 ${pin.name}`, `pin of ${pin.run}`, "", "", ...this.numbers(pin, false, head)],
+      cells: [pin.name, `pin of ${pin.run}`, "", "", ...this.numbers(pin, false, head)],
       acts: () => [
         this.button("Compare", () => this.link.send({ op: "compare", with: to }), `Compare with ${pin.name}`),
         this.button("Swap", () => this.link.send({ op: "swap", ...to }), `Swap: work on ${pin.name} again; can be undone`),

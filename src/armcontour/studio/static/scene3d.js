@@ -117,9 +117,10 @@ export class Scene3D {
    * @param {number} width [px]
    * @param {number} height [px]
    * @param {boolean} rests whether nothing moves, so that time does not matter
+   * @param {number} [ratio] pixels per px, without: as many as the screen is worth
    */
-  render(camera, width, height, rests) {
-    this.resize(width, height, rests);
+  render(camera, width, height, rests, ratio) {
+    this.resize(width, height, ratio ?? this.ratioOf(rests));
     this.ribbon.face(camera, height);
     const { across, over, eye } = camera.axes();
     const reach = camera.reach;
@@ -137,14 +138,17 @@ export class Scene3D {
     this.renderer.render(this.scene, this.eye);
   }
 
+  /** @param {boolean} rests @returns {number} */
+  ratioOf(rests) {
+    return this.software ? (rests ? 2 : 1) : Math.min(2, window.devicePixelRatio);
+  }
+
   /**
    * @param {number} width [px]
    * @param {number} height [px]
-   * @param {boolean} rests
+   * @param {number} ratio pixels per px
    */
-  resize(width, height, rests) {
-    const own = Math.min(2, window.devicePixelRatio);
-    const ratio = this.software ? (rests ? 2 : 1) : own;
+  resize(width, height, ratio) {
     if (String([width, height, ratio]) === String(this.size)) return;
     this.size = [width, height, ratio];
     this.renderer.setPixelRatio(ratio);

@@ -7,6 +7,7 @@
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   compare                 a frame of the compared variant came or went: listener(frame | null)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
+//   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
 //   cursor                  listener(cursor)          see `setCursor`
 //   view                    listener(options)         an option changed, see `ViewOptions`
@@ -40,6 +41,12 @@
  * @property {boolean} dock         whether the dock is open
  */
 /** @typedef {{kind: string, index: number} | null} Selection */
+/**
+ * Something under the path: it is painted in px of the view; its caption is for those who see the drawing without
+ * the page, and is "" while nothing is painted.
+ * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void,
+ *   caption: () => string}} Underlay
+ */
 
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
@@ -71,10 +78,7 @@ export class Store {
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
     this.theme = "light";
-    /**
-     * What is drawn under the path, in px of the drawing.
-     * @type {Set<(context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport) => void>}
-     */
+    /** What is drawn under the path. @type {Set<Underlay>} */
     this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };
@@ -123,6 +127,8 @@ export class Store {
       this.advance(frame);
     }
     if (frame.kind === "refusal") {
+      // The document is as it was, and so is what is shown.
+      if (frame.head.dropped) return this.tell("dropped", frame);
       // What cannot be planned stays so, whatever exact figures say of it.
       if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
       return this.setRefusal(frame);

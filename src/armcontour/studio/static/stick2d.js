@@ -70,10 +70,11 @@ export class Stick2D {
    * @param {Camera} camera
    * @param {number} width [px]
    * @param {number} height [px]
+   * @param {boolean} _rests
+   * @param {number} [ratio] pixels per px
    */
-  render(camera, width, height) {
+  render(camera, width, height, _rests, ratio = window.devicePixelRatio) {
     const { context, paint, cell } = this;
-    const ratio = window.devicePixelRatio;
     const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
     if (this.canvas.width !== wide || this.canvas.height !== high) Object.assign(this.canvas, { width: wide, height: high });
     context.setTransform(ratio, 0, 0, ratio, 0, 0);

@@ -1,4 +1,4 @@
-// The long lines of a picture as Path2D in metres, one per colour: made once per picture, drawn many times.
+// The long lines of a picture as ways in metres, one per colour: made once per picture, drawn many times.
 
 import { heat, styleOf } from "./colours.js";
 
@@ -6,6 +6,7 @@ import { heat, styleOf } from "./colours.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
+/** What takes the pieces of a line: the browser's, or one that can be read again. @typedef {typeof Path2D} Way */
 /** @typedef {{at: [number, number], normal: [number, number], text: string, length: number}} Label */
 
 const SHADES = 16;
@@ -21,20 +22,21 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 /**
  * Lines through points; a new one starts at every break. Points nearer than `least` to the last one are left out.
  * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {number} [least] m
+ * @param {Way} [Way]
  * @returns {Path2D}
  */
-export function polyline(points, breaks = [], least = 0) {
+export function polyline(points, breaks = [], least = 0, Way = Path2D) {
   const starts = new Set([0, ...breaks]);
-  return buckets(points, () => 0, starts, least).get(0) ?? new Path2D();
+  return buckets(points, () => 0, starts, least, Way).get(0) ?? new Way();
 }
 
 /**
- * One Path2D per bucket of the pieces between successive points.
+ * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
- * @param {Set<number>} starts first points of lines @param {number} least m
+ * @param {Set<number>} starts first points of lines @param {number} least m @param {Way} Way
  * @returns {Map<number, Path2D>}
  */
-function buckets(points, bucketOf, starts, least) {
+function buckets(points, bucketOf, starts, least, Way) {
   /** @type {Map<number, Path2D>} */
   const all = new Map();
   const count = points.length / 2;
@@ -44,7 +46,7 @@ function buckets(points, bucketOf, starts, least) {
     const bucket = starts.has(i + 1) ? -1 : bucketOf(i);
     if (bucket >= 0) {
       let path = all.get(bucket);
-      if (!path) all.set(bucket, (path = new Path2D()));
+      if (!path) all.set(bucket, (path = new Way()));
       if (bucket !== last) path.moveTo((u = points[2 * i]), (v = points[2 * i + 1]));
       const [x, y] = [points[2 * i + 2], points[2 * i + 3]];
       const ends = i + 2 >= count || starts.has(i + 2) || bucketOf(i + 1) !== bucket;
@@ -53,6 +55,11 @@ function buckets(points, bucketOf, starts, least) {
     last = bucket;
   }
   return all;
+}
+
+/** Largest tolerance of a rounded corner. @param {Frame} picture @returns {number} m */
+export function bandOf(picture) {
+  return Math.max(0, ...picture.head.corners.map((/** @type {any} */ c) => c.allowed ?? 0));
 }
 
 /** First points of the contours on the path. @param {Frame} picture @returns {Set<number>} */
@@ -69,8 +76,8 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
 }
 
-/** @param {Frame} picture @param {Theme} theme @param {number} least m @returns {Stroke[]} */
-export function strokesByLimit(picture, theme, least) {
+/** @param {Frame} picture @param {Theme} theme @param {number} least m @param {Way} [Way] @returns {Stroke[]} */
+export function strokesByLimit(picture, theme, least, Way = Path2D) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
   const found = buckets(
@@ -82,6 +89,7 @@ export function strokesByLimit(picture, theme, least) {
     },
     startsOf(picture),
     least,
+    Way,
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
@@ -91,10 +99,10 @@ export function strokesByLimit(picture, theme, least) {
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
- * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines
+ * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines @param {Way} [Way]
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, least, starts = new Set()) {
+export function strokesByHeat(points, values, most, theme, least, starts = new Set(), Way = Path2D) {
   const found = buckets(
     points,
     (i) => {
@@ -103,6 +111,7 @@ export function strokesByHeat(points, values, most, theme, least, starts = new S
     },
     starts,
     least,
+    Way,
   );
   return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
 }
@@ -143,19 +152,21 @@ function besides(points, i) {
 
 /**
  * The executed tool with its error magnified, and lines from the path to it.
- * @param {Frame} executed @param {number} magnify @param {number} least m @returns {{tool: Path2D, errors: Path2D, points: Float32Array}}
+ * @param {Frame} executed @param {number} magnify @param {number} least m @param {Way} [Way]
+ * @returns {{tool: Path2D, errors: Path2D, points: Float32Array}}
  */
-export function magnified(executed, magnify, least) {
+export function magnified(executed, magnify, least, Way = Path2D) {
   const { base, offset } = executed.arrays;
   const points = new Float32Array(base.length);
   for (let i = 0; i < base.length; i++) points[i] = base[i] + magnify * offset[i];
-  const errors = new Path2D();
+  const errors = new Way();
   const step = Math.max(1, Math.round(base.length / 2 / 240));
   for (let i = 0; 2 * i < base.length; i += step) {
     errors.moveTo(base[2 * i], base[2 * i + 1]);
     errors.lineTo(points[2 * i], points[2 * i + 1]);
   }
-  return { tool: polyline(points, /** @type {Uint32Array} */ (executed.arrays.breaks ?? []), least), errors, points };
+  const breaks = /** @type {Uint32Array} */ (executed.arrays.breaks ?? []);
+  return { tool: polyline(points, breaks, least, Way), errors, points };
 }
 
 /** Largest number of an array. @param {Numbers} values @returns {number} */

@@ -74,7 +74,8 @@ class Waypoints {
   /** @param {any} path @param {any[]} waypoints @returns {string} */
   noteOf(path, waypoints) {
     const few = waypoints.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${waypoints.length} waypoints. ` : "";
-    return few + [path.editable ? "" : (path.why_not ?? ""), ...(path.notes ?? [])].filter(Boolean).join(" ");
+    const units = waypoints.length ? "Plain numbers are metres; 350 mm can be typed as well." : "";
+    return few + [path.editable ? units : (path.why_not ?? ""), ...(path.notes ?? [])].filter(Boolean).join(" ");
   }
 
   /** @param {number} index @returns {HTMLElement} */

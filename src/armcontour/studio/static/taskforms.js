@@ -122,6 +122,8 @@ export class Form {
       start(task.options(this.values(), this.sliders));
     });
     this.known = "";
+    /** Whether the button had the focus when a task began. */
+    this.wasFocused = false;
     /** @type {any[]} */
     this.sliders = [];
   }
@@ -155,7 +157,13 @@ export class Form {
 
   /** @param {{open: boolean, busy: boolean, sliders: any[], placement: boolean}} state */
   renew({ open, busy, sliders, placement }) {
+    // The focus comes back to the button, unless it has gone elsewhere meanwhile.
+    this.wasFocused ||= document.activeElement === this.button;
     this.button.disabled = !open || busy;
+    if (!this.button.disabled && this.wasFocused) {
+      if (document.activeElement === document.body) this.button.focus({ preventScroll: true });
+      this.wasFocused = false;
+    }
     this.button.title = busy ? "One task at a time: wait, or cancel it" : "";
     this.sliders = sliders;
     if (this.task.task === "place") this.setAsJob(placement);

@@ -11,11 +11,20 @@ export function init(store, link) {
   const state = make("span", { class: "quiet", role: "status" });
   const apply = make("button", { type: "button", text: "Apply (Ctrl+Enter)", disabled: true });
   const back = make("button", { type: "button", text: "Discard", disabled: true });
+  // The document's text, and how the area had it before somebody typed.
+  let text = "";
   let shown = "";
+  /** What was sent and is not answered. @type {string | null} */
+  let sent = null;
   const changed = () => area.value !== shown;
+  const take = (/** @type {string} */ fresh) => {
+    text = fresh;
+    area.value = fresh;
+    shown = area.value;
+  };
   const update = () => {
     apply.disabled = back.disabled = !changed();
-    const newer = changed() && store.document?.text !== shown;
+    const newer = changed() && sent === null && store.document?.text !== text;
     say(
       state,
       newer
@@ -27,13 +36,13 @@ export function init(store, link) {
   };
   const send = () => {
     if (!changed()) return;
-    shown = area.value;
-    link.edit([{ do: "text", text: area.value }]);
+    sent = area.value;
+    link.edit([{ do: "text", text: sent }]);
     update();
   };
   apply.addEventListener("click", send);
   back.addEventListener("click", () => {
-    shown = area.value = store.document?.text ?? "";
+    take(store.document?.text ?? "");
     update();
   });
   area.addEventListener("input", update);
@@ -41,8 +50,17 @@ export function init(store, link) {
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) send();
   });
   store.on("document", (/** @type {any} */ frame) => {
-    if (!changed() && frame.head.text !== shown) shown = area.value = frame.head.text;
+    const applied = sent !== null && area.value === sent && frame.head.text.trimEnd() === sent.trimEnd();
+    if (applied || (!changed() && frame.head.text !== text)) take(frame.head.text);
+    if (applied) sent = null;
     update();
+  });
+  // What was refused stays, so that it can be mended.
+  store.on("dropped", (/** @type {any} */ frame) => {
+    if (sent === null) return;
+    sent = null;
+    update();
+    say(state, `Not applied: ${frame.head.sentence}`);
   });
   find("#tab-text").append(area, make("p", { class: "acts" }, [apply, back, state]));
 }

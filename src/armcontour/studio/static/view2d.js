@@ -31,6 +31,8 @@ export class View2d {
     this.fitted = "";
     /** Whether all is shown, as it stays when the region is resized. */
     this.isFitted = false;
+    /** Whether something of the newest picture is in the view. */
+    this.isSeen = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
     this.centre = null;
     /** Place of the last full drawing. */
@@ -55,6 +57,7 @@ export class View2d {
     store.on("picture", () => {
       this.stay();
       this.fitOnce();
+      this.follow();
     });
     for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"])
       store.on(event, () => this.changed());
@@ -78,6 +81,32 @@ export class View2d {
     this.centre = centre;
   }
 
+  /** A part that was moved out of the view, by a map of places or by typing, is shown again. */
+  follow() {
+    // What is dragged is where the pointer is.
+    if (this.overlay.querySelector(".dragging")) return;
+    const wasSeen = this.isSeen;
+    this.isSeen = this.seesPart();
+    if (wasSeen && !this.isSeen) this.fit();
+  }
+
+  /** The smallest box around the part [m]. */
+  get box() {
+    const picture = this.store.latest("picture");
+    if (!picture) return null;
+    const { objective, path } = picture.arrays;
+    return this.layers.keep("box", [picture], () => boxOf(objective) ?? boxOf(path));
+  }
+
+  /** @returns {boolean} */
+  seesPart() {
+    const { box } = this;
+    if (!box) return false;
+    const [left, top] = this.view.toScreen([box.left, box.top]);
+    const [right, bottom] = this.view.toScreen([box.right, box.bottom]);
+    return right >= 0 && bottom >= 0 && left <= this.view.width && top <= this.view.height;
+  }
+
   resize() {
     const { width, height } = this.region.getBoundingClientRect();
     if (width < 2 || height < 2) return;
@@ -89,6 +118,7 @@ export class View2d {
     if (first) this.fitted = "";
     this.fitOnce();
     if (this.isFitted) this.fit();
+    this.isSeen = this.seesPart();
     this.drawNow();
   }
 
@@ -103,17 +133,17 @@ export class View2d {
 
   /** Show all of the drawing. */
   fit() {
-    const arrays = this.store.latest("picture")?.arrays;
-    const box = arrays && (boxOf(arrays.objective) ?? boxOf(arrays.path));
+    const { box } = this;
     if (!box) return;
     this.view.fit(box);
     this.moved();
-    this.isFitted = true;
+    this.isFitted = this.isSeen = true;
   }
 
   /** The view is another one. */
   moved() {
     this.isFitted = false;
+    this.isSeen = this.seesPart();
     clearTimeout(this.resting);
     if (this.large) {
       if (!this.moving) this.bitmap = this.copy();
@@ -137,7 +167,8 @@ export class View2d {
   }
 
   drawAll() {
-    this.painter.paint(this.context, this.view, devicePixelRatio);
+    this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    this.painter.paint(this.context, this.view);
     this.drawn = this.view.place;
   }
 

@@ -1,14 +1,13 @@
 // The bar over the drawing: what colours the path, how far errors are magnified, fit and zoom; and the legend.
 
-import { heat, styleOf, themed } from "./colours.js";
 import { draw, find, make, say } from "./dom.js";
-import { mm, short } from "./format.js";
-import { kindAt } from "./strokes.js";
+import { legendOf, scalesOf } from "./legend.js";
 import { oncePerFrame } from "./state.js";
-import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./view2d.js").View2d} View2d */
+/** @typedef {import("./legend.js").Sample} Sample */
+/** @typedef {import("./legend.js").Shades} Shades */
 
 const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
 const LEGEND_EVERY = 250; // ms
@@ -122,77 +121,32 @@ class Viewbar {
     this.legendAt = performance.now();
     const picture = this.store.latest("picture");
     if (!picture) return;
-    const { colour } = this.store.options;
-    const entries = colour === "limit" ? this.kinds(picture) : [this.scale(picture, colour)];
-    this.legend.replaceChildren(...entries, ...this.lines());
-    this.scales.replaceChildren(...this.bars());
-  }
-
-  /** Kinds of limits on the path. @param {import("./state.js").Frame} picture @returns {HTMLElement[]} */
-  kinds(picture) {
-    const kinds = new Set();
-    for (let i = 0; i < picture.arrays.binding.length; i++) kinds.add(kindAt(picture, i));
-    return [...kinds].map((kind) => {
-      const { colour, dash, label } = styleOf(kind, this.store.theme);
-      return entry(colour, dash, label, 3);
-    });
-  }
-
-  /** A scale of heat. @param {import("./state.js").Frame} picture @param {string} colour @returns {HTMLElement} */
-  scale(picture, colour) {
-    const executed = this.store.latest("executed");
-    const [unit, most, digits] =
-      colour === "speed"
-        ? ["mm/s", this.view.layers.mostSpeed(picture), 1]
-        : ["mm", executed ? this.view.layers.mostError(executed) : 0, 3];
-    const canvas = make("canvas", { width: 96, height: 8, "aria-hidden": "true" });
-    const context = canvas.getContext("2d");
-    for (let x = 0; x < 96 && context; x++) {
-      context.fillStyle = heat(x / 95, this.store.theme);
-      context.fillRect(x, 0, 1, 8);
-    }
-    return make("span", {}, [`${colour} 0 `, canvas, ` ${mm(Number(most), Number(digits))} ${unit}`]);
-  }
-
-  /** Lines beside the path. @returns {HTMLElement[]} */
-  lines() {
-    const found = [entry(themed("--faint"), [5, 4], "objective", 1)];
-    if (this.view.region.dataset.magnify && this.store.options.executed)
-      found.push(entry(themed("--executed"), [], `executed tool, error ×${this.view.region.dataset.magnify}`, 1.5));
-    if (this.store.latest("picture", "compare")) found.push(entry(themed("--compared"), [8, 4], "compared", 1.6));
-    return found;
-  }
-
-  /** Lengths on the screen: of the drawing, and of magnified errors. @returns {HTMLElement[]} */
-  bars() {
-    const { length, pixels } = scaleBar(this.view.view.scale);
-    const parts = [
-      make("span", { class: "scale" }, [line("currentColor", [], 2, pixels), ` ${short(1000 * length)} mm`]),
-    ];
-    const magnify = Number(this.view.region.dataset.magnify);
-    if (magnify > 1 && this.store.options.executed) {
-      const error = scaleBar(this.view.view.scale * magnify, 60);
-      parts.push(
-        make("span", { class: "scale" }, [
-          line(themed("--executed"), [], 2, error.pixels),
-          ` ${short(1000 * error.length)} mm of error`,
-        ]),
-      );
-    }
-    return parts;
+    const { layers, region } = this.view;
+    const magnify = this.store.options.executed ? Number(region.dataset.magnify) : 0;
+    const { scale } = this.view.view;
+    const entries = legendOf(this.store, layers, picture, magnify).map((x) => make("span", {}, partsOf(x)));
+    this.legend.replaceChildren(...entries);
+    const scales = scalesOf(scale, magnify, this.store.theme);
+    this.scales.replaceChildren(...scales.map((x) => make("span", { class: "scale" }, partsOf(x))));
   }
 }
 
-/** @param {string} colour @param {number[]} dash @param {string} label @param {number} width @returns {HTMLElement} */
-function entry(colour, dash, label, width) {
-  return make("span", {}, [line(colour, dash, width, 26), ` ${label}`]);
+/** A sample with its text, or shades between theirs. @param {Sample | Shades} entry @returns {(Node | string)[]} */
+function partsOf(entry) {
+  if (!("shades" in entry)) return [line(entry), ` ${entry.text}`];
+  const { shades, from, to } = entry;
+  const canvas = make("canvas", { width: 96, height: 8, "aria-hidden": "true" });
+  const context = canvas.getContext("2d");
+  shades.forEach((shade, k) => {
+    if (!context) return;
+    context.fillStyle = shade;
+    context.fillRect((96 * k) / shades.length, 0, 96 / shades.length, 8);
+  });
+  return [`${from} `, canvas, ` ${to}`];
 }
 
-/**
- * A sample of a line.
- * @param {string} colour @param {number[]} dash @param {number} width @param {number} length px @returns {SVGElement}
- */
-function line(colour, dash, width, length) {
+/** @param {Sample} sample @returns {SVGElement} */
+function line({ colour, dash, width, length }) {
   const svg = draw("svg", { width: Math.round(length), height: 8, "aria-hidden": "true" });
   const looks = {
     d: `M0 4H${length}`,

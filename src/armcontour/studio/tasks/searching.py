@@ -111,9 +111,10 @@ def place(x: Request) -> Frame:
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
+    # The part moves by these, which are written into the file: they have all digits.
     arrays: dict[str, Any] = {
-        "by": np.array([_shift(x.view, y, zero) for y in places], dtype=np.float32),
-        "turn": np.array([y.get("yaw", 0.0) for y in places], dtype=np.float32),
+        "by": np.array([_shift(x.view, y, zero) for y in places]),
+        "turn": np.array([y.get("yaw", 0.0) for y in places]),
         "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
         "score": scores.astype(np.float32),
         "refusal": np.array(refused, dtype=np.uint8),
@@ -140,4 +141,4 @@ def _refuse_unseen(job: Job, given: Mapping[str, Any]) -> None:
 def _shift(view: View, values: Mapping[str, float], zero: Mapping[str, float]) -> Any:
     """The shift of a place in the plane of the picture [m], (2,)."""
     shift = np.array([values.get(name, 0.0) - zero.get(name, 0.0) for name in LENGTHS])
-    return view.offsets(shift[None])[0]
+    return np.array([shift @ view.plane.x, shift @ view.plane.y])

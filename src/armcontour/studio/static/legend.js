@@ -1,0 +1,89 @@
+// What the lines of the drawing mean, and its scales: for the page, and for files of the drawing.
+
+import { heat, styleOf, themed } from "./colours.js";
+import { mm, short } from "./format.js";
+import { SLOW, slowPlaces } from "./marks.js";
+import { bandOf, kindAt } from "./strokes.js";
+import { scaleBar } from "./viewport.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./state.js").Frame} Frame */
+/** @typedef {import("./layers.js").Layers} Layers */
+/**
+ * A sample of a line, and what it means; with `corners` it is a mark of this shape. All in px.
+ * @typedef {{colour: string, dash: number[], width: number, length: number, text: string, corners?: number[][]}} Sample
+ */
+/** Shades from one text to another. @typedef {{shades: string[], from: string, to: string}} Shades */
+
+const LENGTH = 26; // px
+const SHADES = 24;
+
+/** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
+const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
+
+/** Kinds of limits on the path. @param {Frame} picture @param {"light" | "dark"} theme @returns {Sample[]} */
+export function kindsOf(picture, theme) {
+  const kinds = new Set();
+  for (let i = 0; i < picture.arrays.binding.length; i++) kinds.add(kindAt(picture, i));
+  return [...kinds].map((kind) => {
+    const { colour, dash, label } = styleOf(kind, theme);
+    return sample(colour, dash, 3, label);
+  });
+}
+
+/** What colours the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @param {Frame} picture @returns {(Sample | Shades)[]} */
+function colouringOf(store, layers, picture) {
+  const { colour } = store.options;
+  const executed = store.refusal ? null : store.latest("executed");
+  // Without an execution there are no errors: then limits colour the path.
+  if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(picture, store.theme);
+  const most =
+    executed && colour === "error"
+      ? `${mm(layers.mostError(executed), 3)} mm`
+      : `${mm(layers.mostSpeed(picture), 1)} mm/s`;
+  const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
+  return [{ shades, from: `${colour} 0`, to: most }];
+}
+
+/**
+ * The legend of the drawing.
+ * @param {Store} store @param {Layers} layers @param {Frame} picture
+ * @param {number} magnify factor of the executed tool's error; 0: it is not drawn
+ * @returns {(Sample | Shades)[]}
+ */
+export function legendOf(store, layers, picture, magnify) {
+  const ink = (/** @type {string} */ name) => themed(`--${name}`, store.theme);
+  const found = colouringOf(store, layers, picture);
+  if (magnify) found.push(sample(ink("executed"), [], 1.5, `executed tool, error ×${magnify}`));
+  if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
+  found.push(sample(ink("faint"), [5, 4], 1, "objective"));
+  if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
+  return found;
+}
+
+/**
+ * What the page tells when it is pointed at, and pictures by words.
+ * @param {Frame} picture @param {"light" | "dark"} theme @param {number} scale px per m @returns {Sample[]}
+ */
+export function marksOf(picture, theme, scale) {
+  const found = [];
+  const mark = sample(themed("--alarm", theme), [], 1, "slow place", 10);
+  if (slowPlaces(picture).length) found.push({ ...mark, corners: SLOW });
+  if (bandOf(picture) * scale > 1) found.push(sample(themed("--band", theme), [], 8, "corner tolerance"));
+  return found;
+}
+
+/**
+ * Lengths on the screen: of the drawing, and of magnified errors.
+ * @param {number} scale px per m @param {number} magnify factor of errors; 0: they are not drawn
+ * @param {"light" | "dark"} theme
+ * @returns {Sample[]}
+ */
+export function scalesOf(scale, magnify, theme) {
+  const { length, pixels } = scaleBar(scale);
+  const found = [sample(themed("--quiet", theme), [], 2, `${short(1000 * length)} mm`, pixels)];
+  if (magnify <= 1) return found;
+  const error = scaleBar(scale * magnify, 60);
+  found.push(sample(themed("--executed", theme), [], 2, `${short(1000 * error.length)} mm of error`, error.pixels));
+  return found;
+}
