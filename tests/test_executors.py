@@ -78,6 +78,20 @@ def test_an_executor_that_is_closed_is_said():
         map_on(pool, halve, [1])
 
 
+def test_a_client_that_is_closed_is_said():
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        executor = client.get_executor(pure=False)
+        assert workers_of(executor) == 1 and map_on(executor, halve, [2]) == [0.5]
+    with pytest.raises(ExecutionError, match="The executor takes no work"):
+        map_on(executor, halve, [1])
+
+
 def test_this_process_works_when_an_item_is_given():
     with Crew(halve, None) as crew:
         crew.give(2)

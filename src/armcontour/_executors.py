@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future
 from concurrent.futures import wait as wait_for
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import import_module
@@ -125,8 +125,12 @@ def workers_of(executor: Executor) -> int:
     """Number of workers of an executor; that of processors where it does not tell."""
     if isinstance(executor, ProcessPool):
         return executor.processes
+    known = getattr(executor, "_max_workers", None)
     cores = getattr(getattr(executor, "_client", None), "ncores", None)
-    known = sum(cores().values()) if cores is not None else getattr(executor, "_max_workers", None)
+    if cores is not None:
+        # A client of Dask that is closed says so when it is given work.
+        with suppress(Exception):
+            known = sum(cores().values())
     return known or processors()
 
 
@@ -229,7 +233,7 @@ class Crew(Generic[T, R]):
             return
         try:
             self._away[self._executor.submit(self._call, pack(item))] = item
-        except (BrokenExecutor, RuntimeError, OSError) as error:
+        except Exception as error:
             raise ExecutionError(
                 f"The executor takes no work ({type(error).__name__}: {error}): give one that is "
                 "open, and whose workers have not ended."
