@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from armcontour.io.job_overrides import JobOverrides
     from armcontour.jobs import Job
 
+# A job may have one of these endings, or none.
+JOBS = (".yaml", ".yml", "")
+
 
 def read_overrides(x: JobOptions) -> JobOverrides:
     """Read options that replace values of a job.
@@ -58,9 +61,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
 
 def is_job(file: FilePath) -> bool:
     """Whether a file is a job by its name; else it is a drawing."""
-    from armcontour.io.cell import YAML
-
-    return file.suffix.lower() in YAML or not file.suffix
+    return file.suffix.lower() in JOBS
 
 
 def open_job(

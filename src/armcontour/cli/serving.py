@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from armcontour.studio.desk import Desk
     from armcontour.studio.session import Session
 
-# A job may have one of these endings, or none.
-JOBS = (".yaml", ".yml", "")
-
 
 def open_studio(file: FilePath | None, x: StudioOptions) -> None:
     """Serve the Studio until it is interrupted, or its last page is closed.
@@ -47,21 +44,22 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
 def _check(file: FilePath | None, x: StudioOptions) -> None:
     """Refuse what cannot be opened before anything is loaded that takes long."""
     from armcontour._files import LARGE, read_bytes
+    from armcontour.cli.opening import is_job
     from armcontour.errors import InvalidInput
 
     if file is None:
         if x.cell is not None:
             raise InvalidInput("--cell goes with a drawing: name one.")
         return
-    is_job = file.suffix.lower() in JOBS
-    if is_job and x.cell is not None:
+    job = is_job(file)
+    if job and x.cell is not None:
         raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
-    if not is_job and x.cell is None:
+    if not job and x.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
             "ur5e, or a job file."
         )
-    read_bytes(file, "job file" if is_job else "drawing", most=LARGE)
+    read_bytes(file, "job file" if job else "drawing", most=LARGE)
 
 
 def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], None]) -> Session:
