@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import pytest
-from soak.studio_page import Server, Studio, browsing, find_browser, serving, write_job
+from soak.studio_page import PATIENCE, Server, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
 from armcontour.jobs.study import RunResult
@@ -28,6 +28,9 @@ def browser() -> Iterator[Browser]:
         pytest.skip("The page is not tested: pip install 'armcontour[browser]' drives a browser.")
     if find_browser() is None:
         pytest.skip("The page is not tested: no Chromium was found; ARMCONTOUR_CHROMIUM names one.")
+    from playwright.sync_api import expect
+
+    expect.set_options(timeout=PATIENCE)
     with browsing() as found:
         yield found
 

@@ -122,9 +122,10 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     with studio.changing():
         studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
         studio.page.mouse.down()
-        for k in range(6):
+        for k in range(1, 6):
+            shown = studio.told("[data-figure=rms]", "value")
             studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
-            studio.wait("body", busy="false")
+            studio.wait_for(f'[data-figure=rms]:not([data-value="{shown}"])')
             seen.add(studio.figure("rms"))
         studio.page.mouse.up()
     assert len(seen) >= 4, "the error of the executed tool is to follow"
@@ -472,6 +473,10 @@ def colours_of(studio: Studio, png: bytes) -> tuple[list[int], Counter[str]]:
 
 
 def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
+    # The executed tool is drawn, and the legend follows a little later.
+    studio.wait("#view2d", tier="2")
+    times = f"×{studio.told('#view2d', 'magnify')}"
+    expect(studio.find("#legend")).to_contain_text(f"executed tool, error {times}")
     legend = {x.strip() for x in studio.find("#legend > span").all_inner_texts()}
     binding = {"assigned speed reached", "joint acceleration", "corner"}
     binding.add("nothing binds, or another limit")
@@ -489,7 +494,6 @@ def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
     assert "cycle time 5.326 s" in said[1] and "(exact)" in said[1]
     # The picture's legend is the page's, and its path has a stroke for each limit that is named.
     assert legend <= set(said)
-    times = f"×{studio.told('#view2d', 'magnify')}"
     assert any(x.endswith(times) for x in said)
     widths = Counter(x.get("stroke-width") for x in svg.iter(f"{SVG}path"))
     assert widths["3.2"] == len(binding)
