@@ -131,3 +131,42 @@ def test_inner_functions_that_make_or_return_arrays_count_references():
 def _says_that_it_makes_arrays(callee):
     options = getattr(callee, "targetoptions", {})
     return bool(options.get("no_cpython_wrapper")) and options.get("_nrt", True)
+
+
+def test_a_function_from_disk_is_compiled_into_others():
+    assert total(np.arange(4.0)) == 6.0
+    loaded = compiled()(total.py_func)
+    assert loaded(np.arange(5.0)) == 10.0
+    assert sum(loaded.stats.cache_hits.values()) == 1
+    assert not sum(loaded.stats.cache_misses.values())
+
+    @compiled()
+    def twice(values: np.ndarray) -> float:
+        return 2.0 * loaded(values)
+
+    twice._cache.disable()
+    assert twice(np.arange(5.0)) == 20.0
+    assert sum(loaded.stats.cache_hits.values()) == 1
+
+
+LOADED = """
+import sys
+import numpy as np
+from armcontour.timing import _laps
+
+ends = np.zeros((2, 2)), np.ones((2, 2))
+before = set(sys.modules)
+_laps.laps(*ends, 0.1, np.arange(2.0))
+assert sum(_laps.laps.stats.cache_hits.values()) == 1
+print(*(x for x in set(sys.modules) - before if x.startswith("numba")))
+"""
+
+
+def test_loading_imports_nothing_that_only_compiling_needs():
+    # It takes longer than a short plan.
+    from armcontour.timing import _laps
+
+    _laps.laps(np.zeros((2, 2)), np.ones((2, 2)), 0.1, np.arange(2.0))
+    command = [sys.executable, "-c", LOADED]
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []

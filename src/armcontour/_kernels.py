@@ -13,9 +13,8 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numba import njit, types
 from numba.core import event
-from numba.core.caching import FunctionCache
 
-from armcontour import _progress
+from armcontour import _kernel_files, _progress
 
 # For `fastmath`: products may be added without rounding in between, which is faster and no less
 # exact.
@@ -55,7 +54,7 @@ def compiled(
         kernel: Function = decorate(function)
         # Typing does not see that the decorator makes an object of numba.
         made: Any = kernel
-        made._cache = _Files(function)
+        made._cache = _kernel_files.files_of(function, _waiting, inner=inner)
         _take_no_literals(kernel)
         if inner:
             _refuse_calls(kernel, function.__name__)
@@ -102,16 +101,6 @@ def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
         yield
     finally:
         _waiting.remove(wait)
-
-
-class _Files(FunctionCache):
-    """Compiled functions on disk, as numba keeps them."""
-
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """The compiled function that is kept, as soon as nobody is compiling it; else None."""
-        for wait in tuple(_waiting):
-            wait(self._py_func)
-        return super().load_overload(signature, target)
 
 
 class _Listener(event.Listener):
