@@ -18,6 +18,8 @@ BROKEN_PIPE = 128 + 13
 def main() -> None:
     """Run the command line; an error is printed as one sentence and ends with its exit code."""
     end_at_once()
+    # MuJoCo would start a process to look for a library that draws, which no command needs.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     sys.exit(run_interruptibly(_command))
 
 

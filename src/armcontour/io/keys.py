@@ -124,7 +124,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
         fields[key] = (kind, Field(default, description=described.get(x.name)))
     name = f"Given{of.__name__}" if given else of.__name__
     summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
-    config = ConfigDict(extra="forbid", frozen=True)
+    config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **fields)
 
 
@@ -134,8 +134,13 @@ def _default(of: type, x: dataclasses.Field[Any]) -> Any:
         return x.default_factory()
     if _is_made(x):
         return None
-    default = inspect.signature(of).parameters[x.name].default
+    default = _parameters(of)[x.name].default
     return ... if default is inspect.Parameter.empty else default
+
+
+@cache
+def _parameters(of: type) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(of).parameters
 
 
 def _is_made(x: dataclasses.Field[Any]) -> bool:
