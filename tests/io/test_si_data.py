@@ -10,9 +10,9 @@ import pytest
 from armcontour._yaml import load
 from armcontour.io.cell import cell_data, cell_names, cell_text
 from armcontour.io.job_model import CellModel
+from armcontour.io.json_text import plain
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.si_data import in_si, quantity_of
-from armcontour.io.summary import plain
 
 PAPER = resources.files("armcontour.jobs") / "library" / "paper.yaml"
 MORE = """

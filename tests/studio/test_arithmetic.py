@@ -12,8 +12,8 @@ import pytest
 import armcontour as ac
 import armcontour.studio as studio
 from armcontour.frames import Frame
+from armcontour.io.json_text import plain
 from armcontour.studio.robot import arm_frame
-from armcontour.studio.wire import plain
 
 STATIC = FilePath(studio.__file__).parent / "static"
 

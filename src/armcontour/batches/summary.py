@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from armcontour._version import __version__
 from armcontour.batches.ledger import UNREPRODUCIBLE, Ledger
 from armcontour.batches.plan import Plan
-from armcontour.io.summary import plain
+from armcontour.io.json_text import to_json
 
 
 class Extremes:
@@ -58,7 +57,7 @@ class Extremes:
 
 def plan_json(plan: Plan) -> str:
     """A plan as JSON, for people and programs that look into its folder."""
-    return _text(_about(plan))
+    return to_json(_about(plan))
 
 
 def summary_json(ledger: Ledger, extremes: Extremes) -> str:
@@ -75,7 +74,7 @@ def summary_json(ledger: Ledger, extremes: Extremes) -> str:
         "figures": extremes.data(),
         "not_reproducible": UNREPRODUCIBLE,
     }
-    return _text(data)
+    return to_json(data)
 
 
 def _about(plan: Plan) -> dict[str, Any]:
@@ -101,7 +100,3 @@ def _about(plan: Plan) -> dict[str, Any]:
         "columns": plan.columns,
         "units": plan.units,
     }
-
-
-def _text(data: Mapping[str, Any]) -> str:
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -19,7 +18,8 @@ from armcontour.certification import (
     LinearFigures,
     Sweep,
 )
-from armcontour.io.summary import UNITS, plain, run_summary
+from armcontour.io.json_text import to_json
+from armcontour.io.summary import UNITS, run_summary
 from armcontour.jobs import Goal
 from armcontour.robustness.monte_carlo import Spread
 
@@ -255,4 +255,4 @@ def _linear(x: LinearFigures, budget: float) -> dict[str, Any]:
 
 
 def _text(data: dict[str, Any]) -> str:
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+    return to_json(data)

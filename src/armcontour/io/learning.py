@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
 from armcontour.evaluation import ErrorProfile
-from armcontour.io.summary import UNITS, of_job, plain, plan_summary
+from armcontour.io.json_text import to_json
+from armcontour.io.summary import UNITS, of_job, plan_summary
 from armcontour.jobs.learning import JudgedStudy, LearningStudy
 from armcontour.learning import LearnedRun
 
@@ -53,7 +53,7 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
     runs = {run.name: plan_summary(study.job, study.plan)}
     data = {**of_job(study.job, runs, files), "learning": learned}
     data["units"] = UNITS | LEARNING_UNITS
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+    return to_json(data)
 
 
 def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
@@ -80,7 +80,7 @@ def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
         },
     }
     data["units"] = UNITS | LEARNING_UNITS
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+    return to_json(data)
 
 
 def _of_profile(x: ErrorProfile) -> dict[str, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path as FilePath
@@ -21,9 +20,9 @@ from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
 from armcontour.io.job_model import ArmModel, CellModel, ToolModel
 from armcontour.io.job_overrides import JobOverrides, override
+from armcontour.io.json_text import plain, to_json
 from armcontour.io.keys import Keys as Known
 from armcontour.io.keys import read_keys
-from armcontour.io.summary import plain
 from armcontour.jobs import Rounding
 from armcontour.placement import UNITS, Case, Place, Placement, Verdict
 from armcontour.scene.scene import BASE, PART
@@ -125,7 +124,7 @@ def placement_json(
         "notes": list(placement.notes),
         "files": list(files),
     }
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+    return to_json(data)
 
 
 def placement_csv(placement: Placement) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
@@ -16,9 +15,9 @@ from armcontour._version import __version__
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.identification import Estimate, RobotIdentification
+from armcontour.io.json_text import plain, to_json
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.servo_file import OF_PARAMETER
-from armcontour.io.summary import plain
 from armcontour.servo import ServoModel
 
 OF_JOINT = "rms explained whiteness".split()
@@ -113,7 +112,7 @@ def robot_json(found: RobotIdentification, files: Sequence[str] = ()) -> str:
     }
     if files:
         page["files"] = list(files)
-    return json.dumps(plain(page), indent=2, allow_nan=False) + "\n"
+    return to_json(page)
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:

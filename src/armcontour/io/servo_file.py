@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
 from armcontour._version import __version__
 from armcontour.identification import Estimate, Identification
-from armcontour.io.summary import plain
+from armcontour.io.json_text import to_json
 
 # Attributes of an estimate and of a joint in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined advice".split()
@@ -75,7 +74,7 @@ def identification_json(found: Identification, files: Sequence[str] = ()) -> str
     }
     if files:
         page["files"] = list(files)
-    return json.dumps(plain(page), indent=2, allow_nan=False) + "\n"
+    return to_json(page)
 
 
 def _list(values: Any) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -15,6 +13,7 @@ from armcontour.arms.chain import Chain
 from armcontour.clearance import Clearance
 from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import Corners, Outcome, RoundedPath, ShapedPath
+from armcontour.io.json_text import to_json
 from armcontour.jobs import ExperimentResult, Job, Run, RunPlan, RunResult, Shaped, Study
 from armcontour.jobs.quantities import (
     Torques,
@@ -105,7 +104,7 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
             "runs": job.published.runs,
             "time_stamps": list(job.published.time_stamps),
         }
-    return _json(data)
+    return to_json(data)
 
 
 def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
@@ -117,7 +116,7 @@ def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str
         files: The files of the result, relative to its folder.
     """
     runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
-    return _json({**of_job(job, runs, files), "simulated": False})
+    return to_json({**of_job(job, runs, files), "simulated": False})
 
 
 def of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
@@ -144,10 +143,6 @@ def of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str,
         "runs": runs,
         "files": list(files),
     }
-
-
-def _json(data: Any) -> str:
-    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
 
 
 def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
@@ -466,18 +461,3 @@ def _error(profile: ErrorProfile) -> dict[str, float]:
         "t_max": profile.t_max,
         "s_max": profile.s_max,
     }
-
-
-def plain(value: Any) -> Any:
-    """Convert data to types of JSON; NaN and infinity become null."""
-    if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(x) for x in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.errors import InvalidInput
+from armcontour.io.json_text import plain
 
 ALIGNED = 8
 LENGTH = struct.Struct("<I")
@@ -88,16 +89,3 @@ def _to_json(header: Mapping[str, Any]) -> str:
     except (TypeError, ValueError):
         # Keys that are no texts, and numbers that are not finite, are rare.
         return json.dumps(plain(header), ensure_ascii=False, allow_nan=False)
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON has it: lists for arrays, null for numbers that are not finite."""
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(x) for key, x in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    return [plain(x) for x in value]
