@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
@@ -166,6 +167,31 @@ def test_a_folder_that_is_no_result_and_changed_files_are_refused(
     assert code == 2 and "taught.csv changed since" in said
     file.write_text(text)
     assert call("export", "out", "a.csv")[0] == 0
+
+
+def test_a_bag_is_exported_with_a_period_and_of_several_runs(
+    call: Call, folder: FilePath, tmp_path: FilePath
+) -> None:
+    pytest.importorskip("rosbags")
+    job = """
+        name: line
+        arm: pmk3s
+        path: {points: [[0.35, 0.1], [0.36, 0.1]]}
+        limits: {speed: 0.1, joint_acceleration: 1}
+        servo: {kp: 25, kv: 150}
+        command_interval: 4 ms
+        runs:
+          one: {compensation: {method: none}}
+          two: {compensation: {method: none}, command_interval: 8 ms}
+    """
+    (tmp_path / "job.yaml").write_text(textwrap.dedent(job))
+    options = ("--no-simulation", "--export", "mcap", "--period", "20 ms")
+    code, said = call("run", str(tmp_path / "job.yaml"), "--out", str(tmp_path / "out"), *options)
+    assert code == 0, said
+    made = {str(x.relative_to(tmp_path / "out")) for x in tmp_path.rglob("*.mcap") if x.is_dir()}
+    assert made == {
+        f"{run}/export/{x}.mcap" for run in ("one", "two") for x in ("taught", "reference")
+    }
 
 
 def test_outputs_are_of_all_formats_or_of_one() -> None:

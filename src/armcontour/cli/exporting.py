@@ -220,15 +220,17 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
     events = _events_of(job)
     _refuse_outputs(x, {event.name for event in events}, "the job")
-    for run in job.runs:
-        for period in dict.fromkeys((run.period, x.period or run.period)):
-            table = _two_points(job, period, events, x)
-            for target in x.targets:
-                place = scratch / f"rehearsal{target.ending}"
-                try:
-                    x.write(target, table, place)
-                except OSError as error:
-                    raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
+    intervals = [run.period for run in job.runs]
+    periods = intervals if x.period is None else [*intervals, x.period]
+    for number, period in enumerate(dict.fromkeys(periods)):
+        table = _two_points(job, period, events, x)
+        for target in x.targets:
+            # A bag is a folder, which no other one may replace.
+            place = scratch / f"rehearsal{number}{target.ending}"
+            try:
+                x.write(target, table, place)
+            except OSError as error:
+                raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
 
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -99,8 +99,15 @@ def test_refuses_times_that_ros_cannot_hold(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_bag_comes_back_from_its_folder(table: Callable[..., Table], tmp_path: FilePath) -> None:
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_a_bag_comes_back_from_its_folder(
+    table: Callable[..., Table], tmp_path: FilePath, order: Literal["C", "F"]
+) -> None:
     given = table(6)
+    # Those of an earlier result lie column by column.
+    arrays = {name: np.asarray(getattr(given, name), order=order) for name in ARRAYS.values()}
+    given = dataclasses.replace(given, **arrays)
+    assert given.q.flags.c_contiguous == (order == "C")
     bag = tmp_path / "motion.mcap"
     write_table(given, bag, format="mcap")
     assert sorted(x.name for x in bag.iterdir()) == ["metadata.yaml", "motion.mcap"]

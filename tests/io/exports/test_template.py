@@ -29,9 +29,12 @@ MOVE = re.compile(
 SAID = re.compile(rf"[;!] (.*) at ({NUMBER}) s")
 
 
-def made(table: Table, tmp_path: FilePath, template: Any, **options: Any) -> str:
-    write_table(table, tmp_path / "made.txt", format="template", template=template, **options)
-    return (tmp_path / "made.txt").read_text(encoding="utf-8")
+def made(
+    table: Table, tmp_path: FilePath, template: Any, *, stem: str = "made", **options: Any
+) -> str:
+    file = tmp_path / f"{stem}.txt"
+    write_table(table, file, format="template", template=template, **options)
+    return file.read_text(encoding="utf-8")
 
 
 def house(tmp_path: FilePath, text: str) -> FilePath:
@@ -55,7 +58,7 @@ def test_kuka_has_every_point_its_time_and_the_events_in_order(
     given = table(6, count=9)
     text = made(given, tmp_path, "kuka", outputs={"tool": 17})
     lines = [x.strip() for x in text.splitlines()]
-    assert lines[2] == "DEF part_7( )" and lines[-1] == "END" and "{{" not in text
+    assert lines[2] == "DEF made( )" and lines[-1] == "END" and "{{" not in text
     points = [(m[1], [float(x) for x in m.groups()[1:]]) for x in lines if (m := SPTP.match(x))]
     assert [kind for kind, _ in points] == ["PTP"] + ["SPTP"] * 8
     np.testing.assert_allclose(np.radians([q for _, q in points]), given.q, rtol=0, atol=1e-12)
@@ -114,8 +117,36 @@ def test_ours_cut_names_that_are_too_long(
     table: Callable[..., Table], tmp_path: FilePath, name: str, most: int
 ) -> None:
     given = dataclasses.replace(table(6), name="a" * 33)
-    text = made(given, tmp_path, name)
+    text = made(given, tmp_path, name, stem="a" * 33)
     assert re.search(rf"(DEF|MODULE) a{{{most}}}\b", text)
+
+
+def test_a_kuka_program_is_called_like_its_file(
+    table: Callable[..., Table], tmp_path: FilePath
+) -> None:
+    text = made(table(6), tmp_path, "kuka", stem="7 Löcher")
+    assert "\nDEF _7_L_cher( )\n" in text and "\n; part 7: " in text
+
+
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [
+        ("7 holes", "m_7_holes"),
+        ("ö", "m_"),
+        ("_part", "m_part"),
+        ("Test", "m_Test"),
+        ("armcontour", "m_armcontour"),
+        ("testing", "testing"),
+    ],
+)
+def test_an_abb_module_has_a_name_that_rapid_takes(
+    table: Callable[..., Table], tmp_path: FilePath, name: str, module: str
+) -> None:
+    text = made(dataclasses.replace(table(6), name=name), tmp_path, "abb")
+    assert text.splitlines()[:2] == [
+        f"MODULE {module}",
+        f"  ! {name}: 9 points in 0.032000 s, axes in degrees",
+    ]
 
 
 def test_the_template_of_the_guide_does_what_it_says(
@@ -145,8 +176,8 @@ def test_a_house_template_sees_all_of_the_table(
         tmp_path,
         house(
             tmp_path,
-            "{{ name }}|{{ name|identifier }}|{{ joint_names|join('/') }}|{{ dof }}|{{ period }}|"
-            "{{ duration }}|{{ start_time }}|{{ events|length }}|{{ outputs.tool }}\n"
+            "{{ name }}|{{ file }}|{{ name|identifier }}|{{ joint_names|join('/') }}|{{ dof }}|"
+            "{{ period }}|{{ duration }}|{{ start_time }}|{{ events|length }}|{{ outputs.tool }}\n"
             "{% for p in points %}\n"
             "{{ p.number }} {{ p.t }} {{ p.q|degrees|fixed(9) }} {{ p.q_deg|fixed(9) }} "
             "{{ p.dq|fixed(3) }} {{ p.ddq|fixed(3) }} {{ p.tool|times(1000)|fixed(1) }}"
@@ -156,7 +187,7 @@ def test_a_house_template_sees_all_of_the_table(
         outputs={"tool": 4},
     )
     lines = text.splitlines()
-    assert lines[0] == "part 7|part_7|axis_1/axis_2|2|0.004|0.008|-0.008|5|4"
+    assert lines[0] == "part 7|made|part_7|axis_1/axis_2|2|0.004|0.008|-0.008|5|4"
     rows = [x for x in lines[1:] if x]
     assert [x.split()[0] for x in rows] == ["1", "2", "3"]
     degrees = ", ".join(f"{x:.9f}" for x in np.degrees(given.q[1]))

@@ -122,6 +122,15 @@ def test_any_events_come_in_order_within_half_an_interval(
     assert all(x == q[-1].tolist() for _, x in points[count:])
 
 
+@pytest.mark.parametrize("name", ["a;b", "gas (N2)", "it's", "x,y", "Düse"])
+def test_a_name_without_quotes_and_backslashes_can_be_told(
+    table: Callable[..., Table], tmp_path: FilePath, name: str
+) -> None:
+    events = [x for value in (True, False, 2.5, "on") for x in said(name, value)]
+    _, told, _ = run(program(table(events=tuple(events)), tmp_path))
+    assert [x for _, x in told] == [f"{name}={x}" for x in ("on", "off", "2.5", "on")]
+
+
 def said(name: str, value: Any, t: float = 0.0) -> tuple[TimedEvent, ...]:
     return (TimedEvent(name=name, value=value, t=t, due=t, s=0.0, point=(0.0, 0.0)),)
 

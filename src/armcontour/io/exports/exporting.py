@@ -71,7 +71,8 @@ def export(
         format: A name of `formats()`; by default the format of the file's extension.
         period: Sampling period of a trajectory [s]; taught data have their own.
         template: For "template": "kuka", "abb", or the path of a jinja2 file.
-        name: Name of the program inside the file; by default the name of the file.
+        name: Name of the program inside the file; by default the name of the file, which the
+            template kuka always takes.
         outputs: For "urscript" and "template": the output of each event by the event's name.
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
             interpolates by quintics, cubics or lines.

@@ -103,20 +103,20 @@ def _message(table: Table, types: Any) -> Any:
     }
     none = np.zeros(0)
     empty = [none] * len(table.t)
+    # Rows of arrays that lie column by column, as those read from a file do, are not written.
+    q, dq, ddq = (
+        empty if x is None else np.ascontiguousarray(x) for x in (table.q, table.dq, table.ddq)
+    )
     points = [
         make["JointTrajectoryPoint"](
-            positions=q,
-            velocities=dq,
-            accelerations=ddq,
+            positions=position,
+            velocities=velocity,
+            accelerations=acceleration,
             effort=none,
             time_from_start=make["Duration"](sec=ns // SECOND, nanosec=ns % SECOND),
         )
-        for q, dq, ddq, ns in zip(
-            table.q,
-            empty if table.dq is None else table.dq,
-            empty if table.ddq is None else table.ddq,
-            _nanoseconds(table).tolist(),
-            strict=True,
+        for position, velocity, acceleration, ns in zip(
+            q, dq, ddq, _nanoseconds(table).tolist(), strict=True
         )
     ]
     stamp = make["Time"](sec=0, nanosec=0)

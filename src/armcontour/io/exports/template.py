@@ -74,7 +74,11 @@ def templates() -> tuple[str, ...]:
 
 
 def template_of(
-    table: Table, template: str | FilePath, outputs: Mapping[str, int | str] | None = None
+    table: Table,
+    template: str | FilePath,
+    outputs: Mapping[str, int | str] | None = None,
+    *,
+    file: str,
 ) -> str:
     """The program that a template makes of a table.
 
@@ -83,6 +87,7 @@ def template_of(
         template: "kuka", "abb", or the path of a jinja2 file.
         outputs: The output of each event by the event's name; the variable `outputs` of the
             template.
+        file: Name of the file without its ending; the variable `file` of the template.
 
     Raises:
         InvalidInput: The template does not exist, has an error, or refuses the table; the message
@@ -90,7 +95,7 @@ def template_of(
     """
     source, text, folder = _read(template)
     environment = _environment(folder)
-    variables = _variables(table, outputs or {})
+    variables = _variables(table, outputs or {}, file)
     try:
         return str(environment.from_string(text).render(variables))
     except _Refused as error:
@@ -106,7 +111,8 @@ def write_template(
     outputs: Mapping[str, int | str] | None = None,
 ) -> None:
     """Write the text of `template_of` to a file."""
-    file.write_text(template_of(table, template, outputs), encoding="utf-8", newline="\n")
+    text = template_of(table, template, outputs, file=file.stem)
+    file.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
@@ -171,11 +177,12 @@ def _environment(folder: FilePath) -> Any:
     return environment
 
 
-def _variables(table: Table, outputs: Mapping[str, int | str]) -> dict[str, Any]:
+def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
     """The variables of a template by name."""
     points = _points(table)
     return {
         "name": table.name,
+        "file": file,
         "joint_names": table.joint_names,
         "dof": table.dof,
         "period": table.period,

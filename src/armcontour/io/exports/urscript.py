@@ -111,7 +111,10 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
-    message = f"{event.name}={event.value}" if isinstance(event.value, str) else words
+    value = (
+        {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
+    )
+    message = f"{event.name}={value}"
     # URScript has no escapes in texts.
     if not message.isprintable() or any(x in message for x in '"\\'):
         raise InvalidInput(
