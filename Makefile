@@ -67,6 +67,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.numbers
 	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m soak.batch
+	$(BIN)/python -m tests.oracle.toppra_kept
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
 
 bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import random
+from pathlib import Path
 
 import pytest
+import yaml
 
-from armcontour._yaml import MOST_CHARACTERS, load
+import armcontour
+from armcontour._yaml import MOST_CHARACTERS, OTHERWISE, Loader, load
 from armcontour.errors import InvalidInput
 
 
@@ -82,3 +86,39 @@ def test_aliases_and_merges_that_somebody_writes_are_read():
     found = load(text, "x")
     assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
     assert found["d"] == {"x": 1, "y": 2, "z": 1}
+
+
+# Pieces of YAML, of which random texts are made.
+PIECES = [
+    *(":-,[]{}#&*'\"%@` \n\n\nab0.~<=/\\é²\x85\t?!|>"),
+    *("- ", ": ", ", ", "# ", " #", "\n  ", "\n- ", "---\n", "...\n", "&a ", "*a ", "<<: ", "a: "),
+    *("\na: ", "\n  b: ", "\n    - ", "{a: b}", "[a, b]", "[a: b]", "''", '""', '"a\n b"', "a:b"),
+    *("|\n ", ">-\n ", '"\\x41"', "null", "1.5", "0x1", "'a':b", ",}", "::"),
+]
+
+
+class Slow(Loader):
+    """PyYAML's own parser, as for all loaders that are given."""
+
+
+def outcome(text, loader):
+    """What comes of a text, as text, since NaN is not itself; and whether that is data."""
+    try:
+        return repr(load(text, "x", loader)), True
+    except InvalidInput as error:
+        return str(error), False
+
+
+@pytest.mark.skipif(not yaml.__with_libyaml__, reason="This PyYAML has no libyaml.")
+def test_with_libyaml_data_and_refusals_are_the_same():
+    rng = random.Random(5)
+    texts = [x.read_text("utf-8") for x in Path(armcontour.__file__).parent.rglob("*.yaml")]
+    texts += ["".join(rng.choices(PIECES, k=rng.randint(1, 14))) for _ in range(4000)]
+    found = [outcome(x, Loader) for x in texts]
+    assert [x for x, y in zip(texts, found, strict=True) if outcome(x, Slow) != y] == []
+    assert sum(y for _, y in found) > 300
+
+
+@pytest.mark.parametrize("text", ["a:\tb", "[0? ]", "|# x", "!", "\ufeff|", "a\rb", "%YAML 1.2"])
+def test_what_libyaml_reads_otherwise_is_left_to_pyyaml(text):
+    assert OTHERWISE.search(text)

@@ -327,6 +327,7 @@ def test_every_key_has_a_line_with_value_unit_and_what_it_holds() -> None:
 
 
 def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key() -> None:
+    jsonschema.Draft202012Validator.check_schema(json_schema())
     validator = jsonschema.Draft202012Validator(json_schema())
     text = (ROOT / "src/armcontour/jobs/library/paper.yaml").read_text(encoding="utf-8")
     assert list(validator.iter_errors(yaml.safe_load(text))) == []

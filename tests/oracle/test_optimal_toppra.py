@@ -1,7 +1,8 @@
 """The optimal planner against toppra, on random splines with limits of joint motion.
 
 toppra's solution on a finer grid, for some problems 10 times finer, is the reference. Its path is
-scaled to the parameter range [0, 1], because its tolerances are absolute.
+scaled to the parameter range [0, 1], because its tolerances are absolute. References are kept in
+`toppra_durations.json`; some are computed again here.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.oracle.toppra_kept import SAME, kept
 
 import armcontour as ac
 
@@ -27,6 +29,10 @@ setup_logging("CRITICAL")
 
 PROBLEMS, BATCHES = 200, 8
 FINE, TEN_TIMES_FINER = 5000, 40_000  # toppra's intervals; ours are 4000
+REFERENCES = [
+    *(("joint", FINE, seed) for seed in range(PROBLEMS)),
+    *(("joint", TEN_TIMES_FINER, seed) for seed in range(0, PROBLEMS, 20)),
+]
 # toppra's durations on 5000 intervals and on 10,000 differ by less than this.
 ALLOWED = 1e-4
 # The interpolation scheme plans inside the limits, so that it comes down on the optimum from above,
@@ -68,13 +74,21 @@ def peer(points, velocity, acceleration, grid, scheme):
     return instance.compute_trajectory(0, 0).duration
 
 
+def by_toppra(seed, intervals):
+    """The reference of a problem."""
+    return peer(*problem(seed), np.linspace(0, 1, intervals + 1), DiscretizationType.Interpolation)
+
+
 def compare(seed, intervals):
     """Our duration over toppra's, and what was planned."""
     points, velocity, acceleration = problem(seed)
-    grid = np.linspace(0, 1, intervals + 1)
-    reference = peer(points, velocity, acceleration, grid, DiscretizationType.Interpolation)
     planned, limits = ours(points, velocity, acceleration)
-    return planned.duration / reference, planned, limits
+    return planned.duration / kept("joint", intervals, seed), planned, limits
+
+
+@pytest.mark.parametrize(("kind", "intervals", "seed"), REFERENCES[3:PROBLEMS:25] + REFERENCES[-1:])
+def test_references_are_what_toppra_finds(kind, intervals, seed):
+    assert by_toppra(seed, intervals) == pytest.approx(kept(kind, intervals, seed), rel=SAME)
 
 
 @pytest.mark.parametrize("batch", range(BATCHES))

@@ -1,7 +1,8 @@
 """Torque-limited plans of a UR5e: against toppra, judged by MuJoCo; and against true friction.
 
 `python tests/oracle/test_torque_toppra.py 200` goes through that many random splines, against
-toppra on a grid ten times as fine, and prints the worst.
+toppra on a grid ten times as fine, and prints the worst. References of the tests are kept in
+`toppra_durations.json`; two are computed again here.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.oracle.toppra_kept import SAME, kept
 
 import armcontour as ac
 from armcontour.arms.chain import Payload
@@ -34,6 +36,10 @@ from toppra.constraint import (  # noqa: E402
 setup_logging("CRITICAL")
 
 TEN_TIMES_FINER, FINE = 40_000, 10_000  # toppra's intervals; ours are 4000
+REFERENCES = [
+    *(("torque", FINE, seed) for seed in range(12)),
+    *(("torque", TEN_TIMES_FINER, seed) for seed in (58, 81)),
+]
 ALLOWED = 1e-3
 # toppra's interpolation plans inside the limits, and so comes down on the optimum from above.
 OWN_ERROR = 1e-4
@@ -168,18 +174,27 @@ def peer(given: Problem, intervals: int) -> float:
     return float(instance.compute_trajectory(0, 0).duration)
 
 
-def compare(
-    seed: int, intervals: int = TEN_TIMES_FINER, places: int = 10
-) -> tuple[float, dict[str, float]]:
+def by_toppra(seed: int, intervals: int = TEN_TIMES_FINER) -> float:
+    """The reference of a problem."""
+    return peer(problem(seed), intervals)
+
+
+def compare(seed: int, reference: float, places: int = 10) -> tuple[float, dict[str, float]]:
     """Our duration over toppra's, and the largest ratios of our plan."""
     given = problem(seed)
     planned = ac.plan(ac.JointPath.spline(given.points), given.arm, given.limits)
-    return planned.duration / peer(given, intervals), largest_ratios(planned, given, places)
+    return planned.duration / reference, largest_ratios(planned, given, places)
+
+
+# One without dry friction and one with it.
+@pytest.mark.parametrize("seed", [4, 5])
+def test_references_are_what_toppra_finds(seed):
+    assert by_toppra(seed, FINE) == pytest.approx(kept("torque", FINE, seed), rel=SAME)
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_as_fast_as_a_fine_reference_and_within_torque(seed):
-    ratio, found = compare(seed, FINE)
+    ratio, found = compare(seed, kept("torque", FINE, seed))
     assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
     assert max(found.values()) <= 1 + 1e-9
     assert max(found.values()) > 0.999
@@ -187,7 +202,7 @@ def test_as_fast_as_a_fine_reference_and_within_torque(seed):
 
 @pytest.mark.parametrize("seed", [58, 81])
 def test_as_fast_as_a_reference_ten_times_finer(seed):
-    ratio, found = compare(seed)
+    ratio, found = compare(seed, kept("torque", TEN_TIMES_FINER, seed))
     assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
     assert max(found.values()) <= 1 + 1e-9
 
@@ -258,11 +273,16 @@ def test_viscous_friction_is_kept_and_costs_what_it_must(seed):
     assert planned.duration > free.duration
 
 
+def compare_anew(seed: int) -> tuple[float, dict[str, float]]:
+    """Compare with a reference that is computed for it."""
+    return compare(seed, by_toppra(seed))
+
+
 def main(count: int) -> None:
     """Run the first so many problems and print what is worst."""
     rows = []
     with ProcessPoolExecutor() as pool:
-        for seed, (ratio, found) in enumerate(pool.map(compare, range(count))):
+        for seed, (ratio, found) in enumerate(pool.map(compare_anew, range(count))):
             rows.append((ratio - 1, found["torque"] - 1, found["velocity"] - 1))
             if abs(ratio - 1) > 5e-4 or max(found.values()) > 1 + 1e-9:
                 print(seed, *(f"{x:+.2e}" for x in rows[-1]), flush=True)

@@ -14,7 +14,7 @@ from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.robots.arm_file import read_arm
+from armcontour.io.robots.arm_file import read_arm, read_built_in
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.shapes import with_hulls, with_more_shapes
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
@@ -162,8 +162,7 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf or .xacro file."
         )
-    found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
-    return with_hulls(read_arm(f"{name}.yaml", found.read_bytes(), payload), name)
+    return with_hulls(read_built_in(name, payload), name)
 
 
 def equip(
