@@ -40,7 +40,7 @@ from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.kept import LARGE_KEPT, Kept, comparable
-from armcontour.studio.preview_run import coarser_run, with_one_run
+from armcontour.studio.preview_run import coarser_run, with_fewer_samples, with_one_run
 from armcontour.studio.previewed import Executed, Planned
 from armcontour.timing.program_tracing import ends_of
 
@@ -159,8 +159,12 @@ class Previewer:
                     found = self._plan(job, path, this, exact, progress)
         return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
 
-    def execute(self, planned: Planned) -> Executed:
+    def execute(self, planned: Planned, *, moving: bool = False) -> Executed:
         """Compensate and execute a plan, and find its contour errors.
+
+        Args:
+            planned: The plan.
+            moving: Whether the next one is wanted soon, so that some of the samples are enough.
 
         Raises:
             ArmContourError: As `run`.
@@ -180,6 +184,8 @@ class Previewer:
                 lambda: execute_run(job, this, taught),
                 most=LARGE_KEPT,
             )
+            if moving and planned.path.single_path is not None:
+                execution = with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
                 (execution, planned.path, this.until),

@@ -189,7 +189,7 @@ class Screen:
             self._owed = not self._owed and stale()
             if self._owed:
                 return
-            self.executed = self.previewer.execute(planned)
+            self.executed = self.previewer.execute(planned, moving=moving)
             yield executed_frame(self.executed, view)
             if (exact or moving) and not stale() and not self._may_wait(shown):
                 yield from self._live(shown, stale) if moving else self._exact(shown, stale)
@@ -230,7 +230,7 @@ class Screen:
             data = shown.data if data is None else data
             planned = self.previewer.plan(data, run, moving=moving)
             yield picture_frame(planned, shown.view, of="compare")
-            executed = self.previewer.execute(planned)
+            executed = self.previewer.execute(planned, moving=moving)
             yield executed_frame(executed, shown.view, of="compare")
         except ArmContourError as error:
             yield _refusal(error, shown, None, run=run, of="compare")

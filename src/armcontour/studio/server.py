@@ -6,6 +6,7 @@ It answers as soon as it can, and loads what computes meanwhile: `serve` begins 
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import logging
 import os
@@ -213,6 +214,7 @@ def serve(
     try:
         asyncio.run(_serve(listening, door, desk, exit_when_closed))
     finally:
+        gc.unfreeze()
         if desk.session is not None:
             desk.session.close()
     if desk.failure is not None:
@@ -289,12 +291,19 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     # Python's lock is shared with what loads and computes: it gives way to answers soon.
     sys.setswitchinterval(SWITCH)
     desk.stop = stop
-    threading.Thread(target=desk.start, name="starting", daemon=True).start()
+    threading.Thread(target=_start, args=(desk,), name="starting", daemon=True).start()
     watching = asyncio.create_task(_watch(desk, exit_when_closed))
     try:
         await server.serve(sockets=[listening])
     finally:
         watching.cancel()
+
+
+def _start(desk: Desk) -> None:
+    """Make the session, and show it."""
+    desk.start()
+    # What is loaded by now stays: to look through it for garbage would hold answers up by 50 ms.
+    gc.freeze()
 
 
 async def _watch(desk: Desk, exit_when_closed: bool) -> None:
