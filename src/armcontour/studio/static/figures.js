@@ -1,8 +1,8 @@
 // The figures on top: cycle time, errors, saturation, clearance; each with its difference to what is compared.
 
-import { find, make, say } from "./dom.js";
+import { find, make, mark, say } from "./dom.js";
 import { mm, NONE, percent, seconds, signed } from "./format.js";
-import { oncePerFrame } from "./state.js";
+import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /**
@@ -33,7 +33,13 @@ class Figures {
     find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
-    for (const event of ["picture", "executed", "figures", "refusal", "compare", "document"]) store.on(event, update);
+    for (const event of ["figures", "refusal", "compare", "document"]) store.on(event, update);
+    const others = nowAndThen(READING, () => this.update());
+    store.on("executed", others);
+    store.on("picture", () => {
+      this.updateFirst();
+      others();
+    });
     setInterval(() => this.speak(), SPOKEN_EVERY);
   }
 
@@ -51,29 +57,46 @@ class Figures {
   }
 
   update() {
+    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
+    this.updateState();
+  }
+
+  /** The cycle time, with each picture. */
+  updateFirst() {
+    this.show("duration", this.duration());
+    this.updateState();
+  }
+
+  /** How true the figures are. */
+  updateState() {
     const { store } = this;
     this.region.classList.toggle("stale", store.refusal?.head.tier === 1);
-    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
     say(this.state, exactnessOf(store));
-    this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
-    this.region.dataset.exact = String(exact);
+    mark(this.state, "title", exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes");
+    mark(this.region, "data-exact", String(exact));
   }
 
   /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
   values() {
-    const { exact, executed, duration, ...errors } = knownOf(this.store);
+    const { exact, executed, ...errors } = knownOf(this.store);
     const other = this.compared();
     const error = (/** @type {"rms" | "max"} */ name) => {
       const value = errors[name];
       return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
     };
     return {
-      duration: { value: duration, text: seconds(duration), exact: Boolean(exact), other: other?.duration, digits: 3 },
+      duration: this.duration(),
       rms: error("rms"),
       max: error("max"),
       ...this.others(exact, executed),
     };
+  }
+
+  /** @returns {Shown} */
+  duration() {
+    const { exact, duration } = knownOf(this.store);
+    return { value: duration, text: seconds(duration), exact: Boolean(exact), other: this.compared()?.duration, digits: 3 };
   }
 
   /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
@@ -110,13 +133,13 @@ class Figures {
   show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
     const { box, value: place, delta } = this.boxes[name];
     box.classList.toggle("alarm", alarm);
-    box.dataset.value = value === null ? "" : String(value);
-    box.dataset.exact = String(exact);
+    mark(box, "data-value", value === null ? "" : String(value));
+    mark(box, "data-exact", String(exact));
     say(place, text);
     if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
     const known = typeof other === "number" && typeof value === "number";
     say(delta, known ? signed(factor * (value - other), digits) : "");
-    delta.dataset.better = known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "";
+    mark(delta, "data-better", known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "");
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */

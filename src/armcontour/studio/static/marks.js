@@ -92,7 +92,7 @@ class Marks {
     const seen = x >= 0 && y >= 0 && x <= width && y <= height;
     this.sentence.hidden = !seen;
     // The sentence is either at its place or in the messages.
-    document.body.dataset.refusedHere = String(seen);
+    mark(document.body, "data-refused-here", String(seen));
     if (!refusal || !at) return;
     move(this.refused, [x, y]);
     say(this.sentence, refusal.head.sentence);
