@@ -594,3 +594,23 @@ def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path)
         studio.find("#picture").click()
         expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
         expect(studio.find("#question")).to_be_hidden()
+
+
+@pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
+def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
+    # The page that was opened first has made the job exact; the legend is longest with a pin.
+    studio.find("#pin").click()
+    studio.find("#compare").select_option(index=1)
+    page = pages(size=(wide, 800), colours=colours)
+    page.rest()
+    expect(page.find("#legend")).to_contain_text("compared")
+    legend = page.find("#legend")
+    before = legend.bounding_box()
+    for entry in legend.locator("> span").all():
+        box = entry.bounding_box()
+        assert box["x"] + box["width"] <= before["x"] + before["width"]
+        assert box["y"] + box["height"] <= before["y"] + before["height"] + 1
+    # With fewer entries it keeps its lines, so that the drawing keeps its size.
+    studio.find("#compare").select_option(index=0)
+    expect(legend).not_to_contain_text("compared")
+    assert legend.bounding_box() == before

@@ -36,6 +36,16 @@ def test_a_slow_plan_is_executed_when_nothing_moves(
     assert kinds(tab.frames[before:]) == ["executed"]
 
 
+def test_a_long_motion_is_executed_when_nothing_moves(
+    session: Session, tab: Tab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "SHORT", 0.0)
+    assert kinds(tab.edit(MOVE)) == ["document", "picture"]
+    before = len(tab.frames)
+    session.display.screen.rest()
+    assert kinds(tab.frames[before:]) == ["executed"]
+
+
 def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     session = session_of(file, fast=Held)
     lane = Held.last

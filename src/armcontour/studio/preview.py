@@ -46,6 +46,9 @@ from armcontour.timing.program_tracing import ends_of
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
+# Longest motion that is simulated for a preview, times the number of joints [s]; it takes seconds,
+# and 150 MB.
+LONGEST = 2400.0
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
 CONFIGURATION = "the arm keeps the configuration in which it was planned before."
@@ -170,6 +173,7 @@ class Previewer:
             ArmContourError: As `run`.
         """
         job, this, get = planned.job, planned.run, self._kept.get
+        _refuse_too_long(planned)
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
             how = this.compensation, this.compensation_options, this.period, servos[0]
@@ -177,12 +181,14 @@ class Previewer:
                 "compensation",
                 (planned.trajectory, *how),
                 lambda: teach_run(job, this, planned.trajectory),
+                samples=lambda x: len(x.q),
             )
             execution = get(
                 "execution",
                 (taught, servos[1], comparable(this.limits)),
                 lambda: execute_run(job, this, taught),
                 most=LARGE_KEPT,
+                samples=lambda x: len(x.t),
             )
             if moving and planned.path.single_path is not None:
                 execution = with_fewer_samples(execution)
@@ -191,6 +197,7 @@ class Previewer:
                 (execution, planned.path, this.until),
                 lambda: _contour_errors(execution, planned.path, this.until),
                 most=LARGE_KEPT,
+                samples=lambda x: len(x[1].t),
             )
         return Executed(
             planned=planned,
@@ -309,6 +316,25 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     model: JobModel = read_keys(Keys(JobModel), dict(data), "job")
     return model
+
+
+def _refuse_too_long(planned: Planned) -> None:
+    """Refuse to simulate what takes minutes, in which nothing else would be shown.
+
+    Raises:
+        InvalidInput: The motion is too long.
+    """
+    duration, joints = planned.trajectory.duration, planned.job.arm.dof
+    longest = LONGEST / joints
+    if duration > longest:
+        raise InvalidInput(
+            f"Run {planned.run.name}: the motion of {duration:.4g} s is not simulated here, as it "
+            f"is longer than {longest:.4g} s with {joints} joints: take a higher speed, or run the "
+            "job on the command line.",
+            limit="duration",
+            needed=duration,
+            allowed=longest,
+        )
 
 
 def _contour_errors(

@@ -25,6 +25,8 @@ from armcontour.studio.wire import Frame
 
 # A plan that took longer is executed only when nothing changes any more [s].
 QUICK = 0.03
+# A longer motion, too [s]: an execution cannot be given up for a newer one.
+SHORT = 60.0
 
 
 class Superseded(Exception):
@@ -182,7 +184,8 @@ class Screen:
             if not shown.drawn:
                 shown.drawn = not moving
                 yield picture_frame(planned, view)
-            if took > QUICK and self._may_wait(shown):
+            slow = took > QUICK or planned.trajectory.duration > SHORT
+            if slow and self._may_wait(shown):
                 return
             exact = self.previewer.may_be_exact(planned)
             # While edits come one after the other, every second plan is executed at least.

@@ -23,6 +23,8 @@ class Viewbar {
     this.scales = make("div", { class: "scales", "aria-hidden": "true" });
     view.region.append(this.scales);
     this.legendAt = -Infinity;
+    /** Width of the page for which the legend has its lines [px]. */
+    this.wide = 0;
     /** What the legend and the scales show. */
     this.shown = "";
     this.timer = 0;
@@ -114,6 +116,14 @@ class Viewbar {
     this.updateLegend();
   }
 
+  /** Lines that the legend has needed stay: the drawing above does not change its size with every limit that binds. */
+  keepLines() {
+    const { legend } = this;
+    if (innerWidth !== this.wide) legend.style.minHeight = "";
+    this.wide = innerWidth;
+    legend.style.minHeight = `${legend.offsetHeight}px`;
+  }
+
   /** The legend is not made again at every move. */
   updateLegend() {
     clearTimeout(this.timer);
@@ -134,6 +144,7 @@ class Viewbar {
     if (shown === this.shown) return;
     this.shown = shown;
     this.legend.replaceChildren(...entries.map((x) => make("span", {}, partsOf(x))));
+    this.keepLines();
     this.scales.replaceChildren(...scales.map((x) => make("span", { class: "scale" }, partsOf(x))));
   }
 }
