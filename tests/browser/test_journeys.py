@@ -614,3 +614,23 @@ def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
     studio.find("#compare").select_option(index=0)
     expect(legend).not_to_contain_text("compared")
     assert legend.bounding_box() == before
+
+
+def test_j22_a_variant_does_not_differ_from_itself(pages, tmp_path, judge):
+    # Set-points are closer than those of a preview, and errors with them are others.
+    job = write_job(
+        tmp_path / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.5 ms")]
+    )
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        studio.find("#pin").click()
+        studio.find("#compare").select_option(index=1)
+        expect(studio.find("#legend")).to_contain_text("compared")
+        # The page tells all that it is compared with, exactly.
+        for name in ("duration", "rms", "max"):
+            delta = studio.find(f"[data-figure={name}] .delta")
+            expect(delta).to_have_text(re.compile(r"^0\.0+$"))
+        demand = judge(studio).evaluation.demand_ratio.max()
+        assert studio.figure("demand") == pytest.approx(demand, rel=1e-9)
+        studio.close()

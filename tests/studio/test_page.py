@@ -282,3 +282,31 @@ def test_what_is_done_now_and_then_is_done_at_once_first_and_once_more_at_last()
         400,
     )
     assert found == [[0], [0, 3]]
+
+
+@with_node
+def test_places_without_an_assigned_speed_tell_none():
+    found = compute(
+        """
+        const { sentenceAt } = await import("./marks.js");
+        const arrays = { path_s: [0.1], path_t: [2], speed: [0.05], binding: [0] };
+        const head = { limits: [{ name: "joint 1 velocity", kind: "velocity" }] };
+        const at = (assigned) => sentenceAt({ head, arrays: { ...arrays, assigned } }, 0);
+        tell([at([NaN]), at([0.15])]);
+        """,
+        [],
+    )
+    start, why = "s = 100.0 mm, t = 2.000 s: 50.0", "; held back by: joint 1 velocity."
+    assert found == [f"{start} mm/s{why}", f"{start} of 150.0 mm/s{why}"]
+
+
+@with_node
+def test_a_difference_that_rounds_to_nothing_has_no_sign():
+    found = compute(
+        """
+        const { signed } = await import("./format.js");
+        tell(given.map((x) => signed(x, 3)));
+        """,
+        [4e-4, -4e-4, 6e-4, -6e-4, 0],
+    )
+    assert found == ["0.000", "0.000", "+0.001", "−0.001", "0.000"]

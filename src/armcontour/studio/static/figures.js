@@ -101,13 +101,14 @@ class Figures {
 
   /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
   others(exact, executed) {
-    const demand = executed?.demand?.length ? Math.max(...executed.demand.map(Number)) : null;
+    const shares = exact?.demand ?? executed?.demand;
+    const demand = shares?.length ? Math.max(...shares.map(Number)) : null;
     const joints = exact?.saturated ?? executed?.saturated ?? null;
     const least = exact?.clearance?.least ?? null;
     const settled = exact?.settled ?? executed?.settled ?? null;
     const known = joints !== null;
     return {
-      demand: { value: demand, text: percent(demand), exact: false, alarm: demand !== null && demand > 1.0005 },
+      demand: { value: demand, text: percent(demand), exact: Boolean(exact), alarm: demand !== null && demand > 1.0005 },
       saturated: {
         value: known ? joints.length : null,
         text: known ? (joints.length ? countOf(joints) : "none") : NONE,
@@ -124,9 +125,14 @@ class Figures {
   compared() {
     const { store } = this;
     const figures = ["picture", "executed", "figures"].map((kind) => store.latest(kind, "compare")?.head ?? {});
-    if (store.document?.compare && store.latest("picture", "compare")) return Object.assign({}, ...figures);
-    const pin = store.document?.pins?.at(-1);
-    return pin ?? null;
+    const { compare, pins = [] } = store.document ?? {};
+    if (!compare || !store.latest("picture", "compare")) return pins.at(-1) ?? null;
+    const found = Object.assign({}, ...figures);
+    // Exact figures are compared with those that the pin has of a full run, if there are any.
+    const pin = pins.find((/** @type {any} */ x) => x.pin === compare.pin);
+    if (!pin || !store.isCurrent(store.latest("figures"))) return found;
+    const known = Object.entries(pin).filter(([, value]) => value !== null);
+    return { ...found, ...Object.fromEntries(known) };
   }
 
   /** @param {string} name @param {Shown} shown */

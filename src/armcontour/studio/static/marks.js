@@ -185,7 +185,7 @@ export function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const near = (picture.head.shortfalls ?? []).find((/** @type {any} */ x) => Math.abs(x.s - s[i]) < 0.002);
   const limit = picture.head.limits[binding[i]];
-  const wished = assigned ? ` of ${mm(assigned[i], 1)}` : "";
+  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
   const why = limit
     ? limit.kind === "speed"
       ? "; the assigned speed is reached"
