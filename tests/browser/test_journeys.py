@@ -594,3 +594,43 @@ def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path)
         studio.find("#picture").click()
         expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
         expect(studio.find("#question")).to_be_hidden()
+
+
+@pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
+def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
+    # The page that was opened first has made the job exact; the legend is longest with a pin.
+    studio.find("#pin").click()
+    studio.find("#compare").select_option(index=1)
+    page = pages(size=(wide, 800), colours=colours)
+    page.rest()
+    expect(page.find("#legend")).to_contain_text("compared")
+    legend = page.find("#legend")
+    before = legend.bounding_box()
+    for entry in legend.locator("> span").all():
+        box = entry.bounding_box()
+        assert box["x"] + box["width"] <= before["x"] + before["width"]
+        assert box["y"] + box["height"] <= before["y"] + before["height"] + 1
+    # With fewer entries it keeps its lines, so that the drawing keeps its size.
+    studio.find("#compare").select_option(index=0)
+    expect(legend).not_to_contain_text("compared")
+    assert legend.bounding_box() == before
+
+
+def test_j22_a_variant_does_not_differ_from_itself(pages, tmp_path, judge):
+    # Set-points are closer than those of a preview, and errors with them are others.
+    job = write_job(
+        tmp_path / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.5 ms")]
+    )
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        studio.find("#pin").click()
+        studio.find("#compare").select_option(index=1)
+        expect(studio.find("#legend")).to_contain_text("compared")
+        # The page tells all that it is compared with, exactly.
+        for name in ("duration", "rms", "max"):
+            delta = studio.find(f"[data-figure={name}] .delta")
+            expect(delta).to_have_text(re.compile(r"^0\.0+$"))
+        demand = judge(studio).evaluation.demand_ratio.max()
+        assert studio.figure("demand") == pytest.approx(demand, rel=1e-9)
+        studio.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -34,6 +35,33 @@ def test_a_slow_plan_is_executed_when_nothing_moves(
     session.display.screen.rest()
     session.display.screen.rest()
     assert kinds(tab.frames[before:]) == ["executed"]
+
+
+def test_a_long_motion_is_executed_when_nothing_moves(
+    session: Session, tab: Tab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "SHORT", 0.0)
+    assert kinds(tab.edit(MOVE)) == ["document", "picture"]
+    before = len(tab.frames)
+    session.display.screen.rest()
+    assert kinds(tab.frames[before:]) == ["executed"]
+
+
+def test_one_timer_waits_for_the_rest_of_many_edits(file: Path) -> None:
+    session = session_of(file, rest=0.3)
+    tab, rests = Tab(session), list[float]()
+    session.display.screen.rest = lambda: rests.append(time.monotonic())  # type: ignore[method-assign]
+    timers = {x for x in threading.enumerate() if isinstance(x, threading.Timer)}
+    seen, begin = set[threading.Thread](), time.monotonic()
+    for k in range(40):
+        tab.edit({**MOVE, "to": [0.39, 0.16 + 1e-4 * k]}, final=False)
+        last = time.monotonic()
+        seen |= {x for x in threading.enumerate() if isinstance(x, threading.Timer)} - timers
+        time.sleep(0.01)
+    assert not rests and len(seen) < 2 + (last - begin) / 0.3 < 30
+    wait_for(lambda: rests)
+    assert len(rests) == 1 and rests[0] >= last + 0.3 - 0.01
+    session.close()
 
 
 def test_older_answers_never_come_after_newer_ones(file: Path) -> None:

@@ -12,6 +12,7 @@ from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.job_edits import Change
+from armcontour.studio import document as module
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of
@@ -221,3 +222,18 @@ def test_line_breaks_of_a_browser_become_those_of_the_file(file: Path) -> None:
     assert not document.can_undo
     document.replace(TEXT.replace("corner", "other", 1), "text")
     assert document.text.count("\r\n") == document.text.count("\n") == TEXT.count("\n")
+
+
+def test_long_texts_are_kept_for_undo_as_far_as_there_is_room(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_UNDO", 3 * len(TEXT))
+    document = Document.open(file)
+    for speed in range(1, 7):
+        document.apply([Change(("limits", "speed"), f"0.{speed} m/s")], f"to {speed}")
+    undone = []
+    while document.can_undo:
+        undone.append(document.undo_label)
+        document.undo()
+    assert undone == ["to 6", "to 5", "to 4"]
+    assert document.data["limits"]["speed"] == "0.3 m/s"

@@ -213,3 +213,100 @@ def test_obstacles_are_drawn_where_their_corners_are():
     sides = np.roll(hull, -1, axis=0) - hull
     away = seen[:, None] - hull
     assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
+
+
+@with_node
+def test_the_newest_edit_goes_at_once_and_only_a_few_wait_for_answers():
+    found = compute(
+        """
+        const sent = [];
+        globalThis.location = { hash: "#1", host: "here", pathname: "/" };
+        globalThis.history = globalThis.sessionStorage = new Proxy({}, { get: () => () => null });
+        globalThis.WebSocket = class {
+          static OPEN = 1;
+          readyState = 1;
+          send(text) { sent.push(JSON.parse(text)); }
+        };
+        const { Link } = await import("./link.js");
+        const link = new Link({ tell: () => {}, put: () => {}, restart: () => {} });
+        link.open();
+        link.state.state = "open";
+        const gesture = link.newGesture(), steps = [];
+        const move = (k, final = false) => link.edit([{ to: k }], { gesture, final });
+        const answer = (seq) => link.answered({ kind: "picture", seq, head: {} });
+        const note = () => steps.push([sent.map((x) => x.edits[0].to), link.state.busy]);
+        for (const k of [1, 2, 3, 4, 5]) move(k);
+        note();
+        answer(2);
+        note();
+        answer(1);
+        move(6);
+        move(7);
+        note();
+        move(8, true);
+        note();
+        answer(5);
+        note();
+        answer(6);
+        note();
+        process.nextTick(() => process.exit());
+        tell(steps);
+        """,
+        [],
+    )
+    # Of those that wait the newest replaces the others; the last one of a gesture never waits.
+    assert found == [
+        [[1, 2, 3], True],
+        [[1, 2, 3, 5], True],
+        [[1, 2, 3, 5, 6], True],
+        [[1, 2, 3, 5, 6, 8], True],
+        [[1, 2, 3, 5, 6, 8], True],
+        [[1, 2, 3, 5, 6, 8], False],
+    ]
+
+
+@with_node
+def test_what_is_done_now_and_then_is_done_at_once_first_and_once_more_at_last():
+    found = compute(
+        """
+        globalThis.requestAnimationFrame = (draw) => setTimeout(draw, 1);
+        const { nowAndThen } = await import("./state.js");
+        const wait = (ms) => new Promise((go) => setTimeout(go, ms));
+        const drawn = [], draw = nowAndThen(given, () => drawn.push(shown));
+        let shown = 0;
+        for (; shown < 3; shown++) { draw(); await wait(30); }
+        const soon = [...drawn];
+        await wait(2 * given);
+        tell([soon, drawn]);
+        """,
+        400,
+    )
+    assert found == [[0], [0, 3]]
+
+
+@with_node
+def test_places_without_an_assigned_speed_tell_none():
+    found = compute(
+        """
+        const { sentenceAt } = await import("./marks.js");
+        const arrays = { path_s: [0.1], path_t: [2], speed: [0.05], binding: [0] };
+        const head = { limits: [{ name: "joint 1 velocity", kind: "velocity" }] };
+        const at = (assigned) => sentenceAt({ head, arrays: { ...arrays, assigned } }, 0);
+        tell([at([NaN]), at([0.15])]);
+        """,
+        [],
+    )
+    start, why = "s = 100.0 mm, t = 2.000 s: 50.0", "; held back by: joint 1 velocity."
+    assert found == [f"{start} mm/s{why}", f"{start} of 150.0 mm/s{why}"]
+
+
+@with_node
+def test_a_difference_that_rounds_to_nothing_has_no_sign():
+    found = compute(
+        """
+        const { signed } = await import("./format.js");
+        tell(given.map((x) => signed(x, 3)));
+        """,
+        [4e-4, -4e-4, 6e-4, -6e-4, 0],
+    )
+    assert found == ["0.000", "0.000", "+0.001", "−0.001", "0.000"]

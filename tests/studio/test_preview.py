@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.errors import Unreachable
+from armcontour.errors import InvalidInput, Unreachable
 from armcontour.io import parse_job
 from armcontour.jobs import run
 from armcontour.studio import preview
@@ -131,3 +131,14 @@ class TestDifferences:
         path = square["path"] | {"points": [[0, 0, 0], [2, 0, 0]]}
         with pytest.raises(Unreachable, match="Run optimal: "):
             previewer.plan(square | {"path": path})
+
+
+def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
+    paper["limits"]["speed"] = "1e-4 m/s"
+    planned = previewer.plan(paper, "optimal")
+    assert planned.trajectory.duration > 3000
+    with pytest.raises(
+        InvalidInput, match="optimal: the motion of 352. s is not simulated"
+    ) as found:
+        previewer.execute(planned)
+    assert found.value.needed == planned.trajectory.duration > found.value.allowed

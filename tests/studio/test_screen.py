@@ -94,6 +94,22 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests() -> None:
         assert not heard.of("picture", state)[-1].header["notes"]
 
 
+def test_at_rest_what_is_compared_is_as_exact_as_what_is_shown() -> None:
+    data, previewer = load(PAPER, "job"), Previewer()
+    with showing(previewer) as (screen, heard):
+        screen.compare(data, "optimal")
+        state = shown(previewer, data, "optimal")
+        screen.show(state)
+        heard.wait(lambda frames: len(heard.of("executed", state)) == 2)
+        rough = heard.of("executed", state)[-1]
+        screen.rest()
+        heard.wait(lambda frames: len(heard.of("executed", state)) == 5)
+        *_, live, beside = heard.of("executed", state)
+        assert [live.header["of"], beside.header["of"]] == ["live", "compare"]
+        for figure in ("rms", "max"):
+            assert live.header[figure] == beside.header[figure] != rough.header[figure]
+
+
 def test_what_changes_ends_the_search_for_the_picture_of_a_full_run() -> None:
     data, previewer = load(PAPER, "job"), Previewer()
     with showing(previewer) as (screen, heard):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from armcontour.studio import tabs as module
 from armcontour.studio.tabs import MOST_FILES, Tabs
 from armcontour.studio.wire import Frame
 
@@ -63,3 +64,12 @@ def test_the_newest_files_are_kept() -> None:
     numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
     assert list(tabs.files) == numbers[2:]
     assert tabs.files[numbers[-1]].data == b"%d" % (MOST_FILES + 1)
+
+
+def test_large_files_are_kept_only_as_far_as_there_is_room(monkeypatch) -> None:
+    monkeypatch.setattr(module, "MOST_BYTES", 100)
+    tabs = Tabs()
+    first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))
+    assert list(tabs.files) == [second] and first != second
+    third = tabs.keep_file("x.csv", "text/csv", bytes(200))
+    assert list(tabs.files) == [third] and len(tabs.files[third].data) == 200

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable, Mapping
 from threading import RLock, Timer
 from typing import Any
@@ -49,7 +50,9 @@ class Display:
         self.editor = editor
         self.lock = RLock()
         self.tabs, self.variants = Tabs(), Variants()
-        self._rest, self._timer = rest, Timer(0.0, lambda: None)
+        # One timer waits for the rest of all edits: to begin a thread for each takes long.
+        self._rest, self._due = rest, 0.0
+        self._timer: Timer | None = None
         # What is shown, with the edits of a gesture.
         self._made = Made({})
         # The revision whose preview has taken the configuration of its full run.
@@ -60,7 +63,9 @@ class Display:
 
     def close(self) -> None:
         """End all work."""
-        self._timer.cancel()
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
         self.exact.close()
         self.screen.close()
 
@@ -116,10 +121,9 @@ class Display:
                 moving=moving,
             )
         )
-        self._timer.cancel()
-        self._timer = Timer(self._rest, self._at_rest)
-        self._timer.daemon = True
-        self._timer.start()
+        self._due = time.monotonic() + self._rest
+        if self._timer is None:
+            self._wait(self._rest)
 
     def open(self) -> None:
         """Show another document, which the editor has opened."""
@@ -183,9 +187,22 @@ class Display:
         self.show_document()
         self.show(told=told)
 
+    def _wait(self, seconds: float) -> None:
+        """Look after a time whether nothing has changed meanwhile."""
+        self._timer = Timer(seconds, self._at_rest)
+        self._timer.daemon = True
+        self._timer.start()
+
     def _at_rest(self) -> None:
-        """Nothing has changed for a while: compute what takes longer."""
+        """If nothing has changed for a while, compute what takes longer."""
         with self.lock:
+            if self._timer is None:
+                return
+            left = self._due - time.monotonic()
+            if left > 0:
+                self._wait(left)
+                return
+            self._timer = None
             self.screen.rest()
             with contextlib.suppress(ArmContourError):
                 request = self.request({})

@@ -15,6 +15,8 @@ from armcontour.io.job_edits import Change, change_data, change_text, file_names
 from armcontour.studio.disk import BOM, Draft, decoded, write_whole
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
+# Characters of all texts that can be had back by undoing; the last one always can.
+MOST_UNDO = 50_000_000
 
 
 class Step(NamedTuple):
@@ -307,6 +309,8 @@ class Document:
         self._refuse_files(text)
         self._past.append(Step(label, self.text, self._data))
         self._future.clear()
+        while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MOST_UNDO:
+            del self._past[0]
         self.text, self._data = text, data
         self.write_draft()
 

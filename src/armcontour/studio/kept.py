@@ -13,8 +13,9 @@ import numpy as np
 T = TypeVar("T")
 # Results that are kept of every step: those of a few runs and pins that are looked at by turns.
 KEPT = 4
-# Of results with samples of minutes: those that are shown, and what they are compared with.
-LARGE_KEPT = 2
+# Of results with samples: those that are shown, and what they are compared with; and only the
+# newest one where there are more samples than this.
+LARGE_KEPT, MOST_SAMPLES = 2, 200_000
 
 
 class Kept:
@@ -24,7 +25,15 @@ class Kept:
         self._known: dict[str, list[tuple[Any, Any]]] = {}
         self.seconds: dict[str, float] = {}
 
-    def get(self, step: str, made_of: Any, make: Callable[[], T], *, most: int = KEPT) -> T:
+    def get(
+        self,
+        step: str,
+        made_of: Any,
+        make: Callable[[], T],
+        *,
+        most: int = KEPT,
+        samples: Callable[[T], int] = lambda value: 0,
+    ) -> T:
         """The result of a step, kept or made.
 
         Args:
@@ -32,6 +41,7 @@ class Kept:
             made_of: Everything that the result depends on; it can be compared.
             make: Does the step.
             most: How many results of the step are kept.
+            samples: Number of samples that a result has.
         """
         known = self._known.setdefault(step, [])
         for k, (before, value) in enumerate(known):
@@ -44,6 +54,8 @@ class Kept:
         self.seconds[step] = time.perf_counter() - begin
         known.insert(0, (made_of, value))
         del known[most:]
+        while len(known) > 1 and sum(samples(x) for _, x in known) > MOST_SAMPLES:
+            del known[-1]
         return value
 
     @contextmanager

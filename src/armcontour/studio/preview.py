@@ -40,12 +40,15 @@ from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.kept import LARGE_KEPT, Kept, comparable
-from armcontour.studio.preview_run import coarser_run, with_one_run
+from armcontour.studio.preview_run import coarser_run, with_fewer_samples, with_one_run
 from armcontour.studio.previewed import Executed, Planned
 from armcontour.timing.program_tracing import ends_of
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
+# Longest motion that is simulated for a preview, times the number of joints [s]; it takes seconds,
+# and 150 MB.
+LONGEST = 2400.0
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
 CONFIGURATION = "the arm keeps the configuration in which it was planned before."
@@ -159,13 +162,18 @@ class Previewer:
                     found = self._plan(job, path, this, exact, progress)
         return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
 
-    def execute(self, planned: Planned) -> Executed:
+    def execute(self, planned: Planned, *, moving: bool = False) -> Executed:
         """Compensate and execute a plan, and find its contour errors.
+
+        Args:
+            planned: The plan.
+            moving: Whether the next one is wanted soon, so that some of the samples are enough.
 
         Raises:
             ArmContourError: As `run`.
         """
         job, this, get = planned.job, planned.run, self._kept.get
+        _refuse_too_long(planned)
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
             how = this.compensation, this.compensation_options, this.period, servos[0]
@@ -173,18 +181,23 @@ class Previewer:
                 "compensation",
                 (planned.trajectory, *how),
                 lambda: teach_run(job, this, planned.trajectory),
+                samples=lambda x: len(x.q),
             )
             execution = get(
                 "execution",
                 (taught, servos[1], comparable(this.limits)),
                 lambda: execute_run(job, this, taught),
                 most=LARGE_KEPT,
+                samples=lambda x: len(x.t),
             )
+            if moving and planned.path.single_path is not None:
+                execution = with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
                 (execution, planned.path, this.until),
                 lambda: _contour_errors(execution, planned.path, this.until),
                 most=LARGE_KEPT,
+                samples=lambda x: len(x[1].t),
             )
         return Executed(
             planned=planned,
@@ -303,6 +316,25 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     model: JobModel = read_keys(Keys(JobModel), dict(data), "job")
     return model
+
+
+def _refuse_too_long(planned: Planned) -> None:
+    """Refuse to simulate what takes minutes, in which nothing else would be shown.
+
+    Raises:
+        InvalidInput: The motion is too long.
+    """
+    duration, joints = planned.trajectory.duration, planned.job.arm.dof
+    longest = LONGEST / joints
+    if duration > longest:
+        raise InvalidInput(
+            f"Run {planned.run.name}: the motion of {duration:.4g} s is not simulated here, as it "
+            f"is longer than {longest:.4g} s with {joints} joints: take a higher speed, or run the "
+            "job on the command line.",
+            limit="duration",
+            needed=duration,
+            allowed=longest,
+        )
 
 
 def _contour_errors(

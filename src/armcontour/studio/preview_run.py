@@ -1,7 +1,7 @@
 """The run of a preview: the only one of its job, and coarser than in a full run.
 
 Set-points are not closer than `PERIOD`, corners of the shape free have arcs, and while a handle
-moves the timing is found on a coarser grid.
+moves the timing is found on a coarser grid, and errors at fewer samples.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.job_model import JobModel, RunModel
 from armcontour.jobs import Job, Run
 from armcontour.jobs.weak_points import INVERSE_DYNAMICS
-from armcontour.motion import Method
+from armcontour.motion import Execution, Method
 from armcontour.timing import intervals_of
 
 # Smallest command interval of a preview [s].
@@ -20,6 +20,8 @@ PERIOD = 4e-3
 # Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
 # differ by less than a thousandth, and nothing needs half as long.
 MOVING_INTERVALS = 600
+# Samples of an execution while a handle moves, at least.
+MOVING_SAMPLES = 1500
 ARCS = (
     "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
     "at rest."
@@ -97,3 +99,14 @@ def coarser_run(
         this = dataclasses.replace(this, timing_options=options)
         differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
     return this, tuple(differs)
+
+
+def with_fewer_samples(execution: Execution) -> Execution:
+    """The execution at every second of its samples, or third and so on; largest demands stay."""
+    step = len(execution.t) // MOVING_SAMPLES
+    if step < 2:
+        return execution
+    names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
+    known = {x: getattr(execution, x) for x in names}
+    fewer = {name: x[::step] for name, x in known.items() if x is not None}
+    return dataclasses.replace(execution, **fewer)

@@ -25,6 +25,8 @@ from armcontour.studio.wire import Frame
 
 # A plan that took longer is executed only when nothing changes any more [s].
 QUICK = 0.03
+# A longer motion, too [s]: an execution cannot be given up for a newer one.
+SHORT = 60.0
 
 
 class Superseded(Exception):
@@ -157,7 +159,7 @@ class Screen:
         self._working = shown
         yield from self._live(shown, stale)
         if self._compared is not None and not stale():
-            yield from self._beside(shown, *self._compared)
+            yield from self._beside(shown, stale, *self._compared)
         if shown.told is not None:
             yield shown.told
         self._done.set()
@@ -182,14 +184,15 @@ class Screen:
             if not shown.drawn:
                 shown.drawn = not moving
                 yield picture_frame(planned, view)
-            if took > QUICK and self._may_wait(shown):
+            slow = took > QUICK or planned.trajectory.duration > SHORT
+            if slow and self._may_wait(shown):
                 return
             exact = self.previewer.may_be_exact(planned)
             # While edits come one after the other, every second plan is executed at least.
             self._owed = not self._owed and stale()
             if self._owed:
                 return
-            self.executed = self.previewer.execute(planned)
+            self.executed = self.previewer.execute(planned, moving=moving)
             yield executed_frame(self.executed, view)
             if (exact or moving) and not stale() and not self._may_wait(shown):
                 yield from self._live(shown, stale) if moving else self._exact(shown, stale)
@@ -200,17 +203,25 @@ class Screen:
 
     def _exact(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution as a full run has them, unless something changes meanwhile."""
-
-        def go_on(step: Step) -> None:
-            if stale():
-                raise Superseded
-
-        planned = self.previewer.plan(shown.data, shown.run, exact=True, progress=go_on)
+        planned = self._plan_exactly(shown.data, shown.run, stale)
         self.planned = planned
         yield picture_frame(planned, shown.view)
         if not stale():
             self.executed = self.previewer.execute(planned)
             yield executed_frame(self.executed, shown.view)
+
+    def _plan_exactly(self, data: Mapping[str, Any], run: str, stale: Stale) -> Planned:
+        """The plan as a full run has it.
+
+        Raises:
+            Superseded: Something has changed meanwhile.
+        """
+
+        def go_on(step: Step) -> None:
+            if stale():
+                raise Superseded
+
+        return self.previewer.plan(data, run, exact=True, progress=go_on)
 
     def _when_at_rest(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames if nothing changes any more; else they come then."""
@@ -223,15 +234,24 @@ class Screen:
             shown.waits = not shown.rests
             return shown.waits
 
-    def _beside(self, shown: Shown, data: Mapping[str, Any] | None, run: str) -> Iterator[Frame]:
-        """The plan that it is compared with; what is refused there is not drawn."""
+    def _beside(
+        self, shown: Shown, stale: Stale, data: Mapping[str, Any] | None, run: str
+    ) -> Iterator[Frame]:
+        """The plan that it is compared with; what is refused there is not drawn.
+
+        At rest it is as exact as what it is compared with, so that differences are true.
+        """
         try:
             moving = data is None and shown.moving and not shown.rests
             data = shown.data if data is None else data
             planned = self.previewer.plan(data, run, moving=moving)
+            if self.previewer.may_be_exact(planned) and not self._may_wait(shown):
+                planned = self._plan_exactly(data, run, stale)
             yield picture_frame(planned, shown.view, of="compare")
-            executed = self.previewer.execute(planned)
+            executed = self.previewer.execute(planned, moving=moving)
             yield executed_frame(executed, shown.view, of="compare")
+        except Superseded:
+            pass
         except ArmContourError as error:
             yield _refusal(error, shown, None, run=run, of="compare")
 

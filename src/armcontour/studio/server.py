@@ -6,6 +6,8 @@ It answers as soon as it can, and loads what computes meanwhile: `serve` begins 
 from __future__ import annotations
 
 import asyncio
+import ctypes
+import gc
 import json
 import logging
 import os
@@ -13,6 +15,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -60,6 +63,9 @@ CLOSED_FOR = 60.0
 LOOK_EVERY = 2.0
 # How long a thread may keep Python's lock while another waits for it [s].
 SWITCH = 5e-4
+# An array of more bytes goes back to the system when it is dropped. By itself glibc keeps memory of
+# up to 32 MB for later, which came to hundreds of MB after motions of minutes.
+LARGE, M_MMAP_THRESHOLD = 2**20, -3
 # Why a socket is closed, as websockets number it.
 UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
 
@@ -213,6 +219,7 @@ def serve(
     try:
         asyncio.run(_serve(listening, door, desk, exit_when_closed))
     finally:
+        gc.unfreeze()
         if desk.session is not None:
             desk.session.close()
     if desk.failure is not None:
@@ -289,12 +296,23 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     # Python's lock is shared with what loads and computes: it gives way to answers soon.
     sys.setswitchinterval(SWITCH)
     desk.stop = stop
-    threading.Thread(target=desk.start, name="starting", daemon=True).start()
+    threading.Thread(target=_start, args=(desk,), name="starting", daemon=True).start()
     watching = asyncio.create_task(_watch(desk, exit_when_closed))
     try:
         await server.serve(sockets=[listening])
     finally:
         watching.cancel()
+
+
+def _start(desk: Desk) -> None:
+    """Make the session, and show it."""
+    desk.start()
+    if sys.platform == "linux":
+        # Other C libraries have no such function.
+        with suppress(AttributeError):
+            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)
+    # What is loaded by now stays: to look through it for garbage would hold answers up by 50 ms.
+    gc.freeze()
 
 
 async def _watch(desk: Desk, exit_when_closed: bool) -> None:

@@ -12,8 +12,8 @@ from armcontour.studio.wire import Frame
 
 # A message of a page.
 Said: TypeAlias = Mapping[str, Any]
-# Files that are kept for the pages to save.
-MOST_FILES = 20
+# Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
+MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
 NEWEST_ONLY = {
     *("arm", "document", "executed", "figures"),
@@ -121,9 +121,14 @@ class Tabs:
         number = secrets.token_hex(8)
         with self._lock:
             self.files[number] = File(name, kind, data)
-            while len(self.files) > MOST_FILES:
+            while len(self.files) > MOST_FILES or self._is_too_much():
                 del self.files[next(iter(self.files))]
         return number
+
+    def _is_too_much(self) -> bool:
+        """Whether the files that are kept take too much memory, besides the newest."""
+        sizes = [len(x.data) for x in self.files.values()]
+        return len(sizes) > 1 and sum(sizes) > MOST_BYTES
 
     def _remember(self, key: str, frame: Frame) -> None:
         """Keep a frame for pages to come; what it puts out of date goes."""

@@ -104,7 +104,8 @@ export class Chart {
     const { content } = this;
     if (!content) return;
     const started = performance.now();
-    const width = this.plotBox.clientWidth;
+    // The width of a chart that is there is known: asking makes the browser lay out the page.
+    const width = this.plot?.width ?? this.plotBox.clientWidth;
     if (width < 40) return;
     const signature = JSON.stringify([content.curves.map((c) => [c.label, c.colour, c.dash, c.width]), content.limits, content.range, content.yUnit]);
     const data = /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ ([content.x, ...content.curves.map((c) => c.y)]));

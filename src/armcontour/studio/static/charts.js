@@ -16,6 +16,8 @@ const SOURCE = "charts";
 /** While frames come, charts wait so long between two drawings [ms]. */
 const PAUSE = 66;
 const LONGEST_PAUSE = 500;
+/** For each ms that charts take, others have so many. */
+const ROOM = 9;
 /** Values at the cursor change so often at most [ms]. */
 const READING = 100;
 /** A chart over arc length has at least so many places. */
@@ -93,8 +95,7 @@ class Charts {
     } finally {
       this.works = false;
     }
-    // They take a quarter of the time at most.
-    this.pause = Math.min(LONGEST_PAUSE, Math.max(PAUSE, 3 * cost));
+    this.pause = Math.min(LONGEST_PAUSE, Math.max(PAUSE, ROOM * cost));
     if (this.again) this.renew();
   }
 

@@ -1,8 +1,8 @@
 // The figures on top: cycle time, errors, saturation, clearance; each with its difference to what is compared.
 
-import { find, make, say } from "./dom.js";
+import { find, make, mark, say } from "./dom.js";
 import { mm, NONE, percent, seconds, signed } from "./format.js";
-import { oncePerFrame } from "./state.js";
+import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /**
@@ -33,7 +33,13 @@ class Figures {
     find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
-    for (const event of ["picture", "executed", "figures", "refusal", "compare", "document"]) store.on(event, update);
+    for (const event of ["figures", "refusal", "compare", "document"]) store.on(event, update);
+    const others = nowAndThen(READING, () => this.update());
+    store.on("executed", others);
+    store.on("picture", () => {
+      this.updateFirst();
+      others();
+    });
     setInterval(() => this.speak(), SPOKEN_EVERY);
   }
 
@@ -51,40 +57,58 @@ class Figures {
   }
 
   update() {
+    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
+    this.updateState();
+  }
+
+  /** The cycle time, with each picture. */
+  updateFirst() {
+    this.show("duration", this.duration());
+    this.updateState();
+  }
+
+  /** How true the figures are. */
+  updateState() {
     const { store } = this;
     this.region.classList.toggle("stale", store.refusal?.head.tier === 1);
-    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
     const exact = store.isCurrent(store.latest("figures"));
     say(this.state, exactnessOf(store));
-    this.state.title = exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes";
-    this.region.dataset.exact = String(exact);
+    mark(this.state, "title", exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes");
+    mark(this.region, "data-exact", String(exact));
   }
 
   /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
   values() {
-    const { exact, executed, duration, ...errors } = knownOf(this.store);
+    const { exact, executed, ...errors } = knownOf(this.store);
     const other = this.compared();
     const error = (/** @type {"rms" | "max"} */ name) => {
       const value = errors[name];
       return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
     };
     return {
-      duration: { value: duration, text: seconds(duration), exact: Boolean(exact), other: other?.duration, digits: 3 },
+      duration: this.duration(),
       rms: error("rms"),
       max: error("max"),
       ...this.others(exact, executed),
     };
   }
 
+  /** @returns {Shown} */
+  duration() {
+    const { exact, duration } = knownOf(this.store);
+    return { value: duration, text: seconds(duration), exact: Boolean(exact), other: this.compared()?.duration, digits: 3 };
+  }
+
   /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
   others(exact, executed) {
-    const demand = executed?.demand?.length ? Math.max(...executed.demand.map(Number)) : null;
+    const shares = exact?.demand ?? executed?.demand;
+    const demand = shares?.length ? Math.max(...shares.map(Number)) : null;
     const joints = exact?.saturated ?? executed?.saturated ?? null;
     const least = exact?.clearance?.least ?? null;
     const settled = exact?.settled ?? executed?.settled ?? null;
     const known = joints !== null;
     return {
-      demand: { value: demand, text: percent(demand), exact: false, alarm: demand !== null && demand > 1.0005 },
+      demand: { value: demand, text: percent(demand), exact: Boolean(exact), alarm: demand !== null && demand > 1.0005 },
       saturated: {
         value: known ? joints.length : null,
         text: known ? (joints.length ? countOf(joints) : "none") : NONE,
@@ -101,22 +125,27 @@ class Figures {
   compared() {
     const { store } = this;
     const figures = ["picture", "executed", "figures"].map((kind) => store.latest(kind, "compare")?.head ?? {});
-    if (store.document?.compare && store.latest("picture", "compare")) return Object.assign({}, ...figures);
-    const pin = store.document?.pins?.at(-1);
-    return pin ?? null;
+    const { compare, pins = [] } = store.document ?? {};
+    if (!compare || !store.latest("picture", "compare")) return pins.at(-1) ?? null;
+    const found = Object.assign({}, ...figures);
+    // Exact figures are compared with those that the pin has of a full run, if there are any.
+    const pin = pins.find((/** @type {any} */ x) => x.pin === compare.pin);
+    if (!pin || !store.isCurrent(store.latest("figures"))) return found;
+    const known = Object.entries(pin).filter(([, value]) => value !== null);
+    return { ...found, ...Object.fromEntries(known) };
   }
 
   /** @param {string} name @param {Shown} shown */
   show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
     const { box, value: place, delta } = this.boxes[name];
     box.classList.toggle("alarm", alarm);
-    box.dataset.value = value === null ? "" : String(value);
-    box.dataset.exact = String(exact);
+    mark(box, "data-value", value === null ? "" : String(value));
+    mark(box, "data-exact", String(exact));
     say(place, text);
     if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
     const known = typeof other === "number" && typeof value === "number";
     say(delta, known ? signed(factor * (value - other), digits) : "");
-    delta.dataset.better = known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "";
+    mark(delta, "data-better", known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "");
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */

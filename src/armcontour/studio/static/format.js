@@ -18,8 +18,10 @@ export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m :
 export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 * x, x < 10 ? 1 : 0));
 
 /** A difference with its sign. @param {number} x @param {number} decimals @returns {string} */
-export const signed = (x, decimals) =>
-  (x > 0 ? "+" : "") + fixed(Math.abs(x) < 0.5 * 10 ** -decimals ? 0 : x, decimals);
+export const signed = (x, decimals) => {
+  const shown = Math.abs(x) < 0.5 * 10 ** -decimals ? 0 : x;
+  return (shown > 0 ? "+" : "") + fixed(shown, decimals);
+};
 
 /** A number with about four significant digits, without needless zeros. @param {number} x @returns {string} */
 export function short(x) {

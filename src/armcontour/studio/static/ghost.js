@@ -21,6 +21,7 @@ export class Ghost {
     this.link = link;
     this.timer = 0;
     this.tasks = 0;
+    this.isHeld = false;
     /** @type {{slider: Slider, element: HTMLElement, id: string} | null} */
     this.wished = null;
     /** Sweeps of this text and run, by key. @type {Map<string, Sweep>} */
@@ -43,7 +44,7 @@ export class Ghost {
   /** The pointer rests on a slider. @param {Slider} slider @param {HTMLElement} element */
   wish(slider, element) {
     this.leave();
-    if (slider.choices || !(slider.min < slider.max)) return;
+    if (this.isHeld || slider.choices || !(slider.min < slider.max)) return;
     const known = this.known.get(slider.key);
     if (known) return this.show(slider, element, known);
     this.timer = setTimeout(() => {
@@ -52,6 +53,12 @@ export class Ghost {
       const { key, min, max, log } = slider;
       this.link.send({ op: "task", id, task: "sweep", options: { key, min, max, log, count: COUNT } });
     }, AFTER);
+  }
+
+  /** While a slider is held no sweep begins: it would take a processor from what the person is waiting for. @param {boolean} isHeld */
+  hold(isHeld) {
+    this.isHeld = isHeld;
+    if (isHeld) clearTimeout(this.timer);
   }
 
   leave() {

@@ -1,5 +1,6 @@
 // The connection to the server: says hello with the token, sends messages, hands frames to the store.
-// Edits are kept to one in flight and one pending, so that no queue grows while a handle is dragged.
+// Edits are kept to a few in flight and one pending, so that no queue grows while a handle is dragged. The server leaves
+// out all but the newest: it always goes on with where the pointer is now, and never waits for the page to draw.
 
 import { unpack } from "./wire.js";
 
@@ -14,6 +15,8 @@ import { unpack } from "./wire.js";
 const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
+// Edits without an answer at once; the screen may be faster than the server.
+const MOST_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "This page has no valid token: open the address that `armcontour studio` has printed.";
@@ -40,8 +43,9 @@ export class Link {
     this.seq = 0;
     this.gestures = 0;
     this.wait = FIRST_WAIT;
-    /** @type {{seq: number, timer: number} | null} the edit that has no answer yet */
-    this.inFlight = null;
+    /** @type {number[]} edits that have no answer yet, by seq */
+    this.inFlight = [];
+    this.late = 0;
     /** @type {Message[]} edits that wait; of each gesture only the last */
     this.pending = [];
     /** @type {Map<number, number>} when messages were caused, by seq */
@@ -75,7 +79,7 @@ export class Link {
   }
 
   /**
-   * Send an edit as soon as the last one is answered; a later one of the same gesture replaces one that waits.
+   * Send an edit, or keep it while too many have no answer; a later one of the same gesture replaces one that waits.
    * @param {object[]} edits all changes since the gesture's start
    * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
    *   when the person moved (the event's time stamp)
@@ -86,7 +90,7 @@ export class Link {
     const last = this.pending.at(-1);
     if (last && last.gesture === gesture) this.pending.pop();
     this.pending.push(message);
-    if (!this.inFlight || final) this.flush();
+    if (this.inFlight.length < MOST_IN_FLIGHT || final) this.flush();
   }
 
   /** Back to what it was before the gesture. */
@@ -124,17 +128,19 @@ export class Link {
 
   /** @param {number} seq */
   fly(seq) {
-    if (this.inFlight) clearTimeout(this.inFlight.timer);
-    this.inFlight = { seq, timer: setTimeout(() => this.land(), ANSWER_WITHIN) };
+    this.inFlight.push(seq);
+    clearTimeout(this.late);
+    this.late = setTimeout(() => this.land(), ANSWER_WITHIN);
     this.setBusy(true);
   }
 
-  /** The edit in flight is answered: the next one goes. */
-  land() {
-    if (this.inFlight) clearTimeout(this.inFlight.timer);
-    this.inFlight = null;
-    if (this.pending.length) this.flush();
-    else this.setBusy(false);
+  /** Edits in flight are answered: the next one goes. @param {number} [seq] of the last of them; by default all are */
+  land(seq = Infinity) {
+    this.inFlight = this.inFlight.filter((x) => x > seq);
+    if (this.pending.length) return this.flush();
+    if (this.inFlight.length) return;
+    clearTimeout(this.late);
+    this.setBusy(false);
   }
 
   /** @param {ArrayBuffer} bytes */
@@ -152,17 +158,16 @@ export class Link {
 
   /** @param {import("./state.js").Frame} frame */
   answered(frame) {
-    const flight = this.inFlight;
-    if (!flight || frame.seq === null || frame.seq < flight.seq) return;
+    if (frame.seq === null || !(this.inFlight[0] <= frame.seq)) return;
     // The server executes the plan while the next edit is on its way.
     const drawn = frame.kind === "picture" && frame.head.of !== "compare";
-    if (drawn || ["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land();
+    if (drawn || ["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land(frame.seq);
   }
 
   /** @param {CloseEvent} event */
   closed(event) {
     this.socket = null;
-    const lost = this.pending.length > 0 || this.inFlight !== null;
+    const lost = this.pending.length > 0 || this.inFlight.length > 0;
     this.pending = [];
     this.land();
     if (event.code === 1008 || event.code >= 4000) return this.tell("refused", event.reason || REFUSED);

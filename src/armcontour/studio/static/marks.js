@@ -92,7 +92,7 @@ class Marks {
     const seen = x >= 0 && y >= 0 && x <= width && y <= height;
     this.sentence.hidden = !seen;
     // The sentence is either at its place or in the messages.
-    document.body.dataset.refusedHere = String(seen);
+    mark(document.body, "data-refused-here", String(seen));
     if (!refusal || !at) return;
     move(this.refused, [x, y]);
     say(this.sentence, refusal.head.sentence);
@@ -185,7 +185,7 @@ export function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const near = (picture.head.shortfalls ?? []).find((/** @type {any} */ x) => Math.abs(x.s - s[i]) < 0.002);
   const limit = picture.head.limits[binding[i]];
-  const wished = assigned ? ` of ${mm(assigned[i], 1)}` : "";
+  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
   const why = limit
     ? limit.kind === "speed"
       ? "; the assigned speed is reached"

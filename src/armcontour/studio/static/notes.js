@@ -1,8 +1,8 @@
 // What the server says beside figures: warnings, notes, slow places, where the time goes.
 
-import { find, headings, make } from "./dom.js";
+import { find, headings, make, say } from "./dom.js";
 import { percent, seconds } from "./format.js";
-import { oncePerFrame } from "./state.js";
+import { nowAndThen, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
@@ -26,14 +26,14 @@ export function init(store) {
   const region = find("#tab-notes");
   const tab = find("#tab-button-notes");
   let shown = "";
-  const update = oncePerFrame(() => {
+  const update = nowAndThen(READING, () => {
     const picture = store.latest("picture")?.head;
     if (!picture) return;
     const figures = store.isCurrent(store.latest("figures")) ? store.latest("figures")?.head : null;
     const warnings = [...new Set([...(picture.warnings ?? []), ...(figures?.warnings ?? [])])];
     const notes = [...new Set([...(picture.notes ?? []), ...(figures?.notes ?? [])])];
     tab.dataset.count = String(warnings.length || "");
-    tab.textContent = warnings.length ? `Notes (${warnings.length})` : "Notes";
+    say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
     if (region.hidden) return;
     const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [
       x.name,

@@ -78,6 +78,12 @@ class Row {
     this.select.addEventListener("change", () => this.set(this.select.value));
     this.element.addEventListener("pointerenter", () => ghost.wish(this.slider, this.element));
     this.element.addEventListener("pointerleave", () => ghost.leave());
+    this.range.addEventListener("pointerdown", () => ghost.hold(true));
+    for (const event of ["pointerup", "pointercancel", "lostpointercapture"])
+      this.range.addEventListener(event, () => {
+        ghost.hold(false);
+        if (this.element.matches(":hover")) ghost.wish(this.slider, this.element);
+      });
   }
 
   /** @param {Event} event */

@@ -3,6 +3,7 @@
 import { find, make, say } from "./dom.js";
 import { seconds } from "./format.js";
 import { motionOf } from "./motion.js";
+import { nowAndThen, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -15,7 +16,7 @@ const STEP = 0.005;
 /** The exact posture is asked for when nothing has changed for so long [ms]. */
 const REST = 120;
 /** While it plays, numbers change so often at most [ms]. */
-const READING = 60;
+const PLAYING = 60;
 
 /**
  * Fill the bar of the playback.
@@ -24,7 +25,8 @@ const READING = 60;
  */
 export function init(store, link) {
   const playback = new Playback(find("#playback"), store, link);
-  for (const event of ["picture", "executed"]) store.on(event, () => playback.renew());
+  const renew = nowAndThen(READING, () => playback.renew());
+  for (const event of ["picture", "executed"]) store.on(event, renew);
   store.on("cursor", () => playback.follow());
   store.on("pose", () => playback.answered());
   store.on("view", () => playback.renew());
@@ -137,7 +139,7 @@ class Playback {
     const ends = this.time >= motion.duration;
     if (ends) this.time = this.loops ? this.time % motion.duration : motion.duration;
     this.store.setCursor({ t: this.time, source: SOURCE });
-    if (now - this.told > READING) this.tell();
+    if (now - this.told > PLAYING) this.tell();
     if (ends && !this.loops) this.pause();
     else requestAnimationFrame((next) => this.advance(next));
   }

@@ -48,6 +48,8 @@
  *   caption: () => string}} Underlay
  */
 
+/** While answers come one after the other, texts change so often at most [ms]. */
+export const READING = 100;
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
@@ -265,5 +267,28 @@ export function oncePerFrame(draw) {
       waits = false;
       draw();
     });
+  };
+}
+
+/**
+ * The same, but at most every so many ms: for what is read, and is too much work for every frame. What is there at last
+ * is always drawn.
+ * @param {number} every ms @param {() => void} draw @returns {() => void}
+ */
+export function nowAndThen(every, draw) {
+  let last = -Infinity;
+  let timer = 0;
+  const run = oncePerFrame(() => {
+    last = performance.now();
+    draw();
+  });
+  return () => {
+    if (timer) return;
+    const wait = last + every - performance.now();
+    if (wait <= 0) return run();
+    timer = setTimeout(() => {
+      timer = 0;
+      run();
+    }, wait);
   };
 }

@@ -49,6 +49,8 @@ export class View2d {
     this.measured = {};
     this.measures = 0;
     this.redraw = oncePerFrame(() => this.drawNow());
+    /** Whether an answer was drawn since the last frame of the screen. */
+    this.isFresh = false;
     this.listen();
   }
 
@@ -59,16 +61,25 @@ export class View2d {
       this.fitOnce();
       this.follow();
     });
-    for (const event of ["picture", "executed", "compare", "refusal", "theme", "view", "underlay"])
-      store.on(event, () => this.changed());
+    for (const event of ["picture", "executed"]) store.on(event, () => this.show());
+    for (const event of ["compare", "refusal", "theme", "view", "underlay"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
   }
 
-  /** The picture is another one. */
-  changed() {
-    this.rest();
+  /** An answer came: the first one of a frame is drawn at once, so that the frame itself has less to do. */
+  show() {
+    if (this.isFresh) return this.rest();
+    this.isFresh = true;
+    requestAnimationFrame(() => {
+      this.isFresh = false;
+      this.place();
+    });
+    this.moving = false;
+    this.bitmap = null;
+    this.drawAll();
+    this.tell();
   }
 
   /** Rows of points are relative to a centre that may move with the path; the drawing does not. */
@@ -162,8 +173,13 @@ export class View2d {
   drawNow() {
     if (this.moving && this.bitmap) this.drawBitmap(this.bitmap);
     else this.drawAll();
-    for (const follow of this.followers) follow();
+    this.place();
     this.tell();
+  }
+
+  /** What lies over the picture goes to its place. */
+  place() {
+    for (const follow of this.followers) follow();
   }
 
   drawAll() {

@@ -1,8 +1,8 @@
 // The bar over the drawing: what colours the path, how far errors are magnified, fit and zoom; and the legend.
 
-import { draw, find, make, say } from "./dom.js";
+import { draw, find, make, mark, say } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
-import { oncePerFrame } from "./state.js";
+import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./view2d.js").View2d} View2d */
@@ -23,11 +23,17 @@ class Viewbar {
     this.scales = make("div", { class: "scales", "aria-hidden": "true" });
     view.region.append(this.scales);
     this.legendAt = -Infinity;
+    /** Width of the page for which the legend has its lines [px]. */
+    this.wide = 0;
+    /** What the legend and the scales show. */
+    this.shown = "";
     this.timer = 0;
     this.build();
-    this.update = oncePerFrame(() => this.updateNow());
-    for (const event of ["view", "theme", "picture", "executed", "compare"]) store.on(event, this.update);
-    view.followers.add(this.update);
+    const update = oncePerFrame(() => this.updateNow());
+    for (const event of ["view", "theme", "compare"]) store.on(event, update);
+    const follow = nowAndThen(READING, () => this.updateNow());
+    for (const event of ["picture", "executed"]) store.on(event, follow);
+    view.followers.add(follow);
     this.updateNow();
   }
 
@@ -92,7 +98,7 @@ class Viewbar {
     );
     const element = make("span", { class: "group choice", role: "group", "aria-label": label }, buttons);
     const show = (/** @type {string} */ chosen) =>
-      buttons.forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.name === chosen)));
+      buttons.forEach((b) => mark(b, "aria-pressed", String(b.dataset.name === chosen)));
     return { element, show };
   }
 
@@ -101,13 +107,21 @@ class Viewbar {
     const { magnify } = this.view.region.dataset;
     this.colours?.show(options.colour);
     this.stages?.show(options.stage);
-    this.executed?.setAttribute("aria-pressed", String(options.executed));
-    this.place?.setAttribute("aria-pressed", String(options.place));
-    this.auto?.setAttribute("aria-pressed", String(options.magnify === 0));
+    const pressed = [[this.executed, options.executed], [this.place, options.place], [this.auto, options.magnify === 0]];
+    for (const [button, is] of /** @type {[HTMLElement | undefined, boolean][]} */ (pressed))
+      if (button) mark(button, "aria-pressed", String(is));
     if (this.times) say(this.times, magnify ? `×${magnify}` : "");
     if (this.factor && magnify && document.activeElement !== this.factor)
       this.factor.value = String(Math.log10(Number(magnify)));
     this.updateLegend();
+  }
+
+  /** Lines that the legend has needed stay: the drawing above does not change its size with every limit that binds. */
+  keepLines() {
+    const { legend } = this;
+    if (innerWidth !== this.wide) legend.style.minHeight = "";
+    this.wide = innerWidth;
+    legend.style.minHeight = `${legend.offsetHeight}px`;
   }
 
   /** The legend is not made again at every move. */
@@ -124,9 +138,13 @@ class Viewbar {
     const { layers, region } = this.view;
     const magnify = this.store.options.executed ? Number(region.dataset.magnify) : 0;
     const { scale } = this.view.view;
-    const entries = legendOf(this.store, layers, picture, magnify).map((x) => make("span", {}, partsOf(x)));
-    this.legend.replaceChildren(...entries);
+    const entries = legendOf(this.store, layers, picture, magnify);
     const scales = scalesOf(scale, magnify, this.store.theme);
+    const shown = JSON.stringify([entries, scales]);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    this.legend.replaceChildren(...entries.map((x) => make("span", {}, partsOf(x))));
+    this.keepLines();
     this.scales.replaceChildren(...scales.map((x) => make("span", { class: "scale" }, partsOf(x))));
   }
 }
