@@ -75,6 +75,7 @@ export class View2d {
     requestAnimationFrame(() => {
       this.isFresh = false;
       this.place();
+      this.measure();
     });
     this.moving = false;
     this.bitmap = null;
@@ -175,6 +176,7 @@ export class View2d {
     else this.drawAll();
     this.place();
     this.tell();
+    this.measure();
   }
 
   /** What lies over the picture goes to its place. */
@@ -230,18 +232,19 @@ export class View2d {
       scale: this.view.scale,
     };
     for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));
-    this.measure(picture);
-    this.measure(executed);
   }
 
-  /** @param {Frame | null} frame */
-  measure(frame) {
-    if (!frame || this.measured[frame.kind] === frame) return;
-    this.measured[frame.kind] = frame;
-    if (!frame.asked) return;
-    performance.measure(`drawn ${frame.kind}`, { start: frame.asked, detail: frame.seq });
-    this.measures += 1;
-    if (this.measures % MOST_MEASURES === 0) performance.clearMeasures();
+  /** Note how long new answers took, up to the frame of the screen that has them. */
+  measure() {
+    const { store } = this;
+    for (const frame of [store.latest("picture"), store.refusal ? null : store.latest("executed")]) {
+      if (!frame || this.measured[frame.kind] === frame) continue;
+      this.measured[frame.kind] = frame;
+      if (!frame.asked) continue;
+      performance.measure(`drawn ${frame.kind}`, { start: frame.asked, detail: frame.seq });
+      this.measures += 1;
+      if (this.measures % MOST_MEASURES === 0) performance.clearMeasures();
+    }
   }
 
   /** @param {WheelEvent} event */
