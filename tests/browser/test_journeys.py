@@ -603,13 +603,17 @@ def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
     studio.find("#compare").select_option(index=1)
     page = pages(size=(wide, 800), colours=colours)
     page.rest()
-    expect(page.find("#legend")).to_contain_text("compared")
+    page.wait("#view2d", tier="2")
     legend = page.find("#legend")
+    expect(legend).to_contain_text("executed tool")
+    expect(legend).to_contain_text("compared")
+    # Its entries are made again now and then, so that all are read at once.
+    (right, bottom), *entries = legend.evaluate(
+        "e => [e, ...e.children].map(x => x.getBoundingClientRect()).map(b => [b.right, b.bottom])"
+    )
+    assert len(entries) > 4
+    assert all(x <= right and y <= bottom + 1 for x, y in entries), entries
     before = legend.bounding_box()
-    for entry in legend.locator("> span").all():
-        box = entry.bounding_box()
-        assert box["x"] + box["width"] <= before["x"] + before["width"]
-        assert box["y"] + box["height"] <= before["y"] + before["height"] + 1
     # With fewer entries it keeps its lines, so that the drawing keeps its size.
     studio.find("#compare").select_option(index=0)
     expect(legend).not_to_contain_text("compared")
@@ -634,3 +638,11 @@ def test_j22_a_variant_does_not_differ_from_itself(pages, tmp_path, judge):
         demand = judge(studio).evaluation.demand_ratio.max()
         assert studio.figure("demand") == pytest.approx(demand, rel=1e-9)
         studio.close()
+
+
+def test_j23_a_question_right_after_another_is_answered(studio):
+    for _ in range(3):
+        studio.page.keyboard.press("i")
+        studio.page.keyboard.press("Escape")
+    name, _ = take_picture(studio, "Drawing as SVG")
+    assert name == "paper-optimal.svg"

@@ -17,9 +17,20 @@ export function show(title, content, buttons) {
     make("div", { class: "acts" }, actions),
   ]);
   dialog.replaceChildren(form);
-  dialog.returnValue = "";
+  let answer = "";
+  form.addEventListener("submit", ({ submitter }) => {
+    answer = submitter instanceof HTMLButtonElement ? submitter.value : "";
+  });
   dialog.showModal();
-  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
+  return new Promise((resolve) => {
+    const closed = () => {
+      // That an earlier question was closed is told late: this one may be open by then.
+      if (dialog.open && form.isConnected) return;
+      dialog.removeEventListener("close", closed);
+      resolve(answer);
+    };
+    dialog.addEventListener("close", closed);
+  });
 }
 
 /**
