@@ -52,6 +52,11 @@ class _Files(FunctionCache):
 class _Content(CompileResultCacheImpl):
     """What is kept of a function that Python calls, and what is made of it."""
 
+    @property
+    def filename_base(self) -> str:
+        """The name of its files, which hold another thing than numba's own."""
+        return f"{super().filename_base}-light"
+
     def reduce(self, result: Any) -> Any:
         """What is kept: environments by their names, as to load them imports their modules."""
         *others, environments = super().reduce(result)
@@ -61,8 +66,7 @@ class _Content(CompileResultCacheImpl):
     def rebuild(self, target: Any, kept: Any) -> Any:
         """The function; its bitcode is read when another function is compiled with it."""
         (library, kind, (code, bitcode)), description, *others, named = kept
-        # Earlier releases kept environments whole, which works as well.
-        environments = tuple(x if isinstance(x, Environment) else _environment(*x) for x in named)
+        environments = tuple(_environment(*x) for x in named)
         names = description.llvm_func_name, description.llvm_cpython_wrapper_name
         content = library, kind, (code, _bitcode_that_defines(names))
         found = super().rebuild(target, (content, description, *others, environments))

@@ -19,7 +19,7 @@ from pathlib import Path as FilePath
 from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias
 
-from armcontour import _signatures
+from armcontour import _kernel_files, _kernels, _signatures
 from armcontour._kernels import KERNELS, compiled, waiting
 from armcontour._process import can_start, is_other, processors
 from armcontour._processes import share_work
@@ -308,7 +308,8 @@ class _Stamp:
 
         sources = hashlib.sha256(LIST.read_bytes())
         root = FilePath(__file__).parents[1]
-        for module in sorted({x.module for x in self._kernels}):
+        modules = {_kernels.__name__, _kernel_files.__name__, *(x.module for x in self._kernels)}
+        for module in sorted(modules):
             sources.update(root.joinpath(*module.split(".")).with_suffix(".py").read_bytes())
         return [numba.__version__, sys.version, get_host_cpu_name(), sources.hexdigest()]
 
