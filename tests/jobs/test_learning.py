@@ -13,7 +13,6 @@ from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.jobs.learning import (
     LearningStudy,
-    choose_run,
     feeds_gravity_forward,
     learn_run,
     limits_to_keep,
@@ -22,7 +21,6 @@ from armcontour.jobs.learning import (
 )
 from armcontour.jobs.unknown_robot import unknown_robot
 
-TWO_RUNS = CORNER_JOB + "  other: {compensation: {method: none}}\n"
 EXPERIMENT = "experiment: {payload: {mass: 0.2 kg}, seed: 7, noise: 1e-5 rad}\n"
 
 
@@ -48,13 +46,6 @@ def study(job, plan):
         "only: learning from run 2",
     ]
     return found
-
-
-def test_the_run_is_chosen_by_its_name_or_the_only_one(refuses):
-    job = parse_job(TWO_RUNS)
-    assert choose_run(job, "other").compensation == "none"
-    refuses(lambda: choose_run(job, None), InvalidInput, "several runs", "--run (only, other)")
-    refuses(lambda: choose_run(job, "cut"), InvalidInput, "no run 'cut'", "only, other")
 
 
 def test_errors_of_a_simulated_robot_are_those_of_its_links(job, plan, study):

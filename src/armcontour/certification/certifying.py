@@ -34,6 +34,7 @@ from armcontour.evaluation import evaluate
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
+from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
@@ -122,17 +123,7 @@ def run_of(job: Job, name: str | None) -> Run:
     Raises:
         InvalidInput: There is no such run, or more than one.
     """
-    if name is not None:
-        for x in job.runs:
-            if x.name == name:
-                return x
-        names = ", ".join(x.name for x in job.runs)
-        raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
-    able = [x for x in job.runs if x.timing == "optimal"]
-    if len(able) != 1:
-        names = ", ".join(x.name for x in able or job.runs)
-        raise InvalidInput(f"Say which run of the job {job.name} is to be certified: {names}.")
-    return able[0]
+    return choose_run(job, name, "certified", [x for x in job.runs if x.timing == Method.OPTIMAL])
 
 
 class _Certifying:

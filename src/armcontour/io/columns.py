@@ -104,7 +104,7 @@ def _factor(unit: str, si: str | None, title: str, where: str) -> float:
     except ValueError:
         factor = 0.0
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
-        wanted = f"one of {si}" if si else "wanted: the column has none"
+        wanted = f"one that converts to {si}" if si else "wanted: the column has none"
         raise InvalidInput(
             f"{where}: the unit {show(unit)} of the column {show(title)} is not {wanted}."
         )

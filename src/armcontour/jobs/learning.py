@@ -15,6 +15,7 @@ from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
 from armcontour.evaluation.error_profile import Missed
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.execution import RigidBodyPlant, execute
+from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
@@ -223,24 +224,6 @@ def _other_set_points(run: LearnedRun) -> list[str]:
     ]
 
 
-def choose_run(job: Job, name: str | None) -> Run:
-    """The run of a name, or the only run.
-
-    Raises:
-        InvalidInput: There is no such run, or there are several.
-    """
-    names = ", ".join(x.name for x in job.runs)
-    found = [x for x in job.runs if name in (None, x.name)]
-    if not found:
-        raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
-    if len(found) > 1:
-        raise InvalidInput(
-            f"The job {job.name} has several runs: say which one is to be learned, with --run "
-            f"({names})."
-        )
-    return found[0]
-
-
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunPlan:
     """Plan and taught data of one run of a job.
 
@@ -252,7 +235,7 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
     Raises:
         ArmContourError: No such run, or a run that cannot be planned.
     """
-    this = choose_run(job, name)
+    this = choose_run(job, name, "learned")
     return teach(replace(job, runs=(this,)), progress=progress)[this.name]
 
 

@@ -17,6 +17,7 @@ from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
+from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
 from armcontour.jobs.programs import programs_of
@@ -163,15 +164,8 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
     Raises:
         InvalidInput: No such run, or one of a given duration.
     """
-    names = ", ".join(x.name for x in job.runs)
-    able = [x for x in job.runs if x.timing == Method.OPTIMAL] or list(job.runs)
-    if name is not None:
-        able = [x for x in job.runs if x.name == name]
-        if not able:
-            raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
-    if len(able) > 1:
-        raise InvalidInput(f"Say which run of the job {job.name} is to be placed: {names}.")
-    this = able[0]
+    able = [x for x in job.runs if x.timing == Method.OPTIMAL]
+    this = choose_run(job, name, "placed", able)
     if this.duration is not None and objective == CYCLE:
         raise InvalidInput(
             f"The run {this.name} has a given duration of {this.duration:g} s, which is the same "

@@ -183,10 +183,20 @@ REFUSED = {
     "G41 D1 G1 X5\nG3 X5.5 Y.5 J.5": (2, "an inside arc of radius 0.5 mm for a tool of 2 mm"),
     "G41 D1 G1 X5\nX9\nG40\nG2 X10 Y-1 J-1": (4, "an arc as the first move after G40"),
     # The step of 0.5 mm is shorter than what the inside corners take at both its ends.
-    "G41 D1 G1 X5\nX9\nY0.5\nX5": (3, "inside corner at (9, 0) mm", "after it by 1 mm", "0.5 mm"),
-    "G41 D1 G1 X5\nX9\nY1.5\nX5": (4, "inside corner at (9, 1.5) mm", "before it by 1 mm", "0.5"),
+    "G41 D1 G1 X5\nX9\nY0.5\nX5": (
+        3,
+        "inside corner at (9 mm, 0 mm)",
+        "after it by 1 mm",
+        "0.5 mm",
+    ),
+    "G41 D1 G1 X5\nX9\nY1.5\nX5": (
+        4,
+        "inside corner at (9 mm, 1.5 mm)",
+        "before it by 1 mm",
+        "0.5",
+    ),
     # The parallel of the line passes by the circle of 0.5 mm that is left for the tool's centre.
-    "G41 D1 G1 X5\nG3 X3.5 Y1.5 I-1.5": (2, "inside corner at (5, 0) mm", "does not fit"),
+    "G41 D1 G1 X5\nG3 X3.5 Y1.5 I-1.5": (2, "inside corner at (5 mm, 0 mm)", "does not fit"),
 }
 
 

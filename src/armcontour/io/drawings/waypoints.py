@@ -110,7 +110,7 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
             numbers *= reading.unit or 1.0
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
-            (np.abs(numbers) > FARTHEST, f"must be within {FARTHEST:g} {UNITS.get(key, '')}"),
+            (np.abs(numbers) > FARTHEST, f"must be within {_told_limit(table, key)}"),
             ((numbers <= 0) & (key == "speed"), "must be above zero"),
             ((numbers < 0) & (key == "tolerance"), "must not be negative"),
         ):
@@ -121,6 +121,13 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
                 raise InvalidInput(f"{table.where(i, key)}: {must.strip()}{but}.", index=i)
         values[key] = numbers
     return values
+
+
+def _told_limit(table: Table, key: str) -> str:
+    """The largest number of a column, in its unit."""
+    column = table.columns[key]
+    unit = UNITS.get(key, "") if column.unit is None else column.unit
+    return f"{FARTHEST / column.factor:g} {unit}"
 
 
 def _numbers(table: Table, key: str) -> FloatArray:

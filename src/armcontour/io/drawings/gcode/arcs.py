@@ -109,11 +109,10 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     if off > MOST[dialect] or (off > ROUNDED[dialect] and off > relative):
         allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
         raise Fault(
-            f"an arc whose centre is {radius * 1e3:.6g} mm from its start but "
-            f"{end_radius * 1e3:.6g} mm from its end, a difference of {off * 1e3:.3g} mm where "
-            f"{allowed * 1e3:.3g} mm are allowed: correct I, J and K, or write G90.1 if they are "
-            "absolute"
-        )
+            "an arc whose centre is {} from its start but {} from its end, a difference of {} "
+            "where {} are allowed: correct I, J and K, or write G90.1 if they are absolute",
+            radius, end_radius, off, allowed,
+        )  # fmt: skip
     if math.dist(start, end) <= REPEATED_POINT:
         return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
     sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
@@ -137,9 +136,9 @@ def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
         )
     if chord / 2 > abs(radius) + SHORT:
         raise Fault(
-            f"an arc of radius {abs(radius) * 1e3:.6g} mm to a point {chord * 1e3:.6g} mm away, "
-            f"which needs a radius of at least {chord * 5e2:.6g} mm"
-        )
+            "an arc of radius {} to a point {} away, which needs a radius of at least {}",
+            abs(radius), chord, chord / 2,
+        )  # fmt: skip
     across = math.sqrt(max((abs(radius) - chord / 2) * (abs(radius) + chord / 2), 0.0))
     height = turn * math.copysign(across, radius)
     ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord

@@ -156,9 +156,9 @@ class Compensation:
         inner = radius - turn * self.left
         if inner <= REPEATED_POINT:
             raise Fault(
-                f"an inside arc of radius {1e3 * radius:.6g} mm for a tool of "
-                f"{2e3 * abs(self.left):.6g} mm: its diameter must be below {2e3 * radius:.6g} mm"
-            )
+                "an inside arc of radius {} for a tool of {}: its diameter must be below {}",
+                radius, 2 * abs(self.left), 2 * radius,
+            )  # fmt: skip
         tangent = turned(piece.tangent, turn * piece.length / radius)
         found = Beside(
             start=shifted(start, piece.tangent, self.left),
@@ -236,10 +236,10 @@ class Compensation:
     def _refuse_short_entry(self, length: float) -> None:
         if length <= abs(self.left):
             raise Fault(
-                f"the first move under {codes.g_name(self.code)}, which is {1e3 * length:.6g} mm "
-                f"long and leads the tool beside the contour: it must be longer than the tool's "
-                f"radius of {1e3 * abs(self.left):.6g} mm"
-            )
+                f"the first move under {codes.g_name(self.code)}, which is {{}} long and leads the "
+                "tool beside the contour: it must be longer than the tool's radius of {}",
+                length, abs(self.left),
+            )  # fmt: skip
 
     def _enter_by_arc(self, found: Beside, end: InPlane) -> None:
         """Makes the first arc start where the tool is, tangent to its parallel at the end.

@@ -123,10 +123,7 @@ class Cycles:
             retract = self.tool.at[c] + r
             bottom = retract + z
         if retract < bottom:
-            raise Fault(
-                f"a cycle whose R ({retract * 1e3:g} mm) is below its {AXES[c]} "
-                f"({bottom * 1e3:g} mm)"
-            )
+            raise Fault(f"a cycle whose R ({{}}) is below its {AXES[c]} ({{}})", retract, bottom)
         return retract, bottom
 
     def _work(self, code: int, c: int, retract: float, bottom: float, clear: float) -> None:

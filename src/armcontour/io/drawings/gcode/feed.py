@@ -104,7 +104,8 @@ def _in_metres(value: float, unit: float, modes: Modes) -> float:
     speed = value * unit / 60
     if speed < 0 or speed > FASTEST:
         what = "minute" if modes.feed_mode == codes.PER_MINUTE else "turn"
+        most, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
         raise Fault(
-            f"a feed rate F of {value:g} per {what}, which is not from 0 to {FASTEST:g} m/s"
+            f"a feed rate F of {value:g} {name} per {what}, which is not from 0 to {most:.3g}"
         )
     return speed

@@ -84,24 +84,23 @@ def cut_corner(before: Beside, found: Beside, radius: float) -> float:
     Raises:
         Fault: They do not cross, or one of them is too short.
     """
-    x, y = (1e3 * v for v in found.corner)
-    corner = f"an inside corner at ({x:.6g}, {y:.6g}) mm for a tool of {2e3 * radius:.6g} mm"
+    corner, lengths = "an inside corner at ({}, {}) for a tool of {}", (*found.corner, 2 * radius)
     mend = "take a smaller tool, or round the corner by more than the tool's radius"
     ways = [x for x in _ways_to_crossings(before, found) if min(x) >= -SLACK]
     if not ways:
-        raise Fault(f"{corner}, into which it does not fit: {mend}")
+        raise Fault(f"{corner}, into which it does not fit: {mend}", *lengths)
     back, ahead = min(ways)
     left = before.length - before.first
     if back > left + SLACK and not before.entry:
         raise Fault(
-            f"{corner}, which shortens the move before it by {1e3 * back:.6g} mm, of which "
-            f"{1e3 * left:.6g} mm are left: {mend}"
-        )
+            f"{corner}, which shortens the move before it by {{}}, of which {{}} are left: {mend}",
+            *lengths, back, left,
+        )  # fmt: skip
     if ahead > found.length + SLACK:
         raise Fault(
-            f"{corner}, which shortens the move after it by {1e3 * ahead:.6g} mm, which is "
-            f"{1e3 * found.length:.6g} mm long: {mend}"
-        )
+            f"{corner}, which shortens the move after it by {{}}, which is {{}} long: {mend}",
+            *lengths, ahead, found.length,
+        )  # fmt: skip
     found.first = ahead
     return before.length - back
 

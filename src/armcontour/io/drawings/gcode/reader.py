@@ -176,7 +176,8 @@ class _Runner:
             self.machine.finish()
         except Fault as fault:
             name, number = flow.place(max(self.machine.tool.line, 1))
-            raise InvalidInput(f"{name}, line {number}: {fault}.", index=number - 1) from None
+            told = fault.told(inch=self.machine.modes.inch)
+            raise InvalidInput(f"{name}, line {number}: {told}.", index=number - 1) from None
         frame = self.frame
         if frame.framed and not frame.ended:
             number = len(flow.main.lines)
