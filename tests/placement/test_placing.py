@@ -273,3 +273,15 @@ def test_arms_to_compare_are_for_the_command() -> None:
     asked = "placement: {over: {x: {from: 0, to: 0, places: 1}}, arms: [pmk3s], refine: false}\n"
     (note,) = ac.place(parse_job(CORNER + asked)).notes
     assert note.startswith("The arms of the key placement are compared by the command")
+
+
+def test_a_best_place_at_the_end_of_a_range_is_said(square):
+    wide = ac.place(square, over={"x": (-0.2, 0.2, 3)}, refined=False)
+    inside = wide.refined.values["x"] == 0.0
+    assert inside == (not any("at the end of the range of x" in x for x in wide.notes))
+    # A range that lies beside its best place ends there.
+    best = wide.refined.values["x"]
+    for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
+        found = ac.place(square, over={"x": (first, last, 2)}, refined=False)
+        (note,) = (x for x in found.notes if "range" in x)
+        assert note.startswith("The best place is at the end of the range of x: a wider range")

@@ -142,6 +142,7 @@ def place(
     if asked.refined:
         values, verdict = refine(judge, axes, places[k], verdicts[k], tell)
         better = Place(values=values, verdict=verdict)
+    notes += _at_ends(axes, better)
     return Placement(
         job=job,
         run=this,
@@ -156,6 +157,28 @@ def place(
         own=judge.judge(_own_place(judge.moves, axes)),
         notes=tuple(notes),
     )
+
+
+def _at_ends(axes: Sequence[Axis], place: Place) -> list[str]:
+    """A sentence on axes whose range ends at a place, beyond which there may be a better one."""
+    names = [
+        x.name
+        for x in axes
+        if len(x.values) > 1 and not x.whole_turn and place.values[x.name] in _ends_of(x)
+    ]
+    if not names:
+        return []
+    several = "s" if len(names) > 1 else ""
+    return [
+        f"The best place is at the end of the range{several} of {' and '.join(names)}: a wider "
+        "range may have a better one."
+    ]
+
+
+def _ends_of(axis: Axis) -> tuple[float, ...]:
+    """The ends of the range of an axis, beyond which it goes on: no tilt is below 0."""
+    first, last = float(axis.values[0]), float(axis.values[-1])
+    return (last,) if axis.name == "tilt" and first == 0 else (first, last)
 
 
 def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
