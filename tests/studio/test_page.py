@@ -216,6 +216,41 @@ def test_obstacles_are_drawn_where_their_corners_are():
 
 
 @with_node
+@pytest.mark.parametrize("early", [True, False])
+def test_a_drag_follows_the_pointer_before_the_next_frame_where_the_browser_tells(early):
+    found = compute(
+        """
+        const moves = [];
+        globalThis.window = new EventTarget();
+        if (given) globalThis.onpointerrawupdate = null;
+        const { dragged } = await import("./gesture.js");
+        const grip = Object.assign(new EventTarget(), {
+          focus() {},
+          setPointerCapture() {},
+          classList: { add() {}, remove() {} },
+        });
+        const say = (name, at) => {
+          const event = Object.assign(new Event(name), { button: 0, at });
+          grip.dispatchEvent(event);
+        };
+        dragged(grip, { start: () => true, move: (event) => moves.push(event.at), end: () => {} });
+        say("pointerdown", 0);
+        for (const at of [1, 2, 3]) {
+          if (given) say("pointerrawupdate", at);
+          // A frame of the screen has one of these, which says where the pointer was last.
+          if (!given || at === 3) say("pointermove", at);
+        }
+        say("lostpointercapture");
+        say("pointermove", 4);
+        say("pointerrawupdate", 4);
+        tell(moves);
+        """,
+        early,
+    )
+    assert found == [1, 2, 3]
+
+
+@with_node
 def test_the_newest_edit_goes_at_once_and_only_a_few_wait_for_answers():
     found = compute(
         """
