@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 from pathlib import Path
@@ -38,6 +39,29 @@ def test_a_page_talks_with_the_session(file: Path) -> None:
         status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
         assert (status, told) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
+
+
+def test_answers_do_not_wait_for_the_acknowledgement_of_what_was_sent_before() -> None:
+    # Header and body are two packets; a frame is several.
+    found: list[int] = []
+
+    async def look() -> None:
+        done = asyncio.Event()
+
+        async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            there = writer.get_extra_info("socket")
+            found.append(there.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            writer.close()
+            done.set()
+
+        serving = await asyncio.start_server(meet, sock=listen(0))
+        async with serving:
+            _, writer = await asyncio.open_connection(*serving.sockets[0].getsockname())
+            await done.wait()
+            writer.close()
+
+    asyncio.run(look())
+    assert found and all(found)
 
 
 def test_a_page_that_comes_while_it_starts_waits(
