@@ -23,16 +23,35 @@ SLIDERS = [
 ]
 
 
-def test_every_module_that_is_asked_for_is_there_and_every_other_one_too():
-    asked = {name: set(re.findall(r'from "\./([\w./]+)"', text)) for name, text in MODULES.items()}
+def _asked(text: str, later: bool) -> set[str]:
+    """Modules that a module asks for, also those that it loads later."""
+    found = set(re.findall(r'from "\./([\w./]+)"', text))
+    return found | set(re.findall(r'await import\("\./([\w./]+)"\)', text)) if later else found
+
+
+def _reached(*, later: bool) -> set[str]:
+    """All modules that the page's first one leads to."""
     used, rest = set(), ["app.js"]
     while rest:
         name = rest.pop()
         used.add(name)
-        rest += [x for x in asked.get(name, ()) if x not in used]
+        rest += _asked(MODULES.get(name, ""), later) - used
+    return used
+
+
+def test_every_module_that_is_asked_for_is_there_and_every_other_one_too():
+    used = _reached(later=True)
     own = {x for x in used if not x.startswith("vendor/")}
     assert own == set(MODULES)
     assert all((STATIC / x).is_file() for x in used)
+
+
+def test_the_page_names_all_modules_that_it_begins_with_so_that_they_are_loaded_at_once():
+    named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
+    assert sorted({*named, "app.js"}) == sorted(_reached(later=False))
+    assert len(named) == len(set(named))
+    # What draws the arm by WebGL is loaded when the arm is first seen.
+    assert "vendor/three.js" not in named
 
 
 def test_the_page_asks_for_nothing_that_its_policy_forbids():
