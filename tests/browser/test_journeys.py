@@ -133,6 +133,28 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     agree(studio, found)
     assert found.trajectory.duration < slow
     assert studio.figure("rms") != error
+
+
+def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
+    studio.page.evaluate(
+        """() => {
+            window.asked = [];
+            const send = WebSocket.prototype.send;
+            WebSocket.prototype.send = function (text) {
+                const { op, task } = JSON.parse(text);
+                if (op === "task") window.asked.push(task);
+                return send.call(this, text);
+            };
+        }"""
+    )
+    with studio.grabbing(studio.slider("limits.speed").locator("input[type=range]")) as (x, y):
+        # A pointer that rests on a slider for half of this asks for one.
+        studio.page.wait_for_timeout(1000)
+        studio.page.mouse.move(x + 3, y)
+        studio.page.wait_for_timeout(1000)
+        assert studio.page.evaluate("() => window.asked") == []
+    studio.page.wait_for_function("() => window.asked.length > 0")
+    assert studio.page.evaluate("() => window.asked") == ["sweep"]
     assert "speed: 0.05 m/s" not in studio.text
 
 

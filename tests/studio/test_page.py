@@ -115,6 +115,19 @@ def test_lines_of_executions_break_between_contours(paper, view, tmp_path):
 
 
 @with_node
+def test_no_error_is_drawn_between_contours():
+    found = compute(
+        """
+        const { errorsOf } = await import("./motion.js");
+        const { t, error } = errorsOf({ arrays: given });
+        tell([[...t], [...error]]);
+        """,
+        {"t": [0, 1, 2, 5, 6], "error": [1, 2, 3, 4, 5], "breaks": [0, 3]},
+    )
+    assert found == [[0, 1, 2, 3.5, 5, 6], [1, 2, 3, None, 4, 5]]
+
+
+@with_node
 def test_no_older_frame_is_shown_after_a_newer_one():
     orders = [(1, 5), (1, 4), (1, 6), (0, 9), (2, 6), (2, None), (1, 8), (2, 7)]
     found = compute(

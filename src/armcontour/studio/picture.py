@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from typing import Any
 
 import numpy as np
@@ -169,13 +169,13 @@ def _shares(planned: Planned) -> list[dict[str, Any]]:
     """Where the duration goes [s], the longest first: times of limits, and between contours."""
     if planned.explanation is None:
         return []
-    times = Counter[str]()
+    times: defaultdict[str, float] = defaultdict(float)
     for x in planned.explanation.bindings:
         times[BETWEEN if x.limit == "nothing" else x.name] += x.t[1] - x.t[0]
     for span in planned.trajectory.spans:
         if span.kind in BESIDES:
             times[BESIDES[span.kind]] += span.t[1] - span.t[0]
-    return [{"name": name, "time": time} for name, time in times.most_common()]
+    return [{"name": name, "time": times[name]} for name in sorted(times, key=lambda x: -times[x])]
 
 
 def _shortfalls(planned: Planned, view: View) -> list[dict[str, Any]]:
