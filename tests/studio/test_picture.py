@@ -122,6 +122,13 @@ class TestPicture:
 
 
 class TestPrograms:
+    def test_the_arm_is_played_closely(self, plans, gasket_plan, view):
+        for planned in (*plans.values(), gasket_plan):
+            a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory
+            t = np.linspace(0, trajectory.duration, 5001)
+            played = np.transpose([np.interp(t, a["t"], q) for q in a["q"].T])
+            np.testing.assert_allclose(played, trajectory(t), rtol=0, atol=1e-4)
+
     def test_contours_are_parts_of_the_arrays(self, gasket, view):
         planned, frame = gasket
         contours, a = frame.header["contours"], frame.arrays

@@ -10,11 +10,11 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.motion import Execution, Trajectory
-from armcontour.studio.thinning import thin
+from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
 
-# About the largest number of times of a chart, and the smallest.
-MOST_TIMES, FEWEST_TIMES = 2_000, 200
+# About the largest number of times of a chart, besides those that are spread evenly.
+MOST_TIMES = 2_000
 
 
 def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
@@ -28,8 +28,9 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     breaks = trajectory.breaks
     if len(breaks) > MOST_TIMES:
         breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
-    elif len(breaks) < FEWEST_TIMES:
-        breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
+    # The arm is played on straight lines between these, and few breaks are in a rapid.
+    even = evenly(trajectory.duration)
+    breaks = np.union1d(breaks, even)
     # Accelerations jump: both sides of every break, the first one after it, the last one before it.
     after, before = trajectory.motion(breaks[:-1]), trajectory.motion(breaks[1:], side="left")
     t = np.stack([breaks[:-1], breaks[1:]], axis=1).ravel()
@@ -43,7 +44,9 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     if limits.joint_torque is not None and arm.has_bodies:
         shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
     rows = [x for share in shares.values() for x in share.T]
-    kept = thin(np.zeros(len(t)), rows, MOST_TIMES)
+    kept = np.union1d(
+        thin(np.zeros(len(t)), rows, MOST_TIMES), 2 * np.searchsorted(breaks, even[:-1])
+    )
     return {
         "t": short(t[kept]),
         "q": np.ascontiguousarray(q[kept]),

@@ -25,7 +25,7 @@ import { indexAt } from "./state.js";
 export function motionOf(store, of) {
   const frame = store.latest(of === "planned" ? "picture" : "executed");
   if (!frame || (of === "executed" && !store.isCurrent(frame))) return null;
-  const { t, q, xyz, path_t: pathTimes } = frame.arrays;
+  const { q, xyz, path_t: pathTimes, t: planned, pose_t: t = planned } = frame.arrays;
   if (!t?.length || !q?.length) return null;
   const dof = q.length / t.length;
   const trailTimes = of === "planned" ? pathTimes : t;
