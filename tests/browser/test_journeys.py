@@ -344,7 +344,7 @@ def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
     assert first == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
     studio.do("place", {"x": "60", "y": "60", "steps": "3"})
     result = studio.find(".task-result[data-task=place]")
-    expect(result).to_have_attribute("data-state", "done", timeout=120_000)
+    expect(result).to_have_attribute("data-state", "done", timeout=300_000)
     cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
     assert cells.count() == 9
     with studio.changing():
