@@ -51,6 +51,7 @@ def gasket(studio: Studio) -> None:
     studio.do("place", {"x": "120", "y": "120", "steps": "5"})
     studio.wait_for(".task-result[data-task=place][data-state=done]", timeout=300_000)
     studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.wait_for("#view3d[data-frames]")
     studio.find("#viewbar").get_by_role("button", name="Fit").click()
     save(studio, "gasket")
 

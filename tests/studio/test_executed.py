@@ -27,7 +27,8 @@ def test_errors_are_those_of_an_evaluation(done):
 def test_offsets_lead_from_the_path_to_the_tool(done, view):
     executed, frame = done
     a, path = frame.arrays, executed.planned.path.path
-    tool = a["xyz"][:, :2].astype(float)
+    execution = executed.execution
+    tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
     found = a["base"] + view.centre + a["offset"]
     np.testing.assert_allclose(found, uv(view, tool), rtol=0, atol=2e-7)
     np.testing.assert_allclose(
@@ -47,3 +48,15 @@ def test_demand_is_a_share_of_the_limits(done):
     e = evaluate(executed.execution, executed.planned.path)
     np.testing.assert_allclose(frame.header["demand"], e.demand_ratio, rtol=1e-12)
     assert np.abs(frame.arrays["demand"]).max() <= e.demand_ratio.max() * (1 + 1e-6)
+
+
+def test_the_arm_is_played_closely_also_between_contours(
+    previewer_of_plans, plans, gasket_plan, view
+):
+    for planned in (plans["proposed"], gasket_plan):
+        executed = previewer_of_plans.execute(planned)
+        a, execution = packed(executed_frame(executed, view)).arrays, executed.execution
+        played = [np.interp(execution.t, a["pose_t"], q) for q in a["q"].T]
+        np.testing.assert_allclose(np.transpose(played), execution.q, rtol=0, atol=1e-4)
+        tool = execution.arm.forward(a["q"])
+        np.testing.assert_allclose(a["xyz"][:, : tool.shape[1]], tool, rtol=0, atol=1e-7)

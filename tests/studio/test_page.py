@@ -23,16 +23,35 @@ SLIDERS = [
 ]
 
 
-def test_every_module_that_is_asked_for_is_there_and_every_other_one_too():
-    asked = {name: set(re.findall(r'from "\./([\w./]+)"', text)) for name, text in MODULES.items()}
+def _asked(text: str, later: bool) -> set[str]:
+    """Modules that a module asks for, also those that it loads later."""
+    found = set(re.findall(r'from "\./([\w./]+)"', text))
+    return found | set(re.findall(r'await import\("\./([\w./]+)"\)', text)) if later else found
+
+
+def _reached(*, later: bool) -> set[str]:
+    """All modules that the page's first one leads to."""
     used, rest = set(), ["app.js"]
     while rest:
         name = rest.pop()
         used.add(name)
-        rest += [x for x in asked.get(name, ()) if x not in used]
+        rest += _asked(MODULES.get(name, ""), later) - used
+    return used
+
+
+def test_every_module_that_is_asked_for_is_there_and_every_other_one_too():
+    used = _reached(later=True)
     own = {x for x in used if not x.startswith("vendor/")}
     assert own == set(MODULES)
     assert all((STATIC / x).is_file() for x in used)
+
+
+def test_the_page_names_all_modules_that_it_begins_with_so_that_they_are_loaded_at_once():
+    named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
+    assert sorted({*named, "app.js"}) == sorted(_reached(later=False))
+    assert len(named) == len(set(named))
+    # What draws the arm by WebGL is loaded when the arm is first seen.
+    assert "vendor/three.js" not in named
 
 
 def test_the_page_asks_for_nothing_that_its_policy_forbids():
@@ -93,6 +112,19 @@ def test_lines_of_executions_break_between_contours(paper, view, tmp_path):
     arrays = executed_frame(executed, view).arrays
     steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
     assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
+
+
+@with_node
+def test_no_error_is_drawn_between_contours():
+    found = compute(
+        """
+        const { errorsOf } = await import("./motion.js");
+        const { t, error } = errorsOf({ arrays: given });
+        tell([[...t], [...error]]);
+        """,
+        {"t": [0, 1, 2, 5, 6], "error": [1, 2, 3, 4, 5], "breaks": [0, 3]},
+    )
+    assert found == [[0, 1, 2, 3.5, 5, 6], [1, 2, 3, None, 4, 5]]
 
 
 @with_node
@@ -213,6 +245,41 @@ def test_obstacles_are_drawn_where_their_corners_are():
     sides = np.roll(hull, -1, axis=0) - hull
     away = seen[:, None] - hull
     assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
+
+
+@with_node
+@pytest.mark.parametrize("early", [True, False])
+def test_a_drag_follows_the_pointer_before_the_next_frame_where_the_browser_tells(early):
+    found = compute(
+        """
+        const moves = [];
+        globalThis.window = new EventTarget();
+        if (given) globalThis.onpointerrawupdate = null;
+        const { dragged } = await import("./gesture.js");
+        const grip = Object.assign(new EventTarget(), {
+          focus() {},
+          setPointerCapture() {},
+          classList: { add() {}, remove() {} },
+        });
+        const say = (name, at) => {
+          const event = Object.assign(new Event(name), { button: 0, at });
+          grip.dispatchEvent(event);
+        };
+        dragged(grip, { start: () => true, move: (event) => moves.push(event.at), end: () => {} });
+        say("pointerdown", 0);
+        for (const at of [1, 2, 3]) {
+          if (given) say("pointerrawupdate", at);
+          // A frame of the screen has one of these, which says where the pointer was last.
+          if (!given || at === 3) say("pointermove", at);
+        }
+        say("lostpointercapture");
+        say("pointermove", 4);
+        say("pointerrawupdate", 4);
+        tell(moves);
+        """,
+        early,
+    )
+    assert found == [1, 2, 3]
 
 
 @with_node

@@ -122,6 +122,13 @@ class TestPicture:
 
 
 class TestPrograms:
+    def test_the_arm_is_played_closely(self, plans, gasket_plan, view):
+        for planned in (*plans.values(), gasket_plan):
+            a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory
+            t = np.linspace(0, trajectory.duration, 5001)
+            played = np.transpose([np.interp(t, a["t"], q) for q in a["q"].T])
+            np.testing.assert_allclose(played, trajectory(t), rtol=0, atol=1e-4)
+
     def test_contours_are_parts_of_the_arrays(self, gasket, view):
         planned, frame = gasket
         contours, a = frame.header["contours"], frame.arrays
@@ -167,6 +174,21 @@ class TestPrograms:
         ):
             np.testing.assert_allclose(rapid[0], before.path(before.path.length), atol=1e-6)
             np.testing.assert_allclose(rapid[-1], after.path(0.0), atol=1e-6)
+
+    @pytest.mark.parametrize("dwell", ["0 s", "0.2 s"])
+    def test_times_of_limits_rapids_and_dwells_add_up(self, previewer, square, view, dwell):
+        drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+        data = square | {"path": drawing, "process": {"dwell": dwell}}
+        planned = previewer.plan(data)
+        frame = packed(picture_frame(planned, view))
+        times = {x["name"]: x["time"] for x in frame.header["shares"]}
+        assert sum(times.values()) == pytest.approx(frame.header["duration"], rel=1e-9)
+        assert "nothing" not in times and times["between two limits"] > 0
+        spans = planned.trajectory.spans
+        rapid = sum(x.t[1] - x.t[0] for x in spans if x.kind == "rapid")
+        assert times["rapids between contours"] == pytest.approx(rapid) and rapid > 0.1
+        count = sum(x.kind == "dwell" for x in spans)
+        assert times.get("dwells", 0.0) == pytest.approx(float(dwell.split()[0]) * count)
 
     def test_torque_is_shown_where_it_is_limited(self, gasket):
         planned, frame = gasket

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -38,6 +41,29 @@ def test_a_page_talks_with_the_session(file: Path) -> None:
         status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
         assert (status, told) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
+
+
+def test_answers_do_not_wait_for_the_acknowledgement_of_what_was_sent_before() -> None:
+    # Header and body are two packets; a frame is several.
+    found: list[int] = []
+
+    async def look() -> None:
+        done = asyncio.Event()
+
+        async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            there = writer.get_extra_info("socket")
+            found.append(there.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            writer.close()
+            done.set()
+
+        serving = await asyncio.start_server(meet, sock=listen(0))
+        async with serving:
+            _, writer = await asyncio.open_connection(*serving.sockets[0].getsockname())
+            await done.wait()
+            writer.close()
+
+    asyncio.run(look())
+    assert found and all(found)
 
 
 def test_a_page_that_comes_while_it_starts_waits(
@@ -124,3 +150,64 @@ def test_a_connection_that_says_nothing_costs_nothing(file: Path) -> None:
         assert studio.request("GET", "/")[0] == 200
         for x in idle:
             x.close()
+
+
+SERVING = """
+import gc
+import os
+import threading
+import time
+
+import numpy as np
+
+from armcontour.studio.server import serve
+
+PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+def used():
+    with open("/proc/self/statm") as told:
+        return int(told.read().split()[1]) * PAGE / 2**20
+
+
+class Session:
+    def begin(self):
+        threading.Thread(target=work, daemon=True).start()
+
+    def look(self):
+        pass
+
+    def close(self):
+        pass
+
+
+def work():
+    while not gc.get_freeze_count():
+        time.sleep(0.01)
+    # Executions of a long motion, and what is kept of a short one that follows.
+    del [np.ones(3 * 2**20)][0]
+    before = used()
+    many = [np.ones(2**20) for _ in range(20)]
+    kept = bytes(2**16)
+    most = used()
+    del many
+    print(before, most, used(), gc.get_freeze_count(), flush=True)
+    desks[0].stop()
+
+
+desks = []
+serve(lambda say: Session(), announce=lambda address: None, opened=desks.append)
+print(gc.get_freeze_count())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries give memory back otherwise")
+def test_memory_of_executions_goes_back_and_what_is_loaded_is_no_garbage() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SERVING], capture_output=True, text=True, timeout=60, check=True
+    )
+    told, frozen_after = done.stdout.splitlines()
+    before, most, after, frozen = map(float, told.split())
+    assert most - before > 100
+    assert after - before < 40
+    assert frozen > 10_000 and frozen_after == "0"

@@ -10,11 +10,12 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.motion import Execution, Trajectory
-from armcontour.studio.thinning import thin
+from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
 
-# About the largest number of times of a chart, and the smallest.
-MOST_TIMES, FEWEST_TIMES = 2_000, 200
+# Largest number of breaks that are looked at, and about that of times that are drawn because of
+# what happens there, besides those that are spread evenly.
+MOST_BREAKS, MOST_TIMES = 2_000, 1_000
 
 
 def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
@@ -26,16 +27,16 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
         limits: The limits.
     """
     breaks = trajectory.breaks
-    if len(breaks) > MOST_TIMES:
-        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_TIMES).astype(np.intp)]
-    elif len(breaks) < FEWEST_TIMES:
-        breaks = np.union1d(breaks, np.linspace(0.0, trajectory.duration, FEWEST_TIMES))
-    # Accelerations jump: both sides of every break, the first one after it, the last one before it.
-    after, before = trajectory.motion(breaks[:-1]), trajectory.motion(breaks[1:], side="left")
-    t = np.stack([breaks[:-1], breaks[1:]], axis=1).ravel()
-    q, dq, ddq = (
-        np.stack([x, y], axis=1).reshape(len(t), -1) for x, y in zip(after, before, strict=True)
-    )
+    if len(breaks) > MOST_BREAKS:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_BREAKS).astype(np.intp)]
+    # The arm is played on straight lines between these, and few breaks are in a rapid.
+    even = evenly(trajectory.duration)
+    # Accelerations jump: both sides of every break, the one before it first.
+    t = np.concatenate([breaks[1:], breaks[:-1], even])
+    order = np.argsort(t, kind="stable")
+    sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
+    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
+    q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
     shares = {
         "usage_v": dq / or_unlimited(limits.joint_velocity, arm.dof),
         "usage_a": demand_shares(ddq, limits),
@@ -43,7 +44,8 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     if limits.joint_torque is not None and arm.has_bodies:
         shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
     rows = [x for share in shares.values() for x in share.T]
-    kept = thin(np.zeros(len(t)), rows, MOST_TIMES)
+    is_even[thin(np.zeros(len(t)), rows, MOST_TIMES)] = True
+    kept = np.flatnonzero(is_even)
     return {
         "t": short(t[kept]),
         "q": np.ascontiguousarray(q[kept]),

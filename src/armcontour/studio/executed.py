@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.motion import Execution
 from armcontour.studio.demand import demand_shares, largest_demand, saturated_joints
 from armcontour.studio.previewed import Executed
-from armcontour.studio.thinning import thin
+from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 
@@ -64,11 +65,19 @@ def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame
             "breaks": np.searchsorted(kept, begins).astype(np.uint32),
             "t": short(execution.t[at]),
             "error": short(distance[kept]),
-            "q": np.ascontiguousarray(execution.q[at]),
-            "xyz": short(in_space(tool[kept])),
             "demand": short(demand[kept]),
+            **_poses(execution),
         },
     )
+
+
+def _poses(execution: Execution) -> dict[str, FloatArray]:
+    """Arrays from which the arm is played, also between contours."""
+    t = execution.t
+    even = np.searchsorted(t, t[0] + evenly(t[-1] - t[0]))
+    poses = np.unique(np.minimum(even, len(t) - 1))
+    q = execution.q[poses]
+    return {"pose_t": short(t[poses]), "q": q, "xyz": short(in_space(execution.arm.forward(q)))}
 
 
 def _peaks(distance: FloatArray) -> FloatArray:

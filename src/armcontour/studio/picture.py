@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 from armcontour.timing import Explanation
+from armcontour.timing.explanation import BETWEEN
 
 # About the largest number of points of a path.
 MOST_POINTS = 20_000
@@ -41,6 +43,8 @@ KINDS = {
     "angular acceleration": "tool",
     "centripetal acceleration": "corner",
 }
+# What takes time besides contours, by the kinds of moves.
+BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
 
 def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
@@ -64,7 +68,7 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
         **view.header,
         "contours": _contours(planned.path, line.ends, kept),
         "limits": limits,
-        "shares": _shares(planned.explanation),
+        "shares": _shares(planned),
         "shortfalls": _shortfalls(planned, view),
         "corners": _corners(planned, view),
         "warnings": planned.warnings,
@@ -161,11 +165,16 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     ]
 
 
-def _shares(explanation: Explanation | None) -> list[dict[str, Any]]:
-    """Time for which each limit binds [s], the longest first."""
-    times: dict[str, float] = {}
-    for x in () if explanation is None else explanation.bindings:
-        times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
+def _shares(planned: Planned) -> list[dict[str, Any]]:
+    """Where the duration goes [s], the longest first: times of limits, and between contours."""
+    if planned.explanation is None:
+        return []
+    times: defaultdict[str, float] = defaultdict(float)
+    for x in planned.explanation.bindings:
+        times[BETWEEN if x.limit == "nothing" else x.name] += x.t[1] - x.t[0]
+    for span in planned.trajectory.spans:
+        if span.kind in BESIDES:
+            times[BESIDES[span.kind]] += span.t[1] - span.t[0]
     return [{"name": name, "time": times[name]} for name in sorted(times, key=lambda x: -times[x])]
 
 

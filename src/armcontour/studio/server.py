@@ -248,7 +248,9 @@ def listen(port: int) -> socket.socket:
     Raises:
         InvalidInput: The port is taken, or not allowed.
     """
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    # Only with the protocol named does asyncio send at once: else what follows a first packet waits
+    # until the other side has acknowledged that, for 40 ms.
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if os.name == "posix":
         # Connections of a server that has just ended do not keep its port; elsewhere it means more.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -8,7 +8,6 @@ import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
 import { Rate } from "./rate.js";
 import { Readout } from "./readout.js";
-import { Scene3D } from "./scene3d.js";
 import { oncePerFrame } from "./state.js";
 import { Stick2D } from "./stick2d.js";
 import { passed, trailOf } from "./trail.js";
@@ -18,6 +17,7 @@ import { passed, trailOf } from "./trail.js";
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./motion.js").Motion} Motion */
+/** @typedef {import("./scene3d.js").Scene3D} Scene3D */
 
 /** Times closer than this are the same [s]. */
 const SAME_TIME = 1e-9;
@@ -54,6 +54,9 @@ export class ArmView {
     this.camera = new Camera();
     /** @type {Scene3D | Stick2D | null} */
     this.scene = null;
+    /** What draws by WebGL is most of the page's code, and is loaded when the view is first seen. @type {typeof import("./scene3d.js").Scene3D | null} */
+    this.Scene3D = null;
+    this.isLoading = false;
     /** @type {Cell | null} */
     this.cell = null;
     /** @type {import("./trail.js").Trail | null} */
@@ -107,22 +110,41 @@ export class ArmView {
     });
   }
 
-  /** A scene by WebGL, or by lines: made when the view is first seen. */
-  ensureScene() {
-    if (this.scene) return this.scene;
+  /** Load what draws by WebGL; without it there are lines. */
+  async load() {
+    if (this.isLoading) return;
+    this.isLoading = true;
     try {
-      if (this.region.dataset.renderer === "stick") throw new Error("WebGL was lost.");
-      this.scene = new Scene3D(this.canvas);
+      ({ Scene3D: this.Scene3D } = await import("./scene3d.js"));
+    } catch {
+      this.region.dataset.renderer = "stick";
+    }
+    this.draw();
+  }
+
+  /** The scene: made when the view is first seen; null while what it needs is being loaded. */
+  ensureScene() {
+    if (this.Scene3D || this.region.dataset.renderer === "stick") this.scene ??= this.makeScene();
+    else this.load();
+    return this.scene;
+  }
+
+  /** A scene by WebGL, or by lines. @returns {Scene3D | Stick2D} */
+  makeScene() {
+    let scene;
+    try {
+      if (!this.Scene3D || this.region.dataset.renderer === "stick") throw new Error("There is no WebGL.");
+      scene = new this.Scene3D(this.canvas);
     } catch {
       // A canvas that was asked for WebGL may give no other context.
       const plain = /** @type {HTMLCanvasElement} */ (this.canvas.cloneNode());
       this.canvas.replaceWith(plain);
       this.canvas = plain;
       this.hold(plain);
-      this.scene = new Stick2D(plain);
+      scene = new Stick2D(plain);
     }
-    this.region.dataset.renderer = this.scene.kind;
-    return this.scene;
+    this.region.dataset.renderer = scene.kind;
+    return scene;
   }
 
   /** WebGL was taken away: go on with lines. */
@@ -176,6 +198,7 @@ export class ArmView {
     const { clientWidth: width, clientHeight: height } = this.box;
     if (width < 2 || height < 2) return;
     const scene = this.ensureScene();
+    if (!scene) return;
     this.read(scene, frame);
     this.pose(scene, width / height);
     scene.render(this.camera, width, height, rests);

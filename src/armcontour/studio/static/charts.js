@@ -3,6 +3,7 @@
 import { Chart, number } from "./chart.js";
 import { RUN_COLOURS, styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
+import { errorsOf } from "./motion.js";
 import { drawStrip, stripOf } from "./strip.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -207,12 +208,12 @@ function demandContent(picture, usage, names, what) {
  * @returns {Content}
  */
 function errorContent(executed, compared) {
-  const { t, error } = executed.arrays;
+  const { t, error } = errorsOf(executed);
   const { max, rms } = executed.head;
   const [factor, unit] = max >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
   const curves = /** @type {Curve[]} */ ([]);
   if (compared) {
-    const { t: otherT, error: other } = compared.arrays;
+    const { t: otherT, error: other } = errorsOf(compared);
     curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherT, other, t, factor) });
   }
   curves.push({ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) });

@@ -7,6 +7,8 @@
 const KEYS_WITHIN = 600; // ms
 /** @type {Record<string, [number, number]>} */
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+/** Browsers hold "pointermove" back for the next frame of the screen; some tell the same at once, too. */
+const MOVED = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";
 
 export class Gesture {
   /** @param {Link} link */
@@ -39,7 +41,7 @@ export class Gesture {
  * Drag an element with any pointer; meanwhile it has the class "dragging". A lost pointer ends the gesture; Escape cancels it.
  * @param {Element} element
  * @param {{start: (event: PointerEvent) => boolean, move: (event: PointerEvent) => void, end: (cancelled: boolean) => void}} on
- *   `start` returns whether it is a drag
+ *   `start` returns whether it is a drag; `move` may be called many times in a frame of the screen
  */
 export function dragged(element, on) {
   element.addEventListener("pointerdown", (first) => {
@@ -59,7 +61,7 @@ export function dragged(element, on) {
     };
     const listen = (/** @type {EventTarget} */ to, /** @type {string} */ name, /** @type {(e: any) => void} */ what) =>
       to.addEventListener(name, what, { signal: ends.signal, capture: true });
-    listen(element, "pointermove", (e) => on.move(e));
+    listen(element, MOVED, (e) => on.move(e));
     listen(element, "lostpointercapture", () => finish(false));
     listen(element, "pointercancel", () => finish(false));
     listen(window, "blur", () => finish(false));

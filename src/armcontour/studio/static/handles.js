@@ -5,6 +5,7 @@ import { beyond, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
 import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
+import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -236,12 +237,15 @@ export class Handles {
       gesture = new Gesture(this.link);
       return true;
     };
+    const follow = oncePerFrame(() => {
+      this.place();
+      handle.describe();
+    });
     const to = (/** @type {Point} */ place, /** @type {any} */ event) => {
       const { edits, shown } = handle.move(place, event);
       this.held.set(name, { at: shown, seq: Infinity });
       gesture?.update(edits, event.timeStamp);
-      this.place();
-      handle.describe();
+      follow();
     };
     const end = (cancelled = false) => {
       if (cancelled) gesture?.cancel();

@@ -25,7 +25,7 @@ import { indexAt } from "./state.js";
 export function motionOf(store, of) {
   const frame = store.latest(of === "planned" ? "picture" : "executed");
   if (!frame || (of === "executed" && !store.isCurrent(frame))) return null;
-  const { t, q, xyz, path_t: pathTimes } = frame.arrays;
+  const { q, xyz, path_t: pathTimes, t: planned, pose_t: t = planned } = frame.arrays;
   if (!t?.length || !q?.length) return null;
   const dof = q.length / t.length;
   const trailTimes = of === "planned" ? pathTimes : t;
@@ -48,4 +48,23 @@ export function jointsAt({ t, q, dof }, at) {
   const value = (/** @type {number} */ j) =>
     q[k * dof + j] + share * (q[next * dof + j] - q[k * dof + j]);
   return Array.from({ length: dof }, (_, j) => value(j));
+}
+
+/**
+ * Contour errors over time [m]; between contours there is none, so that no line is drawn there.
+ * @param {import("./state.js").Frame} executed
+ * @returns {{t: Float64Array, error: Float64Array}} error: NaN between contours
+ */
+export function errorsOf({ arrays: { t, error, breaks } }) {
+  const starts = new Set(breaks);
+  const [times, errors] = /** @type {number[][]} */ ([[], []]);
+  t.forEach((/** @type {number} */ at, /** @type {number} */ k) => {
+    if (k > 0 && starts.has(k)) {
+      times.push((t[k - 1] + at) / 2);
+      errors.push(NaN);
+    }
+    times.push(at);
+    errors.push(error[k]);
+  });
+  return { t: Float64Array.from(times), error: Float64Array.from(errors) };
 }

@@ -21,6 +21,9 @@ const list = (sentences) =>
       ]
     : [];
 
+/** Cells of a row, the first one its head. @param {string[]} texts */
+const cellsOf = (texts) => texts.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" }));
+
 /** @param {Store} store */
 export function init(store) {
   const region = find("#tab-notes");
@@ -44,13 +47,7 @@ export function init(store) {
     const all = JSON.stringify([warnings, notes, shares, slow]);
     if (all === shown) return;
     shown = all;
-    const rows = shares.map((/** @type {string[]} */ cells) =>
-      make(
-        "tr",
-        {},
-        cells.map((text, k) => make(k ? "td" : "th", k ? { text } : { text, scope: "row" })),
-      ),
-    );
+    const rows = shares.map((/** @type {string[]} */ cells) => make("tr", {}, cellsOf(cells)));
     region.replaceChildren(
       ...section("Warnings", list(warnings)),
       ...section(
@@ -58,8 +55,9 @@ export function init(store) {
         rows.length
           ? [
               make("table", {}, [
-                make("thead", {}, [make("tr", {}, headings(["limit", "s", "%"]))]),
+                make("thead", {}, [make("tr", {}, headings(["what", "s", "%"]))]),
                 make("tbody", {}, rows),
+                make("tfoot", {}, [make("tr", {}, cellsOf(["all", seconds(picture.duration), percent(1)]))]),
               ]),
             ]
           : [],

@@ -4,6 +4,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
+import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -44,6 +45,7 @@ class Obstacles {
     });
     store.on("refusal", () => (this.held = null));
     view.followers.add(() => this.place());
+    this.follow = oncePerFrame(() => this.place());
   }
 
   /** The plane of the picture. @returns {any} */
@@ -143,7 +145,7 @@ class Obstacles {
       const value = what === "at" ? this.moved(under.from, du, dv) : this.sized(under.from, du, dv);
       this.held = { ...under.from, [what]: value };
       under.gesture.update([{ do: "obstacle", action: "change", kind, index, [what]: value }], event.timeStamp);
-      this.place();
+      this.follow();
     };
     const end = (cancelled = false) => {
       if (cancelled) under?.gesture.cancel();

@@ -3,6 +3,7 @@
 import { draw, mark } from "./dom.js";
 import { short } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
+import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -38,6 +39,10 @@ class PlaceHandle {
     store.on("view", () => this.put());
     for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
     view.followers.add(() => this.put());
+    this.follow = oncePerFrame(() => {
+      if (this.held) this.describe(this.held);
+      this.put();
+    });
     this.listen();
   }
 
@@ -109,11 +114,15 @@ class PlaceHandle {
     const { about, gesture } = this.held;
     this.held = { ...this.held, by, turn };
     gesture.update([{ do: "place", by, turn, about }], at);
+    this.follow();
+  }
+
+  /** What is read aloud. @param {{by: Point, turn: number}} held */
+  describe({ by, turn }) {
     const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
     for (const element of [this.mover, this.turner]) element.setAttribute("aria-valuetext", text);
     mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
     mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
-    this.put();
   }
 
   /** @param {boolean} [cancelled] */
