@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.timing._block import (
     A0,
@@ -475,6 +475,7 @@ def _guess_back(
     above: int,
     below: int,
     most: FloatArray,
+    follows: BoolArray,
     lanes: FloatArray,
 ) -> tuple[int, bool]:
     """Go back through a chunk from interval i while the same rows bound x as before.
@@ -490,6 +491,8 @@ def _guess_back(
         below: The row that bounds x from below, where both bound y, or the ceiling does and y
             follows from the row; -1 if y is not bounded.
         most: The largest x after the interval i, and before it as the output, (n + 1,).
+        follows: Output: whether the largest x after an interval can be reached from that before
+            it, (n,); perhaps not if it is false.
         lanes: Memory, see LANES.
 
     Returns:
@@ -514,6 +517,8 @@ def _guess_back(
             break
         lanes[k % CHUNK], lanes[CHUNK + k % CHUNK] = x, y
         most[k] = y = min(x, ceiling[k])
+        # Of an x above the ceiling only that is known which is not taken.
+        follows[k] = below < 0 and x <= ceiling[k]
         k -= 1
     broken = _find_broken(rows, i, k, above, below, lanes)
     return broken, broken >= end
@@ -592,13 +597,14 @@ def reach(
     guesses, above, below = False, -1, -1
     most = np.empty(n + 1)
     x = np.empty(n + 1)
+    follows = np.empty(n, np.bool_)
     most[n] = end
     lanes = filled(LANES, 0.0)
     i, count = n, FEW
     while i > 0:
         i -= 1
         if guesses and not discs:
-            i, differs = _guess_back(i, count, rows, ceiling, above, below, most, lanes)
+            i, differs = _guess_back(i, count, rows, ceiling, above, below, most, follows, lanes)
             # Many at once where the same rows bind for long, few where they change.
             count = FEW if differs else min(2 * count, CHUNK)
             if not differs:
@@ -639,6 +645,7 @@ def reach(
         elif not cut:
             below = -1
         guesses = slope >= 0.0 and (above >= 0 or not cut)
+        follows[i] = y == most[i + 1] and min(up, cap) >= down
         # The largest x is at this y, or, if x rises as y falls, at the top of a concave function.
         if up < cap and slope < 0.0:
             y_left = 0.0
@@ -665,7 +672,7 @@ def reach(
                     y_left, x_left, slope_left = y, up, slope
                 else:
                     y_right, x_right, slope_right = y, up, slope
-            up, guesses = best, False
+            up, guesses, follows[i] = best, False, False
         most[i] = min(up, cap)
     if start == np.inf:
         start = most[0]
@@ -674,6 +681,11 @@ def reach(
     x[0] = min(start, most[0])
     above, below, i, count = -1, -1, 0, FEW
     while i < n:
+        # All rows allow these two: the pass before has looked.
+        if follows[i] and x[i] == most[i]:
+            x[i + 1] = most[i + 1]
+            i += 1
+            continue
         if not discs:
             i, differs = _guess_on(i, count, rows, most, above, below, x, lanes)
             count = FEW if differs else min(2 * count, CHUNK)
