@@ -143,6 +143,11 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         # The first sentence of numpy's message is the reason.
         reason = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
+    # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
+    # the comparison.
+    row = array.ravel("K")
+    if row.dot(row) <= LARGEST**2:
+        return array
     sound = np.abs(array) <= LARGEST
     if not sound.all():
         where = np.argwhere(~sound)[0]

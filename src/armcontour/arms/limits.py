@@ -103,7 +103,7 @@ class Limits:
                 finite = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
             array = _checks.numbers(name, finite, unit)
             object.__setattr__(self, name, _checks.lock_floats(values))
-            if array.ndim <= 1 and (array >= _checks.SMALLEST).all():
+            if array.ndim <= 1 and all(x >= _checks.SMALLEST for x in array.flat):
                 continue
             if array.ndim > 1 or (array <= 0).any():
                 raise InvalidInput(

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._banded import solve_banded
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
@@ -17,6 +16,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine
 from armcontour.motion._motion import motion
+from armcontour.motion._spline import spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -160,27 +160,13 @@ class JointPath:
             at = np.concatenate([[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))])
         else:
             at = _checks.numbers("spline parameters", s)
-        if at.shape != (len(knots),) or not (at[1:] > at[:-1]).all():
+        sound = at.shape == (len(knots),)
+        if sound:
+            coefficients, sound = spline_pieces(at, np.ascontiguousarray(knots), clamped)
+        if not sound:
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
             )
-        width = (at[1:] - at[:-1])[:, None]
-        slope = (knots[1:] - knots[:-1]) / width
-        # Second derivatives solve a tridiagonal system; those of a natural spline are zero at both
-        # ends, beyond which a clamped one goes on without slope.
-        bend = np.zeros_like(knots)
-        none = np.zeros((int(clamped), knots.shape[1]))
-        wide = np.zeros(len(width) + 2 * int(clamped))
-        wide[int(clamped) : int(clamped) + len(width)] = width[:, 0]
-        slopes = np.concatenate([none, slope, none]) if clamped else slope
-        turns = 6 * (slopes[1:] - slopes[:-1])
-        solve_banded(np.column_stack([2 * (wide[:-1] + wide[1:]), wide[1:]]), turns)
-        bend[int(not clamped) : len(knots) - int(not clamped)] = turns
-        coefficients = np.zeros((len(width), 6, knots.shape[1]))
-        coefficients[:, 0] = knots[:-1]
-        coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width
-        coefficients[:, 2] = bend[:-1] / 2 * width**2
-        coefficients[:, 3] = (bend[1:] - bend[:-1]) / 6 * width**2
         # Nobody else has these arrays, so locking needs no copies.
         for values in (at, coefficients):
             values.setflags(write=False)

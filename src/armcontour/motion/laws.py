@@ -237,9 +237,10 @@ class PathLaw(LawAlongPath):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
-        if not isinstance(self.rates, Rates) or {np.shape(x) for x in self.rates} != {(n,)}:
+        rates = [_checks.lock_floats(x) for x in self.rates]
+        if not isinstance(self.rates, Rates) or any(x.shape != (n,) for x in rates):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
-        object.__setattr__(self, "rates", Rates(*(_checks.lock_floats(x) for x in self.rates)))
+        object.__setattr__(self, "rates", Rates(*rates))
 
     @classmethod
     def of_squares(
@@ -251,19 +252,21 @@ class PathLaw(LawAlongPath):
             joint_path: The joint path.
             s: Arc lengths at the breaks [m], (n + 1,).
             x: ds² at the breaks [m²/s²], (n + 1,).
-            slope: Slopes of dds over s on every interval [1/s²], (n,).
+            slope: Slopes of dds over s on every interval [1/s²], (n,). The law keeps the array,
+                which becomes read-only.
 
         Raises:
             InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
         """
-        breaks, ds, dds, stuck = law_of_squares(s[1:] - s[:-1], x, slope)
+        breaks, ds, dds, stuck = law_of_squares(s, x, slope)
         if stuck >= 0:
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
             )
-        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros_like(slope))
+        # Zeros of a new array take no memory until they are written.
+        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
         # Nobody else has these arrays, so locking needs no copies.
-        for values in (breaks, ds, dds, rates.jerk):
+        for values in (breaks, *rates):
             values.setflags(write=False)
         return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -162,7 +163,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
-        starts = np.cumsum([0.0, *(law.breaks[-1] for law in self.laws)])
+        starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
         object.__setattr__(self, "starts", _checks.lock_floats(starts))
         parts = _parts(self.laws, self.spans)
         object.__setattr__(self, "_parts", parts)

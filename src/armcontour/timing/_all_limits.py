@@ -531,7 +531,7 @@ def plan_in_brackets(
                     least[i] = min(least[i], x[i], x[i + 1])
                     ratio[i] *= rules.wider
         else:
-            times, _, _, stuck = law_of_squares(width, x, skew)
+            times, _, _, stuck = law_of_squares(s, x, skew)
             if stuck >= 0:
                 return x, skew, lost, LEFT
             if times[n] > duration:

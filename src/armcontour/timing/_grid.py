@@ -101,7 +101,7 @@ def count_near(n: int, rests: IntArray, parts: int) -> IntArray:
 
 
 @compiled()
-def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatArray, IntArray]:
+def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatArray, IntArray, int]:
     """All breaks, and the points that are not close to a break or to the point before.
 
     Args:
@@ -110,21 +110,25 @@ def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatAr
         close: Distances below this are none.
 
     Returns:
-        The ends of the intervals, (n + 1,), and the piece of each interval, (n,).
+        The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest
+        number of intervals of a piece.
     """
-    s, piece = np.empty(len(points) + len(breaks)), np.empty(len(points) + len(breaks), np.intp)
-    n, k = 0, 0
-    for i in range(len(breaks)):
+    most, last = len(points) + len(breaks), len(breaks) - 1
+    s, piece = np.empty(most), np.empty(most, np.intp)
+    n, k, fewest = 0, 0, most
+    for i in range(last):
+        first = n
         s[n], piece[n] = breaks[i], i
         n += 1
-        if i == len(breaks) - 1:
-            break
         while k < len(points) and points[k] < breaks[i + 1]:
             if points[k] - s[n - 1] >= close and breaks[i + 1] - points[k] >= close:
                 s[n], piece[n] = points[k], i
                 n += 1
             k += 1
-    return s[:n].copy(), piece[: n - 1].copy()
+        fewest = min(fewest, n - first)
+    s[n] = breaks[last]
+    # The pieces are kept with the memory that they do not need.
+    return s[: n + 1].copy(), piece[:n], fewest
 
 
 @compiled()

@@ -252,8 +252,7 @@ def _write_block(
     for j in range(dof):
         write_bulge(of, ends, own, j)
         write_rows(of, ends, j, own, j, packed, b, j, dof + j)
-        raise_lost(of, ends, own, j, 0)
-        raise_lost(of, ends, own, j, 1)
+        raise_lost(of, ends, own, j)
     for m in range(B):
         # Where u falls, x lies above its chord.
         above = sag(of[SKEW + m], of[WIDTH + m]) if of[SKEW + m] < 0.0 else 0.0

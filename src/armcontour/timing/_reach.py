@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._kernels import compiled
+from armcontour._checks import BoolArray, FloatArray
+from armcontour._kernels import FUSED, compiled
 from armcontour.timing._block import (
     A0,
     A1,
@@ -52,6 +52,9 @@ LARGEST_CHANGE = 0.1
 # Intervals of a block that are tried at once where the same rows have bound FEW before.
 CHUNK = 16
 FEW = 2
+# Memory for a chunk: x and y of the intervals that are tried, zeros between two tries; and lines of
+# rows that bound x or y from above, and of rows that bound x from below.
+UPPER, LOWER, LANES = 2 * CHUNK, 6 * CHUNK, 10 * CHUNK
 # A coefficient of u below this share of that at the other end of its interval is rounding.
 VANISHED = 1e-9
 
@@ -98,23 +101,25 @@ def write_rows(
 
 
 @compiled(inner=True)
-def raise_lost(of: FloatArray, ends: FloatArray, own: FloatArray, j: int, end: int) -> None:
-    """Raise LOST to what the margin of one limit takes at one end of the intervals, see `pack`.
+def raise_lost(of: FloatArray, ends: FloatArray, own: FloatArray, j: int) -> None:
+    """Raise LOST to what the margin of one limit takes of its bounds, see `pack`.
 
     Args:
         of: Rows of the intervals.
         ends: Coefficients of the limits.
         own: Their bounds and margins.
         j: The limit.
-        end: 0 for the starts of the intervals, 1 for their ends.
     """
-    aside = B if end else 0
     for m in range(B):
         room, lost = own[j, MARGIN + m], of[LOST + m]
-        allowed = min(own[j, HIGH0 + aside + m], -own[j, LOW0 + aside + m])
+        start = min(own[j, HIGH0 + m], -own[j, LOW0 + m])
+        end = min(own[j, HIGH1 + m], -own[j, LOW1 + m])
+        allowed = min(start, end)
         lost = room / allowed if room > lost * allowed else lost
-        turned = abs(ends[j, A0 + aside + m]) * (abs(of[SHIFT + m]) * of[HALF + m])
-        of[LOST + m] = max(lost, 1.0) if turned > allowed - room else lost
+        turn = abs(of[SHIFT + m]) * of[HALF + m]
+        broken = abs(ends[j, A0 + m]) * turn > start - room
+        broken |= abs(ends[j, A1 + m]) * turn > end - room
+        of[LOST + m] = max(lost, 1.0) if broken else lost
 
 
 @compiled()
@@ -164,8 +169,7 @@ def pack(
                 own[k, MARGIN + m] = margin[i, k]
         for k in range(count):
             write_rows(of, ends, k, own, k, out, begin // B, first + k, every + first + k)
-            raise_lost(of, ends, own, k, 0)
-            raise_lost(of, ends, own, k, 1)
+            raise_lost(of, ends, own, k)
         for m in range(min(B, n - begin)):
             lost[begin + m] = of[LOST + m]
 
@@ -259,12 +263,12 @@ def _of_y(
     c1: float,
     r: float,
     shift: float,
-) -> tuple[float, float, int]:
-    """Interval of y for a given x, and the row that bounds it from above."""
+) -> tuple[float, float, int, int]:
+    """Interval of y for a given x, and the rows that bound it from above and below."""
     b, m = i // B, i % B
     upper = np.inf
     lower = -np.inf
-    above = -1
+    above = below = -1
     for k in range(rows.shape[1]):
         q, known = rows[b, k, B + m], rows[b, k, m] * x
         # Where q is tiny and x at the row's edge, rounding must not decide on y.
@@ -275,12 +279,12 @@ def _of_y(
             if up < upper * q:
                 upper, above = up / q, k
             if down > lower * q:
-                lower = down / q
+                lower, below = down / q, k
         elif q < 0.0:
             if down > upper * q:
                 upper, above = down / q, k
             if up < lower * q:
-                lower = up / q
+                lower, below = up / q, k
     if r < np.inf:
         radius = r / half
         reach = math.sqrt(max(radius * radius - (c0 / half * x) * (c0 / half * x), 0.0))
@@ -291,7 +295,7 @@ def _of_y(
         reach = math.sqrt(max(radius * radius * (1.0 + k2) - k2 * moved * moved, 0.0))
         upper = min(upper, (moved + reach) / (1.0 + k2))
         lower = max(lower, (moved - reach) / (1.0 + k2))
-    return upper, lower, above
+    return upper, lower, above, below
 
 
 @compiled(inner=True)
@@ -306,7 +310,7 @@ def _count_broken(
         k: The row.
         low: The first of CHUNK intervals of the block.
         play: The share.
-        lanes: x and y, (2 CHUNK,).
+        lanes: x and y.
     """
     broken, m0 = 0, low & (B - 1)
     for m in range(CHUNK):
@@ -367,7 +371,7 @@ def _find_broken(
         first: A row on whose edge x and y are, and the same limit at the other end of the interval
             perhaps too: these two may be broken by rounding; -1 for none.
         second: Another such row, or -1.
-        lanes: x and y of the intervals, and zeros, (2 CHUNK,). All zeros afterwards.
+        lanes: x and y of the intervals, and zeros. All zeros afterwards.
     """
     every, step, found = rows.shape[1], 1 if last > i else -1, i
     if abs(last - i) > FEW:
@@ -390,50 +394,76 @@ def _find_broken(
 
 
 @compiled(inner=True)
-def _end_of_x(
-    y: float, rows: FloatArray, b: int, m: int, k: int, side: float
-) -> tuple[float, float]:
-    """The upper end (side 1) or lower end (-1) of x that one row leaves at y, and its slope."""
-    p, q = rows[b, k, m], rows[b, k, B + m]
-    if p == 0.0:
-        return side * np.inf, 0.0
-    return (rows[b, k, 3 * B + m if p * side > 0.0 else 2 * B + m] - q * y) / p, -q / p
+def _draw_lines(
+    rows: FloatArray, i: int, count: int, k: int, side: float, of: int, at: int, lanes: FloatArray
+) -> None:
+    """Write the ends that a row leaves of x for a given y, or of y for a given x, as lines.
+
+    The end of x is `line - steep y`. The divisions are done here for many intervals at once, as one
+    interval waits for the other only for what follows.
+
+    Args:
+        rows: The rows, as in `reach`.
+        i: The first of some intervals of a chunk.
+        count: How many they are.
+        k: The row; the same limit at the other end of the interval has the lines after these.
+        side: 1.0 for upper ends, -1.0 for lower ones.
+        of: 0 for ends of x, B for those of y.
+        at: Where the lines begin.
+        lanes: Output: `line` and `steep` of one row and of the other, CHUNK each.
+    """
+    b, m0, at0 = i // B, i & (B - 1), at + (i & (CHUNK - 1))
+    for row, to in ((k, at0), (_twin(k, rows.shape[1]), at0 + 2 * CHUNK)):
+        for m in range(count):
+            own, other = rows[b, row, of + m0 + m], rows[b, row, B - of + m0 + m]
+            low, high = rows[b, row, 2 * B + m0 + m], rows[b, row, 3 * B + m0 + m]
+            # Without `own` there is no number, and nothing below it.
+            inverse = 1.0 / own
+            low, high = low * inverse, high * inverse
+            lanes[to + m] = max(low, high) if side > 0.0 else min(low, high)
+            lanes[to + CHUNK + m] = other * inverse
 
 
-@compiled(inner=True)
-def _guess_x(
-    y: float, rows: FloatArray, b: int, m: int, above: int, below: int
-) -> tuple[float, float, bool]:
-    """The largest x of an interval if these rows bound it.
+@compiled(inner=True, fastmath=FUSED)
+def _guess_x(y: float, lanes: FloatArray, m: int, cut: bool) -> tuple[float, float, bool]:
+    """The largest x of an interval if rows bound it whose lines are drawn.
 
     Args:
         y: Largest x at the end of the interval.
-        rows: The rows, as in `reach`.
-        b: Block of the interval.
-        m: Its place in the block.
-        above: The row that bounds x from above.
-        below: The row that bounds x from below, where both bound y; -1 if y is not bounded.
+        lanes: Lines from UPPER on, and if `cut` from LOWER on, as `_draw_lines` writes them.
+        m: The place of the interval in its chunk.
+        cut: Whether the lower lines bound y.
 
     Returns:
         x, y, and whether they can be.
     """
     # With a skew the same limit binds at both ends: which one is first is a matter of rounding.
-    count = rows.shape[1]
-    x, slope = _end_of_x(y, rows, b, m, above, 1.0)
-    other, steep = _end_of_x(y, rows, b, m, _twin(above, count), 1.0)
+    x, steep = lanes[UPPER + m] - lanes[UPPER + CHUNK + m] * y, lanes[UPPER + CHUNK + m]
+    other = lanes[UPPER + 2 * CHUNK + m] - lanes[UPPER + 3 * CHUNK + m] * y
     if other < x:
-        x, slope = other, steep
-    if below >= 0:
-        least, rise = _end_of_x(y, rows, b, m, below, -1.0)
-        other, steep = _end_of_x(y, rows, b, m, _twin(below, count), -1.0)
+        x, steep = other, lanes[UPPER + 3 * CHUNK + m]
+    if cut:
+        least, rise = lanes[LOWER + m] - lanes[LOWER + CHUNK + m] * y, lanes[LOWER + CHUNK + m]
+        other = lanes[LOWER + 2 * CHUNK + m] - lanes[LOWER + 3 * CHUNK + m] * y
         if other > least:
-            least, rise = other, steep
-        if x >= least or slope >= rise:
+            least, rise = other, lanes[LOWER + 3 * CHUNK + m]
+        if x >= least or steep <= rise:
             return 0.0, y, False
-        # Where both rows meet, y is this much smaller.
-        less = (x - least) / (slope - rise)
-        x, y = x - slope * less, y - less
-    return x, y, slope >= 0.0 and x >= 0.0 and y >= 0.0
+        # Where both lines meet, y is this much smaller.
+        less = (x - least) / (rise - steep)
+        x, y = x + steep * less, y - less
+    return x, y, steep <= 0.0 and x >= 0.0 and y >= 0.0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _guess_y(x: float, most: float, lanes: FloatArray, at: int, m: int) -> float:
+    """The largest y of an interval up to `most` if the row bounds it whose lines begin at `at`."""
+    y = most
+    for line_at in (at + m, at + 2 * CHUNK + m):
+        line, fall = lanes[line_at], lanes[line_at + CHUNK] * x
+        up = line - fall + ROUNDING * (abs(line) + abs(fall))
+        y = up if up < y else y
+    return y
 
 
 @compiled(inner=True)
@@ -445,6 +475,7 @@ def _guess_back(
     above: int,
     below: int,
     most: FloatArray,
+    follows: BoolArray,
     lanes: FloatArray,
 ) -> tuple[int, bool]:
     """Go back through a chunk from interval i while the same rows bound x as before.
@@ -457,38 +488,40 @@ def _guess_back(
         rows: The rows, as in `reach`.
         ceiling: Largest x at the grid points, (n + 1,).
         above: The row that bounds x from above; -1 if the ceiling does.
-        below: As in `_guess_x`.
+        below: The row that bounds x from below, where both bound y, or the ceiling does and y
+            follows from the row; -1 if y is not bounded.
         most: The largest x after the interval i, and before it as the output, (n + 1,).
-        lanes: Memory for x and y, all zeros, (2 CHUNK,).
+        follows: Output: whether the largest x after an interval can be reached from that before
+            it, (n,); perhaps not if it is false.
+        lanes: Memory, see LANES.
 
     Returns:
         The interval before those that agree, and whether it is in the chunk and does not.
     """
-    b, k, y = i // B, i, most[i + 1]
+    k, y = i, most[i + 1]
     end = max(i - i % CHUNK, i - count + 1)
+    if above >= 0:
+        _draw_lines(rows, end, i + 1 - end, above, 1.0, 0, UPPER, lanes)
+        if below >= 0:
+            _draw_lines(rows, end, i + 1 - end, below, -1.0, 0, LOWER, lanes)
+    elif below >= 0:
+        _draw_lines(rows, end, i + 1 - end, below, 1.0, B, LOWER, lanes)
     while k >= end:
         x, agrees = ceiling[k], True
         if above >= 0:
-            x, y, agrees = _guess_x(y, rows, b, k % B, above, below)
+            x, y, agrees = _guess_x(y, lanes, k % CHUNK, below >= 0)
+        elif below >= 0:
+            y = _guess_y(x, y, lanes, LOWER, k % CHUNK)
+            agrees = y >= 0.0
         if not (agrees and x < np.inf):
             break
         lanes[k % CHUNK], lanes[CHUNK + k % CHUNK] = x, y
         most[k] = y = min(x, ceiling[k])
+        # Of an x above the ceiling only that is known which is not taken.
+        follows[k] = below < 0 and x <= ceiling[k]
         k -= 1
-    broken = _find_broken(rows, i, k, above, below if above >= 0 else -1, lanes)
+    broken = _find_broken(rows, i, k, above, below, lanes)
     return broken, broken >= end
-
-
-@compiled(inner=True)
-def _end_of_y(x: float, rows: FloatArray, b: int, m: int, k: int) -> float:
-    """The upper end of y that one row leaves at x, as in `_of_y`."""
-    p, q = rows[b, k, m], rows[b, k, B + m]
-    if q == 0.0:
-        return np.inf
-    bound, known = rows[b, k, 3 * B + m if q > 0.0 else 2 * B + m], p * x
-    wider = bound + math.copysign(1.0, q) * ROUNDING * (abs(bound) + abs(known))
-    up: float = (wider - known) / q
-    return up
 
 
 @compiled(inner=True)
@@ -498,6 +531,7 @@ def _guess_on(
     rows: FloatArray,
     most: FloatArray,
     above: int,
+    below: int,
     x: FloatArray,
     lanes: FloatArray,
 ) -> tuple[int, bool]:
@@ -509,23 +543,25 @@ def _guess_on(
         rows: The rows, as in `reach`.
         most: The largest x from which the end can be reached, (n + 1,).
         above: The row that bounds y from above; -1 for none.
+        below: The row that bounds y from below, on whose edge y is where it bounds `most`; or -1.
         x: The largest x up to the interval i, and after it as the output, (n + 1,).
-        lanes: Memory for x and y, all zeros, (2 CHUNK,).
+        lanes: Memory, see LANES.
 
     Returns:
         The interval after those that agree, and whether it is in the chunk and does not.
     """
-    b, k, twin = i // B, i, _twin(above, rows.shape[1])
-    last = min(i - i % CHUNK + CHUNK, i + count, len(x) - 1)
+    k, last = i, min(i - i % CHUNK + CHUNK, i + count, len(x) - 1)
+    if above >= 0:
+        _draw_lines(rows, i, last - i, above, 1.0, B, UPPER, lanes)
     while k < last:
-        m, y = k % B, most[k + 1]
+        m, y = k % CHUNK, most[k + 1]
         if above >= 0:
-            y = min(y, _end_of_y(x[k], rows, b, m, above), _end_of_y(x[k], rows, b, m, twin))
+            y = _guess_y(x[k], y, lanes, UPPER, m)
         if not 0.0 <= y < np.inf:
             break
-        lanes[k % CHUNK], lanes[CHUNK + k % CHUNK], x[k + 1] = x[k], y, y
+        lanes[m], lanes[CHUNK + m], x[k + 1] = x[k], y, y
         k += 1
-    broken = _find_broken(rows, i, k, above, -1, lanes)
+    broken = _find_broken(rows, i, k, above, below, lanes)
     return broken, broken < last
 
 
@@ -561,13 +597,14 @@ def reach(
     guesses, above, below = False, -1, -1
     most = np.empty(n + 1)
     x = np.empty(n + 1)
+    follows = np.empty(n, np.bool_)
     most[n] = end
-    lanes = filled(2 * CHUNK, 0.0)
+    lanes = filled(LANES, 0.0)
     i, count = n, FEW
     while i > 0:
         i -= 1
         if guesses and not discs:
-            i, differs = _guess_back(i, count, rows, ceiling, above, below, most, lanes)
+            i, differs = _guess_back(i, count, rows, ceiling, above, below, most, follows, lanes)
             # Many at once where the same rows bind for long, few where they change.
             count = FEW if differs else min(2 * count, CHUNK)
             if not differs:
@@ -602,11 +639,13 @@ def reach(
             up, slope, down, down_slope, above, below = _of_x(y, rows, i, half, c0, c1, r, shift)
         else:
             return x, most, i
-        if not cut:
+        if not cut and up >= cap:
+            # The ceiling may be below what y asks for; a smaller y leads to it then.
+            above, below = -1, below if down > cap else -1
+        elif not cut:
             below = -1
-        if up >= cap and not cut:
-            above = -1
         guesses = slope >= 0.0 and (above >= 0 or not cut)
+        follows[i] = y == most[i + 1] and min(up, cap) >= down
         # The largest x is at this y, or, if x rises as y falls, at the top of a concave function.
         if up < cap and slope < 0.0:
             y_left = 0.0
@@ -633,24 +672,29 @@ def reach(
                     y_left, x_left, slope_left = y, up, slope
                 else:
                     y_right, x_right, slope_right = y, up, slope
-            up, guesses = best, False
+            up, guesses, follows[i] = best, False, False
         most[i] = min(up, cap)
     if start == np.inf:
         start = most[0]
     if start > most[0] * (1 + PLAY):
         return x, most, 0
     x[0] = min(start, most[0])
-    above, i, count = -1, 0, FEW
+    above, below, i, count = -1, -1, 0, FEW
     while i < n:
+        # All rows allow these two: the pass before has looked.
+        if follows[i] and x[i] == most[i]:
+            x[i + 1] = most[i + 1]
+            i += 1
+            continue
         if not discs:
-            i, differs = _guess_on(i, count, rows, most, above, x, lanes)
+            i, differs = _guess_on(i, count, rows, most, above, below, x, lanes)
             count = FEW if differs else min(2 * count, CHUNK)
             if not differs:
                 continue
         half = 0.5 / width[i]
         if discs:
             c0, c1, r = c[0, i], c[1, i], radius[i]
-        up, down, above = _of_y(x[i], rows, i, half, c0, c1, r, shifts[i])
+        up, down, above, below = _of_y(x[i], rows, i, half, c0, c1, r, shifts[i])
         y = min(up, most[i + 1])
         # Both ends of the interval of y are rounded; next to the edge of a disc under a root.
         slack = 1e-12 * (abs(down) + most[i + 1] + x[i])
@@ -693,9 +737,12 @@ def steer(
     u = (last - first) / (2.0 * width)
     v0, v1 = a0 * u + b0 * first, a1 * u + b1 * last
     bounds = highs if v0 > 0.0 else lows
+    # On a tie the first one, so that rounding does not choose. Few rows need the divisions.
+    enough = most * (1 + 1e-9)
+    if abs(v0) <= enough * abs(bounds[0]) and abs(v1) <= enough * abs(bounds[1]):
+        return most, skew
     used = max(v0 / bounds[0], v1 / bounds[1])
-    # On a tie the first one, so that rounding does not choose.
-    if used > most * (1 + 1e-9):
+    if used > enough:
         u0, u1 = (bounds[0] - b0 * first) / a0, (bounds[1] - b1 * last) / a1
         if abs(a0 * (u1 - u0)) < LARGEST_CHANGE * abs(bounds[0]):
             return used, (u1 - u0) / width

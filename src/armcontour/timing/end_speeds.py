@@ -19,6 +19,8 @@ START, END = "start speed", "end speed"
 DIGITS = 6
 # Estimates that are followed; each that fails is lowered by at least the share LOWER.
 MOST_ESTIMATES = 8
+# Relative rounding error of a speed that a plan allows; it counts as allowed, see `PLAY`.
+ROUNDING = 1e-12
 LOWER = 1e-3
 # Where estimates lead nowhere, the interval of speeds is halved so often.
 HALVINGS = 12
@@ -127,9 +129,10 @@ def refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
 
 
 def _round_down(speed: float) -> float:
-    """A speed with DIGITS digits that is not higher."""
+    """A speed with DIGITS digits that is higher by rounding errors at most."""
     if speed <= 0:
         return 0.0
+    speed *= 1 + ROUNDING
     digit = 10.0 ** (np.floor(np.log10(speed)) - DIGITS + 1)
     found = float(f"{np.floor(speed / digit) * digit:.{DIGITS}g}")
     return found if found <= speed else float(f"{found - digit:.{DIGITS}g}")

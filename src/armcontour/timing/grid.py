@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,7 +33,7 @@ EVEN_SHARE = 0.5
 AT_REST = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grid:
     """Intervals of a joint path, each inside one of its polynomial pieces.
 
@@ -40,17 +41,19 @@ class Grid:
         joint_path: The path.
         s: Interval ends [m], (n + 1,).
         piece: The joint path's piece that holds each interval, (n,).
-        width: Interval lengths [m], (n,).
     """
 
     joint_path: JointPath
     s: FloatArray
     piece: IntArray
-    width: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "s", _checks.lock_floats(self.s))
-        object.__setattr__(self, "width", self.s[1:] - self.s[:-1])
+
+    @cached_property
+    def width(self) -> FloatArray:
+        """Interval lengths [m], (n,)."""
+        return np.asarray(self.s[1:] - self.s[:-1])
 
     def __len__(self) -> int:
         """Number of intervals."""
@@ -94,17 +97,21 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         InvalidInput: A point does not lie on the path.
     """
     breaks = joint_path.breaks
-    if points.ndim != 1 or not len(points) or points.min() < breaks[0] or points.max() > breaks[-1]:
+    if points.ndim == 1 and not (points[1:] >= points[:-1]).all():
+        points = np.sort(points)
+    if points.ndim != 1 or not len(points) or points[0] < breaks[0] or points[-1] > breaks[-1]:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
     # A point that differs from a break by rounding only is left out.
     close = 1e-12 * (breaks[-1] - breaks[0])
-    s, piece = merge(np.sort(points), breaks, close)
+    s, piece, fewest = merge(points, breaks, close)
+    s.setflags(write=False)  # Nobody else has the array, so locking needs no copy.
     grid = Grid(joint_path, s, piece)
+    if fewest > 1:
+        return grid
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
-    count = np.bincount(piece)
-    return split(grid, np.where(count[piece] == 1, 2.0, 1.0)) if (count == 1).any() else grid
+    return split(grid, np.where(np.bincount(piece)[piece] == 1, 2.0, 1.0))
 
 
 def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
@@ -114,7 +121,10 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
         The coarse grid, and for each old interval the index of the new interval it lies in, (n,).
     """
     # Between two rests one interval would be too few.
+    if by == 1:
+        return grid, np.arange(len(grid))
     s, piece, of = thin(grid.s, grid.piece, by)
+    s.setflags(write=False)  # Nobody else has the array, so locking needs no copy.
     return Grid(grid.joint_path, s, piece), of
 
 

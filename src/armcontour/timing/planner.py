@@ -162,7 +162,9 @@ def _plan(
     refuse_unkept_jerk(method, bounds)
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
-    windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
+    windows: tuple[float, ...] = ()
+    if not isinstance(smoothing, tuple) or smoothing:
+        windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
     if duration is not None:
         _refuse_duration(duration, method, options, smoothed=bool(windows))
     if method == Method.SHAPED:
