@@ -25,6 +25,9 @@ LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
+# A pose is reached with a correction below this [rad]: the next one would be the square of it times
+# the condition number of the Jacobian. Who follows poses solves them to the last digit afterwards.
+FOLLOWED = 1e-7
 # `follow` gives up after it has halved the step between two poses this many times.
 MOST_HALVINGS = 12
 # A matrix counts as singular if its smallest pivot over its largest one is below this.
@@ -381,8 +384,8 @@ def free_motions(
                     if rest[k] > rest[farthest]:
                         farthest = k
                 rows[r, farthest] = 1.0
-            # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
-            for _ in range(2):
+            # A second pass of Gram-Schmidt makes the motions orthogonal to the last digit.
+            for _ in range(1 if r < task else 2):
                 for j in range(r):
                     along = 0.0
                     for k in range(dof):
@@ -392,9 +395,9 @@ def free_motions(
                 size = 0.0
                 for k in range(dof):
                     size += rows[r, k] ** 2
-                if size > 0.0:
-                    for k in range(dof):
-                        rows[r, k] /= math.sqrt(size)
+                scale = 1.0 / math.sqrt(size) if size > 0.0 else 1.0
+                for k in range(dof):
+                    rows[r, k] *= scale
         for r in range(task, dof):
             write_row(rows[r], found[i, r - task])
     return found
@@ -621,12 +624,12 @@ def follow(
                     # Each correction must be at most half of the one before; otherwise the steps
                     # may lead to another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
-                        arrived = size < 1e-9
+                        arrived = size < FOLLOWED
                         break
                     for k in range(dof):
                         trial[k] += step[k]
                     before = size
-                    if size < 1e-9:
+                    if size < FOLLOWED:
                         arrived = True
                         break
                 if arrived:
