@@ -25,9 +25,6 @@ LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
-# A pose is reached with a correction below this [rad]: the next one would be the square of it times
-# the condition number of the Jacobian. Who follows poses solves them to the last digit afterwards.
-FOLLOWED = 1e-7
 # `follow` gives up after it has halved the step between two poses this many times.
 MOST_HALVINGS = 12
 # A matrix counts as singular if its smallest pivot over its largest one is below this.
@@ -384,8 +381,8 @@ def free_motions(
                     if rest[k] > rest[farthest]:
                         farthest = k
                 rows[r, farthest] = 1.0
-            # A second pass of Gram-Schmidt makes the motions orthogonal to the last digit.
-            for _ in range(1 if r < task else 2):
+            # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
+            for _ in range(2):
                 for j in range(r):
                     along = 0.0
                     for k in range(dof):
@@ -395,9 +392,9 @@ def free_motions(
                 size = 0.0
                 for k in range(dof):
                     size += rows[r, k] ** 2
-                scale = 1.0 / math.sqrt(size) if size > 0.0 else 1.0
-                for k in range(dof):
-                    rows[r, k] *= scale
+                if size > 0.0:
+                    for k in range(dof):
+                        rows[r, k] /= math.sqrt(size)
         for r in range(task, dof):
             write_row(rows[r], found[i, r - task])
     return found
@@ -575,6 +572,7 @@ def follow(
     task: int,
     q: FloatArray,
     reached: IntArray,
+    enough: float,
 ) -> None:
     """Follow a sequence of poses from several joint positions by the shortest joint steps.
 
@@ -589,6 +587,7 @@ def follow(
         q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
             outputs, as far as poses are reached.
         reached: Takes the number of poses that were reached, including the first one, (ways,).
+        enough: A pose is reached with a correction below this [rad].
     """
     ways, n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
@@ -624,12 +623,12 @@ def follow(
                     # Each correction must be at most half of the one before; otherwise the steps
                     # may lead to another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
-                        arrived = size < FOLLOWED
+                        arrived = size < enough
                         break
                     for k in range(dof):
                         trial[k] += step[k]
                     before = size
-                    if size < FOLLOWED:
+                    if size < enough:
                         arrived = True
                         break
                 if arrived:

@@ -517,17 +517,22 @@ def _teach(
     refuse_too_large(job, this, least, done_before, simulated)
     objective, path, traced, trajectory = _plan(job, this, progress, earlier)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
-    cleared = keep_clear(job, this, traced, trajectory, progress)
+    with Beside() as beside:
+        # Nearly every plan keeps clear: its set-points are made while that is proven.
+        taught = beside.start(partial(teach_run, job, this, trajectory))
+        cleared = keep_clear(job, this, traced, trajectory, progress)
+        progress(Step(("compensation",)))
+        if cleared.trajectory is not trajectory:
+            taught = beside.start(partial(teach_run, job, this, cleared.trajectory))
+        set_points = taught()
     traced, trajectory = cleared.traced, cleared.trajectory
     beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
-    progress(Step(("compensation",)))
-    taught = teach_run(job, this, trajectory)
     return RunPlan(
         run=this,
         objective=objective,
         path=path,
         trajectory=trajectory,
-        taught=taught,
+        taught=set_points,
         traced=traced,
         exceeded=tuple(beyond),
         clearance=cleared.clearance,
