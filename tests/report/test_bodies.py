@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from armcontour.arms import SerialArm
-from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.jobs import Job
-from armcontour.report.sections.bodies import draw_surroundings, points_of, seen_from_base
-from armcontour.scene import Mesh
+from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 
 JOB = """
 name: tilted
@@ -63,13 +61,3 @@ def test_without_obstacles_there_is_the_plane_of_the_base() -> None:
     )
     plane = found["plane of the base"]
     assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
-
-
-@pytest.mark.parametrize(("count", "kept"), [(300, 308), (3000, 8)])
-def test_of_meshes_of_many_points_only_the_hull_is_drawn(count: int, kept: int) -> None:
-    corners = [[x, y, z] for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.1)]
-    inside = np.random.default_rng(0).uniform(0.01, 0.09, (count, 3))
-    mesh = Mesh(points=np.concatenate([corners, inside]))
-    points = points_of(mesh, Frame())
-    assert len(points) == kept
-    assert (np.ptp(points, axis=0) == 100.0).all()

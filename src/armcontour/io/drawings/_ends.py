@@ -8,7 +8,6 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings._neighbours import join_pairs, nearest_few, pairs_within
 from armcontour.io.drawings._pieces import Pieces
 
 # Ends closer than this fraction of the tolerance touch.
@@ -118,11 +117,18 @@ def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
         free: Indices of the ends that are not joined yet.
         near: Ends closer than this touch [m].
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    cell, n = cell.ravel(), len(first)
     centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
-    vertex = join_pairs(pairs_within(centres, near), len(first))[cell.ravel()]
+    pairs = cKDTree(centres).query_pairs(near, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
+    vertex = connected_components(links, directed=False)[1][cell]
     alone = np.bincount(vertex)[vertex] == 1
     free, vertex = free[~alone], vertex[~alone]
     return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
@@ -135,10 +141,16 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
         vertex: Number of the vertex at which each end lies, (n,).
         inwards: Unit tangents into the pieces, (n, dimension).
     """
+    from scipy.spatial import cKDTree
+
+    if len(vertex) == 0:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
-    into, out = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
-    return nearest_few(into, out, MOST_CANDIDATES + 1, 3.0)
+    tree = cKDTree(np.column_stack([4.0 * vertex, inwards]))
+    count = min(MOST_CANDIDATES + 1, len(vertex))
+    found = tree.query(np.column_stack([4.0 * vertex, -inwards]), k=count, distance_upper_bound=3.0)
+    return _drop_missing(np.asarray(found[1]), len(vertex))
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
@@ -149,8 +161,24 @@ def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
         free: Indices of the ends that are not joined yet.
         near: Largest distance of two ends [m].
     """
+    from scipy.spatial import cKDTree
+
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
-    return _pairs(free, *nearest_few(points, points, MOST_CANDIDATES + 1, near))
+    count = min(MOST_CANDIDATES + 1, len(free))
+    found = cKDTree(points).query(points, k=count, distance_upper_bound=near)
+    return _pairs(free, *_drop_missing(np.asarray(found[1]), len(free)))
+
+
+def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Pairs of points and neighbours from a tree's query, without the neighbours not found.
+
+    Args:
+        neighbours: Indices of the neighbours, n if there is none, (n, k).
+        n: Number of points.
+    """
+    i = np.repeat(np.arange(n), neighbours.shape[1])
+    k = neighbours.ravel()
+    return i[k < n], k[k < n]
 
 
 def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:

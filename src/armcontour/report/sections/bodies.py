@@ -17,8 +17,6 @@ from armcontour.scene.scene import BASE
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
 # Points around a round shape.
 AROUND = 24
-# Of a mesh with more points than this only those of its hull are kept; the browser needs no others.
-FEW_POINTS = 1000
 # A half-space is drawn as a plate that is larger than everything else by this factor.
 PLATE = 1.5
 
@@ -108,10 +106,8 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
     up = np.array([0.0, 0.0, 1.0])
     match shape:
         case Mesh():
-            # Only the hull is drawn, and a scan has a million points.
-            if len(shape.points) <= FEW_POINTS:
-                return shape.points
-            # Imported here, as it takes a third of a second.
+            # Only the hull is drawn, and a scan has a million points. Imported here, as it takes a
+            # third of a second.
             from scipy.spatial import ConvexHull
 
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])
