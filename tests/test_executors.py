@@ -10,8 +10,17 @@ from operator import truediv
 import pytest
 
 import armcontour as ac
-from armcontour._executors import Crew, InProcess, map_on, open_engine, refuse_unclear, workers_of
+from armcontour._executors import (
+    Crew,
+    InProcess,
+    Watch,
+    map_on,
+    open_engine,
+    refuse_unclear,
+    workers_of,
+)
 from armcontour._pool import ProcessPool
+from armcontour.batches.conducting import conduct
 from armcontour.errors import ExecutionError, InvalidInput
 
 # Functions that other processes can import.
@@ -90,6 +99,42 @@ def test_a_client_that_is_closed_is_said():
         assert workers_of(executor) == 1 and map_on(executor, halve, [2]) == [0.5]
     with pytest.raises(ExecutionError, match="The executor takes no work"):
         map_on(executor, halve, [1])
+
+
+class Deserted(Executor):
+    """As the executor of a Dask cluster: the number of its workers at each look, and no answer."""
+
+    def __init__(self, *counts):
+        self.counts, self._client = list(counts), self
+
+    def ncores(self):
+        count = self.counts.pop(0) if len(self.counts) > 1 else self.counts[0]
+        return {"tcp://10.0.0.2:1": count} if count else {}
+
+    def submit(self, fn, /, *args, **kwargs):
+        return Future()
+
+
+@pytest.mark.parametrize("work", ["items", "jobs"])
+def test_a_cluster_that_has_lost_all_workers_is_not_waited_for(monkeypatch, work):
+    monkeypatch.setattr("armcontour._executors.PULSE", 0.01)
+    monkeypatch.setattr("armcontour._executors.DESERTED", 0.05)
+    executor = Deserted(2, 1, 0)
+    with pytest.raises(ExecutionError, match=r"All workers of the cluster .* in 0.05 s: start"):
+        if work == "items":
+            map_on(executor, halve, [1])
+        else:
+            conduct(executor, abs, enumerate([1]), workers=1, take=lambda k, outcome: None)
+
+
+def test_a_worker_that_comes_back_is_waited_for(monkeypatch):
+    monkeypatch.setattr("armcontour._executors.PULSE", 0.001)
+    monkeypatch.setattr("armcontour._executors.DESERTED", 0.05)
+    clock = iter(range(1000))
+    monkeypatch.setattr("armcontour._executors.monotonic", lambda: 0.02 * next(clock))
+    # Two looks of the clock without a worker, one with it, and so on: never for as long as that.
+    watch, futures = Watch(Deserted(*[0, 0, 1] * 20)), [Future()]
+    assert not any(watch.wait(futures) for _ in range(50))
 
 
 def test_this_process_works_when_an_item_is_given():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future
 from concurrent.futures import wait as wait_for
 from contextlib import contextmanager, suppress
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
+from time import monotonic
 from typing import Any, Generic, TypeVar, cast
 
 from armcontour._pool import ProcessPool
@@ -30,6 +31,8 @@ R = TypeVar("R")
 PATIENCE = "20s"
 # Longest time between two looks at what is done [s].
 PULSE = 1.0
+# How long a cluster may be without any worker [s]: one that ended may be started again meanwhile.
+DESERTED = 60.0
 # Parts of the items that an executor gets, each with the work: more would send it too often.
 CHUNKS = 32
 # What executors raise for work whose process is gone; Dask's are named, as it may be missing.
@@ -125,13 +128,17 @@ def workers_of(executor: Executor) -> int:
     """Number of workers of an executor; that of processors where it does not tell."""
     if isinstance(executor, ProcessPool):
         return executor.processes
-    known = getattr(executor, "_max_workers", None)
+    return getattr(executor, "_max_workers", None) or _present(executor) or processors()
+
+
+def _present(executor: Executor | None) -> int | None:
+    """Number of workers that a cluster has now; None for others, and where it does not tell."""
     cores = getattr(getattr(executor, "_client", None), "ncores", None)
     if cores is not None:
         # A client of Dask that is closed says so when it is given work.
         with suppress(Exception):
-            known = sum(cores().values())
-    return known or processors()
+            return int(sum(cores().values()))
+    return None
 
 
 def _processes(count: int) -> str:
@@ -184,6 +191,46 @@ def not_able(error: BaseException) -> ExecutionError:
     )
 
 
+class Watch:
+    """Waits for futures of an executor, but not for a cluster that has lost all of its workers.
+
+    Such a cluster keeps the work for workers that may never come.
+
+    Args:
+        executor: The executor; None where nothing is waited for.
+    """
+
+    def __init__(self, executor: Executor | None) -> None:
+        self._executor = executor
+        self._deserted: float | None = None
+
+    def wait(self, futures: Collection[Future[R]]) -> list[Future[R]]:
+        """The futures that are done, after a while; none if that takes long.
+
+        Raises:
+            ExecutionError: The cluster has been without a worker for too long.
+        """
+        wait_for(futures, timeout=PULSE, return_when=FIRST_COMPLETED)
+        # That does not wait for what its executor has cancelled.
+        done = [x for x in futures if x.done()]
+        if not done:
+            self._refuse_deserted()
+        return done
+
+    def _refuse_deserted(self) -> None:
+        """Refuse to wait on for a cluster without workers."""
+        if _present(self._executor) != 0:
+            self._deserted = None
+            return
+        now = monotonic()
+        self._deserted = now if self._deserted is None else self._deserted
+        if now - self._deserted >= DESERTED:
+            raise ExecutionError(
+                f"All workers of the cluster have ended, and none has come back in {DESERTED:g} s: "
+                "start some with `dask worker ADDRESS --nthreads 1`, and start this work again."
+            )
+
+
 class Crew(Generic[T, R]):
     """An executor that works on items, which come back as they are done; else this process.
 
@@ -205,6 +252,7 @@ class Crew(Generic[T, R]):
         self._call = None if alone else partial(_on, _frozen(pack(work)))
         self._done: list[tuple[T, R]] = []
         self._away: dict[Future[Packed], T] = {}
+        self._watch = Watch(self._executor)
 
     def __enter__(self) -> Crew[T, R]:
         return self
@@ -243,14 +291,11 @@ class Crew(Generic[T, R]):
         """The items that are done, after a while, and their results; none if none is away.
 
         Raises:
-            ExecutionError: A worker has ended, or cannot do the work.
+            ExecutionError: A worker has ended, or cannot do the work, or no worker is left.
             ArmContourError: As the work raises.
         """
         while self._away and not self._done:
-            wait_for(self._away, timeout=PULSE, return_when=FIRST_COMPLETED)
-            # That does not wait for what its executor has cancelled.
-            done = [x for x in self._away if x.done()]
-            self._done += [(self._away.pop(x), _result(x)) for x in done]
+            self._done += [(self._away.pop(x), _result(x)) for x in self._watch.wait(self._away)]
         found, self._done = self._done, []
         return found
 

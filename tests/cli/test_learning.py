@@ -94,6 +94,21 @@ def test_two_runs_of_a_robot(command, shop, tmp_path):
     code, _, errors = command("learn", shop.file, "--taught", out, "--log", log, "--out", again)
     assert code == 2 and "run.csv has the set-points of run 1 (run.csv)" in errors
     assert not again.exists()
+    judge = ("learn", shop.file, "--judge-only", "--log")
+    code, _, errors = command(*judge, log, "--taught", out)
+    assert code == 2 and "run.csv has the set-points of run 1 (run.csv)" in errors
+
+    # The log of the second run, for which those of the job are taken without --taught.
+    second = tmp_path / "run2.csv"
+    code, shown, errors = command(*judge, second, "--json")
+    run = json.loads(shown)["judged"]
+    assert code == 0 and run["set_points_off"] > 1e-4
+    assert any("run2.csv are" in x and "give these as --taught" in x for x in run["notes"])
+    for number, taught in ((1, shop.first), (2, out)):
+        log = tmp_path / ("run.csv" if number == 1 else "run2.csv")
+        code, shown, errors = command(*judge, log, "--taught", taught, "--json")
+        run = json.loads(shown)["judged"]
+        assert run["set_points_off"] < 1e-5 and not any("--taught" in x for x in run["notes"])
 
 
 def test_positions_of_the_tool(command, shop, tmp_path):

@@ -44,6 +44,26 @@ def test_a_draft_survives_until_the_job_is_saved(file: Path) -> None:
     assert document.earlier_draft() is None and not (file.parent / ".armcontour").exists()
 
 
+def test_a_drawing_that_was_only_looked_at_leaves_no_draft(tmp_path: Path) -> None:
+    drawing, folder = tmp_path / "part.dxf", tmp_path / ".armcontour"
+    shutil.copy(Path(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf", drawing)
+    document = Document.of_drawing(drawing, "ur5e")
+    assert document.dirty and not document.write_draft() and not folder.exists()
+    document.apply([Change(("limits", "speed"), "0.2 m/s")], "speed")
+    assert Document.of_drawing(drawing, "ur5e").earlier_draft() == document.text
+    document.undo()
+    assert not folder.exists()
+    # What another version of the tool left is no change either.
+    folder.mkdir()
+    (folder / "part.draft.yaml").write_text(document.text)
+    assert Document.of_drawing(drawing, "ur5e").earlier_draft() is None
+    # Once it is saved otherwise, the first text is a change.
+    document.redo()
+    document.save()
+    document.undo()
+    assert Document.open(tmp_path / "part.yaml").earlier_draft() == document.text
+
+
 def test_a_folder_that_cannot_be_written_to_has_no_draft(file: Path) -> None:
     document = Document.open(file)
     (file.parent / ".armcontour").write_text("no folder")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future
-from concurrent.futures import wait as wait_for
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from armcontour._executors import is_lost, is_out_of_memory, not_able
+from armcontour._executors import Watch, is_lost, is_out_of_memory, not_able
 from armcontour._process import ProcessEnded
 from armcontour.batches.working import (
     RETRIED,
@@ -32,8 +31,6 @@ AHEAD = 2
 NEWEST = 0.3
 # How often a job is tried, if its process ends, it does not end or memory runs out.
 TRIES = 3
-# Longest time between two calls of `tick` while all wait [s].
-PULSE = 1.0
 
 Numbered = tuple[int, Item]
 
@@ -71,8 +68,9 @@ def conduct(
         time: Longest time of one job [s]; None without a bound.
 
     Raises:
-        ExecutionError: The executor takes no work, or its workers cannot do any.
+        ExecutionError: The executor takes no work, its workers cannot do any, or none is left.
     """
+    watch = Watch(executor)
     left, again = iter(jobs), deque[_Chunk]()
     away: dict[Future[list[Outcome]], _Chunk] = {}
     mean = CHUNK
@@ -85,8 +83,7 @@ def conduct(
             away[_submit(executor, work, chunk)] = chunk
         if not away:
             return
-        done, _ = wait_for(away, timeout=PULSE, return_when=FIRST_COMPLETED)
-        for future in done:
+        for future in watch.wait(away):
             chunk = away.pop(future)
             error = _lost(future)
             if error is None:

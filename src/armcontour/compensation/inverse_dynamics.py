@@ -8,8 +8,8 @@ it, see docs/concepts/compensation.md.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_banded
 
+from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.compensation.set_points import (
@@ -112,5 +112,5 @@ def _nearest(
     for k in range(1, reach + 1):
         mean[:k] -= weights[k] * hold
         mean[max(n - k, 0) :] -= weights[k] * final
-    band = np.repeat([*weights[:0:-1], *weights], n).reshape(-1, n)
-    return np.asarray(solve_banded((reach, reach), band, mean, overwrite_b=True))
+    solve_banded(np.tile(weights, (n, 1)), mean)
+    return mean

@@ -22,6 +22,7 @@ LEARNING_UNITS = {
     "loop_noise": "rad",
     "predicted": "m",
     "bound": "m",
+    "set_points_off": "rad",
     "offset": "s",
     "delay": "s",
     "does_not_repeat": "m",

@@ -19,8 +19,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
 from armcontour.learning import JudgedRun, LearnedRun, Lesson, Recording, judge_run, learn
-from armcontour.learning.aligning import fit_clock
-from armcontour.learning.recording import record
+from armcontour.learning.aligning import fit_to
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.program import contour_called
@@ -29,6 +28,9 @@ from armcontour.program import contour_called
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
 # Set-points of an earlier run that are so much nearer to those of a log are those of the log.
 NEARER = 0.5
+# Set-points of a log are others than those of its run if they are beside these by more than
+# printing rounds them [rad], and by more than this share of the errors.
+TOLD_BESIDE, BESIDE = 2e-5, 0.05
 # Builds the simulated robot of a run of learning, by the number of the run, from 0.
 Robot = Callable[[int], RigidBodyPlant]
 
@@ -95,6 +97,7 @@ class LearningStudy:
         lesson = self.lesson
         told = _on_time(lesson.delay, lesson.runs[-1])
         found = [self._verdict, *(f"{x}; learning allows for it." for x in told)]
+        found += _other_set_points(lesson.runs[-1])
         if limits_to_keep(self.job, self.plan) is None:
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
@@ -163,9 +166,9 @@ class JudgedStudy:
     @property
     def notes(self) -> list[str]:
         """Sentences on the clock of the log, and on what it cannot show."""
-        found = [
-            f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, self.judged.run)
-        ]
+        run = self.judged.run
+        found = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
+        found += _other_set_points(run)
         found.append(
             "The errors are those at the encoders, or at the tracker if its file was given: what "
             "these do not see is not in them."
@@ -206,6 +209,18 @@ def _on_time(delay: float, run: LearnedRun) -> list[str]:
             f"{(run.rate - 1) * 100:+.3f} %"
         )
     return found
+
+
+def _other_set_points(run: LearnedRun) -> list[str]:
+    """A sentence on a log whose set-points are not those of the run."""
+    off = float(np.sqrt(np.mean(run.error**2)))
+    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * off):
+        return []
+    return [
+        f"The set-points in {run.source} are {run.set_points_off * 1e3:.3g} mrad RMS beside those "
+        f"of the taught data, where the joints are {off * 1e3:.3g} mrad RMS off the plan: if the "
+        "robot executed others, all figures of this run are wrong, so give these as --taught."
+    ]
 
 
 def choose_run(job: Job, name: str | None) -> Run:
@@ -273,7 +288,7 @@ def learn_run(
         tool=tool,
     )
     if isinstance(executed, Log):
-        refuse_earlier_run(lesson, executed)
+        refuse_earlier_run(taught, executed)
     return lesson
 
 
@@ -305,6 +320,8 @@ def judge_log(
         gravity_feedforward=feeds_gravity_forward(plan.run),
         tool=tool,
     )
+    if isinstance(log, Log):
+        refuse_earlier_run(taught, log)
     return JudgedStudy(job=job, plan=plan, judged=judged)
 
 
@@ -314,30 +331,28 @@ def feeds_gravity_forward(run: Run) -> bool:
     return bool(run.compensation_options.get("gravity_feedforward", own))
 
 
-def refuse_earlier_run(lesson: Lesson, log: Log) -> None:
+def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
     """Refuse the log of an earlier run, by the set-points in it.
 
     Args:
-        lesson: What was learned, with the run of the log as its last run.
+        taught: The set-points that were to be executed: of a lesson, or the first ones.
         log: The log.
 
     Raises:
         InvalidInput: The set-points of an earlier run fit those of the log better.
     """
-    if len(lesson.runs) < 2:
+    if not isinstance(taught, Lesson):
         return
-    assert lesson.lifted is not None
-    recording = record(log, lesson)
-    times = lesson.times(len(lesson.q), lesson.period)
+    times = taught.times(len(taught.q), taught.period)
     misfits = []
-    for run in lesson.runs:
-        at = fit_clock(recording, lesson.lifted, run.q).plan_time(log.t)
-        told = np.stack([np.interp(at, times, x) for x in run.q.T], axis=1)
+    for q in (*(run.q for run in taught.runs), taught.q):
+        at = fit_to(log.t, log.command, times, q).plan_time(log.t)
+        told = np.stack([np.interp(at, times, x) for x in q.T], axis=1)
         misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:
         raise InvalidInput(
-            f"{log.source} has the set-points of run {k + 1} ({lesson.runs[k].source}), and not "
+            f"{log.source} has the set-points of run {k + 1} ({taught.runs[k].source}), and not "
             "those that were to be executed: give the log of the last run, or the taught data "
             "that the robot executed.",
             index=k,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
 from armcontour.geometry import Path
+from armcontour.geometry.near_points import pairs_within
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program import Process, Program
 
@@ -41,17 +41,13 @@ def corner_waypoints(given: Path, prepared: Path) -> IntArray:
         return found
     if not len(found) or not len(points):
         return found
-    from scipy.spatial import cKDTree
-
     places = prepared.vertices[1:-1]
     ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
-    near: Any = cKDTree(points).query_ball_point(places, REPEATED_POINT)
-    for j, candidates in enumerate(near):
-        for k in candidates:
-            forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])
-            # An open contour may be run from its end.
-            if forwards or (_alike(ahead[j], -after[k]) and _alike(behind[j], -before[k])):
-                found[j] = numbers[k]
+    for j, k in zip(*pairs_within(places, points, REPEATED_POINT), strict=True):
+        forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])
+        # An open contour may be run from its end.
+        if forwards or (_alike(ahead[j], -after[k]) and _alike(behind[j], -before[k])):
+            found[j] = numbers[k]
     return found
 
 

@@ -12,6 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
+from armcontour.motion import TaughtData
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03
@@ -24,6 +25,8 @@ LOOKED, NEAR_DELAY = 2.5e-3, 1e-5
 TELLING = 10.0
 # Times that a fit with heavy tails is reweighted.
 REWEIGHTED = 8
+# Command intervals over which differences of set-points are averaged.
+AVERAGED = 10
 # Steps of Newton's method, which ends below this time [s].
 STEPS, NEAR = 30, 1e-9
 
@@ -66,6 +69,28 @@ def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
         times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
         return fit_to(recording.t, recording.command, times, q)
     return fit_to(recording.t, recording.q, lifted.t, lifted.expected(q))
+
+
+def set_points_off(recording: Recording, clock: Clock, taught: TaughtData) -> float:
+    """RMS by which recorded set-points are beside those of the taught data [rad]; 0 without any.
+
+    Controllers record them held or interpolated, and stamp them a little early or late. That makes
+    differences which go to and fro within an interval, so differences are averaged over several.
+
+    Args:
+        recording: What was measured.
+        clock: Its clock.
+        taught: The set-points that the robot should have executed.
+    """
+    if recording.command is None:
+        return 0.0
+    times = taught.times(len(taught.q), taught.period)
+    at = clock.plan_time(recording.t)
+    off = recording.command - np.stack([np.interp(at, times, x) for x in taught.q.T], axis=1)
+    part = np.floor((at - at[0]) / (AVERAGED * taught.period)).astype(np.intp)
+    count = np.bincount(part)
+    means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
+    return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
 def _refuse_short(recording: Recording, lifted: Lifted) -> None:

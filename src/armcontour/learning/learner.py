@@ -11,7 +11,7 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError
-from armcontour.learning.aligning import Clock, fit_clock, fit_delay
+from armcontour.learning.aligning import Clock, fit_clock, fit_delay, set_points_off
 from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
 from armcontour.learning.estimating import (
     UNTESTED,
@@ -222,6 +222,7 @@ def _judge_run(
         rate=clock.rate,
         predicted=None if last is None else last.predicted,
         bound=None if last is None else last.bound,
+        set_points_off=set_points_off(recording, clock, taught),
         source=recording.source,
     )
     return judged, smooth

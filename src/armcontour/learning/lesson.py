@@ -38,6 +38,8 @@ class LearnedRun:
         rate: Seconds of the plan in a second of the log.
         predicted: What `rms` was predicted to be [m]; None for the first run.
         bound: What it was not to exceed [m].
+        set_points_off: RMS by which the set-points in the log are beside those of the run [rad]; 0
+            where the log has none.
         source: Where it comes from, for messages.
     """
 
@@ -55,6 +57,7 @@ class LearnedRun:
     rate: float = 1.0
     predicted: float | None = None
     bound: float | None = None
+    set_points_off: float = 0.0
     source: str = "the execution"
 
     def __post_init__(self) -> None:

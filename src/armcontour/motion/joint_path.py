@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
+from armcontour._banded import solve_banded
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
@@ -151,8 +152,6 @@ class JointPath:
             InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
                 is none of these.
         """
-        from scipy.linalg.lapack import dgtsv
-
         clamped = _checks.choice("ends", ends, ("natural", "clamped")) == "clamped"
         knots = _checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
@@ -173,14 +172,10 @@ class JointPath:
         none = np.zeros((int(clamped), knots.shape[1]))
         wide = np.zeros(len(width) + 2 * int(clamped))
         wide[int(clamped) : int(clamped) + len(width)] = width[:, 0]
-        unknown = len(wide) - 1
-        if unknown:
-            beside, own = wide[1:-1], 2 * (wide[:-1] + wide[1:])
-            slopes = np.concatenate([none, slope, none]) if clamped else slope
-            turns = 6 * (slopes[1:] - slopes[:-1])
-            # LAPACK takes no system of one unknown. The matrix is diagonally dominant.
-            solved = turns / own if unknown == 1 else dgtsv(beside, own, beside, turns)[-2]
-            bend[int(not clamped) : len(knots) - int(not clamped)] = solved
+        slopes = np.concatenate([none, slope, none]) if clamped else slope
+        turns = 6 * (slopes[1:] - slopes[:-1])
+        solve_banded(np.column_stack([2 * (wide[:-1] + wide[1:]), wide[1:]]), turns)
+        bend[int(not clamped) : len(knots) - int(not clamped)] = turns
         coefficients = np.zeros((len(width), 6, knots.shape[1]))
         coefficients[:, 0] = knots[:-1]
         coefficients[:, 1] = (slope - width * (2 * bend[:-1] + bend[1:]) / 6) * width

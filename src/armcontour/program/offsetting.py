@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.geometry.near_points import group_points
 from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.segments import Segments
 from armcontour.program._crossings import (
@@ -262,10 +263,6 @@ class _Parts:
 
 def _cut(pieces: FloatArray, rows: IntArray) -> _Parts:
     """Pieces cut where they meet; ends that are one place have one number."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     n = len(pieces)
     which, places = crossings(pieces)
     owners = np.concatenate([np.arange(n), np.arange(n), which.reshape(-1)])
@@ -280,10 +277,7 @@ def _cut(pieces: FloatArray, rows: IntArray) -> _Parts:
     parts[:, [TX, TY]] = _at(pieces[own], at[first], 1)
     parts[:, LENGTH] = at[last] - at[first]
     points = np.concatenate([parts[:, :2], _at(pieces[own], at[last])])
-    near = cKDTree(points).query_pairs(SAME_PLACE, output_type="ndarray")
-    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
-    numbers = connected_components(graph, directed=False)[1]
-    nodes = numbers.reshape(2, -1).T.astype(np.intp)
+    nodes = group_points(points, SAME_PLACE).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[own], owners=own, nodes=nodes)
 
 

@@ -13,6 +13,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
+from armcontour.geometry.near_points import nearest_points
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program.closed_contours import begin_at, find_start, keeps_drawn_start
 from armcontour.program.moves import Contour, Program, contour_called
@@ -165,17 +166,14 @@ class _Choices:
 
     def _neighbours(self) -> IntArray:
         """The nearest contours of every contour, by their ends, (n, k)."""
-        from scipy.spatial import cKDTree
-
         n = len(self.contours)
         k = min(NEIGHBOURS, n - 1)
         owners = np.repeat(np.arange(n), np.diff(self.first) * 2)
         points = self.ends.reshape(-1, 3)
-        tree = cKDTree(points)
         found = np.empty((n, k), dtype=np.intp)
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
         several = int(np.diff(self.first).max()) * 2
-        near = owners[tree.query(centers, k=min(len(points), several * (k + 1)))[1]]
+        near = owners[nearest_points(centers, points, min(len(points), several * (k + 1)))]
         for i in range(n):
             others = near[i][near[i] != i]
             chosen = others[np.sort(np.unique(others, return_index=True)[1])][:k]

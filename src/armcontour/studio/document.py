@@ -57,7 +57,7 @@ class Document:
         self._marked = text.startswith(BOM)
         self._saved = saved
         self._draft = None if file is None else Draft(file)
-        self.text = text.removeprefix(BOM)
+        self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = self._checked(self.text)
         self._past: list[Step] = []
@@ -267,14 +267,17 @@ class Document:
         """
         if self._draft is None:
             return False
-        if self.dirty:
+        # The job of a drawing is made again as it was opened.
+        made = self._saved is None and self.text == self._opened
+        if self.dirty and not made:
             return self._draft.write(self.text)
         self._draft.drop()
         return False
 
     def earlier_draft(self) -> str | None:
         """The text that an earlier session has not saved; None if there is none."""
-        return None if self._draft is None else self._draft.find()
+        found = None if self._draft is None else self._draft.find()
+        return None if found == self._opened else found
 
     def _checked(self, text: str) -> dict[str, Any]:
         """The data of a text.

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
 from armcontour.arms._newton import free_motions, newton
@@ -229,28 +230,6 @@ def write_system(
                 bands[row, k] = 1.0 if k == 0 else 0.0
 
 
-@compiled(inner=True)
-def solve_banded(bands: FloatArray, right: FloatArray) -> None:
-    """Solve symmetric banded equations in place; `right` becomes the solution.
-
-    Args:
-        bands: As in `write_system`, (m, width), overwritten.
-        right: The right side, (m,).
-    """
-    m, width = bands.shape
-    for i in range(m):
-        for k in range(1, min(width, m - i)):
-            factor = bands[i, k] / bands[i, 0]
-            for j in range(k, min(width, m - i)):
-                bands[i + k, j - k] -= factor * bands[i, j]
-            right[i + k] -= right[i] * factor
-    for i in range(m - 1, -1, -1):
-        value = right[i] / bands[i, 0]
-        for k in range(1, min(width, m - i)):
-            value -= right[i + k] * (bands[i, k] / bands[i, 0])
-        right[i] = value
-
-
 @compiled()
 def smooth(
     rotations: FloatArray,
@@ -304,7 +283,7 @@ def smooth(
     for _ in range(rounds):
         w = free_motions(rotations, positions, axes, base, end, q, poses, task)
         write_system(q, w, pace, weights, middle, half, start_stays, bands, right)
-        solve_banded(bands, right)
+        solve_banded(bands, right.reshape(-1, 1))
         size = 0.0
         for i in range(n):
             for k in range(dof):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings._pieces import Pieces
 
@@ -117,18 +118,11 @@ def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
         free: Indices of the ends that are not joined yet.
         near: Ends closer than this touch [m].
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    cell, n = cell.ravel(), len(first)
     centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
-    pairs = cKDTree(centres).query_pairs(near, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
-    vertex = connected_components(links, directed=False)[1][cell]
+    vertex = group_points(centres, near)[cell.ravel()]
     alone = np.bincount(vertex)[vertex] == 1
     free, vertex = free[~alone], vertex[~alone]
     return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
@@ -141,16 +135,13 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
         vertex: Number of the vertex at which each end lies, (n,).
         inwards: Unit tangents into the pieces, (n, dimension).
     """
-    from scipy.spatial import cKDTree
-
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
-    tree = cKDTree(np.column_stack([4.0 * vertex, inwards]))
+    here, there = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
     count = min(MOST_CANDIDATES + 1, len(vertex))
-    found = tree.query(np.column_stack([4.0 * vertex, -inwards]), k=count, distance_upper_bound=3.0)
-    return _drop_missing(np.asarray(found[1]), len(vertex))
+    return _drop_missing(nearest_points(there, here, count, 3.0), len(vertex))
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
@@ -161,16 +152,13 @@ def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
         free: Indices of the ends that are not joined yet.
         near: Largest distance of two ends [m].
     """
-    from scipy.spatial import cKDTree
-
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
     count = min(MOST_CANDIDATES + 1, len(free))
-    found = cKDTree(points).query(points, k=count, distance_upper_bound=near)
-    return _pairs(free, *_drop_missing(np.asarray(found[1]), len(free)))
+    return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Pairs of points and neighbours from a tree's query, without the neighbours not found.
+    """Pairs of points and neighbours, without the neighbours not found.
 
     Args:
         neighbours: Indices of the neighbours, n if there is none, (n, k).

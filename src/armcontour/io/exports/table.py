@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from armcontour import _checks
+from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
@@ -367,17 +368,15 @@ def differentiate(q: FloatArray, period: float) -> Samples:
     t = regular_times(len(q), period)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
-    from scipy.linalg import solve_banded
-
     dq, ddq = np.zeros_like(q), np.zeros_like(q)
     # The velocities v of a cubic spline with equal intervals h solve
     # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
-    bands = np.ones((3, max(0, len(q) - 2)))
-    bands[1] = 4.0
     for j in range(q.shape[1]):
         x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
         if len(q) > 2:
-            v[1:-1] = solve_banded((1, 1), bands, 3 / period * (x[2:] - x[:-2]))
+            right = (3 / period * (x[2:] - x[:-2]))[:, None]
+            solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
+            v[1:-1] = right[:, 0]
         slope = np.diff(x) / period
         ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / period
         ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / period

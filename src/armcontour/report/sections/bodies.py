@@ -17,6 +17,8 @@ from armcontour.scene.scene import BASE
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
 # Points around a round shape.
 AROUND = 24
+# Of so few points the page finds the hull at once; to load scipy's takes a third of a second.
+FEW_POINTS = 1000
 # A half-space is drawn as a plate that is larger than everything else by this factor.
 PLATE = 1.5
 
@@ -105,9 +107,10 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
     circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     up = np.array([0.0, 0.0, 1.0])
     match shape:
+        case Mesh() if len(shape.points) <= FEW_POINTS:
+            return shape.points
         case Mesh():
-            # Only the hull is drawn, and a scan has a million points. Imported here, as it takes a
-            # third of a second.
+            # Only the hull is drawn, and a scan has a million points.
             from scipy.spatial import ConvexHull
 
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])

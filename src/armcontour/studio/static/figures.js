@@ -1,7 +1,7 @@
 // The figures on top: cycle time, errors, saturation, clearance; each with its difference to what is compared.
 
 import { find, make, mark, say } from "./dom.js";
-import { mm, NONE, percent, seconds, signed } from "./format.js";
+import { ERROR_DIGITS, mm, NONE, percent, seconds, signed } from "./format.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -83,7 +83,7 @@ class Figures {
     const other = this.compared();
     const error = (/** @type {"rms" | "max"} */ name) => {
       const value = errors[name];
-      return { value, text: mm(value, 4), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: 4 };
+      return { value, text: mm(value, ERROR_DIGITS), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: ERROR_DIGITS };
     };
     return {
       duration: this.duration(),

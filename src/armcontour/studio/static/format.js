@@ -2,6 +2,8 @@
 
 /** Figure that a missing number is shown as. */
 export const NONE = "–";
+/** Decimals of contour errors in mm. */
+export const ERROR_DIGITS = 4;
 
 /** @param {number | null | undefined} x @param {number} decimals @returns {string} */
 function fixed(x, decimals) {

@@ -2,7 +2,7 @@
 
 import { ask } from "./ask.js";
 import { find, headings, make, whileSeen } from "./dom.js";
-import { mm, NONE, seconds, signed } from "./format.js";
+import { ERROR_DIGITS, mm, NONE, seconds, signed } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -136,14 +136,14 @@ class Runs {
   /** @param {Known} figures @param {boolean} current @param {any} head @returns {string[]} */
   numbers(figures, current, head) {
     const mine = this.known.get(head.run) ?? {};
-    const difference = (/** @type {any} */ a, /** @type {any} */ b, /** @type {number} */ factor) =>
-      !current && typeof a === "number" && typeof b === "number" ? signed(factor * (a - b), 3) : "";
+    const difference = (/** @type {any} */ a, /** @type {any} */ b, /** @type {number} */ factor, digits = 3) =>
+      !current && typeof a === "number" && typeof b === "number" ? signed(factor * (a - b), digits) : "";
     return [
       seconds(figures.duration),
       difference(figures.duration, mine.duration, 1),
-      mm(figures.rms),
-      difference(figures.rms, mine.rms, 1000),
-      mm(figures.max),
+      mm(figures.rms, ERROR_DIGITS),
+      difference(figures.rms, mine.rms, 1000, ERROR_DIGITS),
+      mm(figures.max, ERROR_DIGITS),
     ];
   }
 

@@ -137,7 +137,7 @@ class Corners {
   constructor(store, link) {
     this.store = store;
     this.link = link;
-    this.table = table(find("#tab-corners"), "Corners", ["(number)", "error", "allowed", "radius", "what bounds it"]);
+    this.table = table(find("#tab-corners"), "Corners", ["(number)", "place mm", "error", "allowed", "radius", "what bounds it"]);
     whileSeen(store, find("#tab-corners"), ["picture"], () => this.show(store.latest("picture")?.head.corners ?? []));
   }
 
@@ -164,6 +164,7 @@ class Corners {
     return make("tr", {}, [
       make("th", { scope: "row" }),
       make("td"),
+      make("td"),
       make("td", {}, [field]),
       make("td"),
       make("td", { class: "words" }),
@@ -175,8 +176,9 @@ class Corners {
     const cells = this.table.body.children[k].children;
     const at = corner.waypoint === null ? "" : String(corner.waypoint + 1);
     say(cells[0], at);
-    say(cells[1], `${mm(corner.error)} mm`);
-    const field = /** @type {HTMLInputElement} */ (cells[2].firstChild);
+    say(cells[1], corner.corner.map((/** @type {number} */ x) => mm(x, 2)).join(", "));
+    say(cells[2], `${mm(corner.error)} mm`);
+    const field = /** @type {HTMLInputElement} */ (cells[3].firstChild);
     field.setAttribute("aria-label", at ? `Tolerance of the corner at waypoint ${at}` : "Tolerance of all corners");
     fill(
       field,
@@ -184,8 +186,8 @@ class Corners {
         ? ""
         : `${Number((1000 * corner.allowed).toPrecision(6))} mm`,
     );
-    say(cells[3], `${mm(corner.radius, 2)} mm`);
-    say(cells[4], corner.reason ?? "");
+    say(cells[4], `${mm(corner.radius, 2)} mm`);
+    say(cells[5], corner.reason ?? "");
   }
 }
 
