@@ -465,7 +465,9 @@ def test_an_experiment_without_mujoco_is_refused_before_any_run_starts(job, refu
     assert not started
 
 
-def test_set_points_are_those_of_the_plan_that_keeps_clear(job, monkeypatch):
+@pytest.mark.parametrize("long", [0.0, 60.0])
+def test_set_points_are_those_of_the_plan_that_keeps_clear(job, monkeypatch, long):
+    monkeypatch.setattr("armcontour.jobs.study.LONG", long)
     one = dataclasses.replace(job, runs=job.runs[1:])
     slow = one.runs[0].limits.replace(speed=0.02)
     slower = ac.plan(one.path, one.arm, slow, method="conventional")
@@ -480,7 +482,10 @@ def test_set_points_are_those_of_the_plan_that_keeps_clear(job, monkeypatch):
     assert np.array_equal(plan.taught.q, wanted.q)
 
 
-def test_a_collision_is_said_before_set_points_that_cannot_be(job, monkeypatch, refuses):
+@pytest.mark.parametrize("long", [0.0, 60.0])
+def test_a_collision_is_said_before_set_points_that_cannot_be(job, monkeypatch, refuses, long):
+    monkeypatch.setattr("armcontour.jobs.study.LONG", long)
+
     def refuse(*_):
         raise Collision("It touches.")
 

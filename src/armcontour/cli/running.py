@@ -99,7 +99,6 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
-    from armcontour._threads import Beside
     from armcontour._warming import warm_for_run
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
@@ -119,12 +118,8 @@ def run_job(
             progress.expect([*steps, WRITING.names[0]])
             if simulate:
                 from armcontour.report import render_report
-                from armcontour.report.figure import packed_plotly
 
-                with Beside() as beside:
-                    # The report needs it, whatever comes of the runs.
-                    beside.start(packed_plotly)
-                    study = run(job, progress=progress)
+                study = run(job, progress=progress)
                 progress(WRITING)
                 write_motions(folder, job, study.runs)
                 notes = _write_exports(folder, job, study.runs, exports)

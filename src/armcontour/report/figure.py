@@ -271,7 +271,7 @@ def render_page(template: str, **values: Any) -> str:
     return environment.get_template(template).render(
         version=__version__,
         drawing=lambda figure, key: Markup(figure.to_html(f"figure-{key}")),
-        plotly=Markup(packed_plotly()),
+        plotly=Markup(_packed_plotly()),
         template=Markup(to_json(json.loads(_packaged("templates/plotly_white.json")))),
         **values,
     )
@@ -283,11 +283,8 @@ def _columns(count: int) -> int:
 
 
 @cache
-def packed_plotly() -> str:
-    """The script that draws figures, plotly.js, packed: a third of its size.
-
-    The first call takes a fifth of a second, and lets other threads go on.
-    """
+def _packed_plotly() -> str:
+    """The script that draws figures, plotly.js, packed: a third of its size."""
     return base64.b64encode(gzip.compress(_packaged("plotly.min.js"), PACKED, mtime=0)).decode()
 
 
