@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import armcontour
-from armcontour._yaml import MOST_CHARACTERS, OTHERWISE, Loader, load
+from armcontour._yaml import MOST_CHARACTERS, OTHERWISE, AngleLoader, Loader, QuickLoader, load
 from armcontour.errors import InvalidInput
 
 
@@ -98,7 +98,11 @@ PIECES = [
 
 
 class Slow(Loader):
-    """PyYAML's own parser, as for all loaders that are given."""
+    """PyYAML's own parser, as for all loaders of others."""
+
+
+class SlowAngles(AngleLoader):
+    """The same for robot files."""
 
 
 def outcome(text, loader):
@@ -117,6 +121,25 @@ def test_with_libyaml_data_and_refusals_are_the_same():
     found = [outcome(x, Loader) for x in texts]
     assert [x for x, y in zip(texts, found, strict=True) if outcome(x, Slow) != y] == []
     assert sum(y for _, y in found) > 300
+    texts += ["a: !degrees 90", "{a: !radians 1, b: !degrees x}"]
+    angles = [outcome(x, AngleLoader) for x in texts]
+    assert [x for x, y in zip(texts, angles, strict=True) if outcome(x, SlowAngles) != y] == []
+    assert angles[-2:] == [(repr({"a": math.pi / 2}), True), outcome(texts[-1], SlowAngles)]
+
+
+@pytest.mark.skipif(not yaml.__with_libyaml__, reason="This PyYAML has no libyaml.")
+def test_robot_files_are_read_by_libyaml(monkeypatch):
+    used = []
+
+    class Told(QuickLoader):
+        def __init__(self, stream):
+            used.append(stream)
+            super().__init__(stream)
+
+    monkeypatch.setattr("armcontour._yaml.QuickLoader", Told)
+    assert load("q: 1", "x", AngleLoader) == {"q": 1}
+    assert load("q: !degrees 180", "x", AngleLoader) == {"q": math.pi}
+    assert used == ["q: 1"]
 
 
 @pytest.mark.parametrize("text", ["a:\tb", "[0? ]", "|# x", "!", "\ufeff|", "a\rb", "%YAML 1.2"])

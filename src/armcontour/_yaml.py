@@ -149,7 +149,9 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
     """
     with _reading(content, source):
         text = _decoded(content)
-        if loader is Loader and yaml.__with_libyaml__ and not OTHERWISE.search(text):
+        # These two differ by their tags only, of which there are none then.
+        plain = loader in (Loader, AngleLoader) and not OTHERWISE.search(text)
+        if plain and yaml.__with_libyaml__:
             # What it refuses is read again, as sentences name what PyYAML's own parser finds.
             with suppress(yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError):
                 return yaml.load(text, Loader=QuickLoader)

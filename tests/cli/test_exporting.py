@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.cli.exporting import Target, read_outputs
 from armcontour.errors import InvalidInput
-from armcontour.io.cell import read_cell
+from armcontour.io.cell import cell_text, read_cell
 
 PART = """G21 G90 F6000
 S1000 M3
@@ -114,6 +114,28 @@ def test_an_earlier_result_gives_what_the_run_exported(
         np.testing.assert_allclose(found[columns], before[columns], rtol=0, atol=atol)
 
 
+@pytest.mark.parametrize("built_in", [True, False])
+def test_an_earlier_result_takes_the_arm_of_its_cell(
+    built_in: bool, result: FilePath, call: Call, folder: FilePath
+) -> None:
+    """A drawing is run on a cell, so that there is no job file of the run."""
+    cell = "ur5e"
+    if not built_in:
+        cell = "own.yaml"
+        (folder / cell).write_text(cell_text("ur5e"))
+    file = f"motion-{built_in}.csv"
+    given = ("--reference", "--period", "48 ms", "--tool-motion", "--job", cell)
+    code, said = call("export", "out", file, *given)
+    assert code == 0, said
+    found = pd.read_csv(folder / file)
+    before = pd.read_csv(result / "taught" / "export" / "reference.csv")
+    for name in ("x [m]", "y [m]", "z [m]", "speed [m/s]"):
+        np.testing.assert_allclose(found[name], before[name], rtol=0, atol=1e-9)
+    # A quaternion and its negative are the same orientation.
+    turned, wanted = (Rotation.from_quat(x[["qx", "qy", "qz", "qw"]]) for x in (found, before))
+    assert (turned * wanted.inv()).magnitude().max() < 1e-9
+
+
 def test_an_earlier_result_takes_a_template_with_outputs(
     result: FilePath, call: Call, folder: FilePath
 ) -> None:
@@ -136,7 +158,8 @@ def test_an_earlier_result_takes_a_template_with_outputs(
         ("a.csv --period 48ms", ("--period goes with --reference",)),
         ("a.csv --reference --period 50ms", ("multiple", "48 ms", "50 ms")),
         ("a.csv --reference --period 1ms", ("multiple", "4 ms", "1 ms")),
-        ("a.csv --tool-motion", ("--job",)),
+        ("a.csv --tool-motion", ("its job file or its cell with --job",)),
+        ("a.csv --tool-motion --job none", ("no cell 'none'", "ur5e")),
         ("a.csv --output spindle=1", ("--output goes with",)),
         ("a.xml", ("a.xml", "urscript")),
         ("a.script --output arc=1", ("'arc'", "spindle")),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.errors import Collision, CompensationError
 from armcontour.frames import from_rpy, log
 from armcontour.jobs import (
     STEPS,
@@ -19,7 +20,9 @@ from armcontour.jobs import (
     path_of,
     same_plan,
     steps_of,
+    teach,
 )
+from armcontour.jobs.avoiding import Cleared
 from armcontour.jobs.quantities import (
     angular_speed,
     planned_torques,
@@ -460,3 +463,36 @@ def test_an_experiment_without_mujoco_is_refused_before_any_run_starts(job, refu
         "armcontour[experiment]",
     )
     assert not started
+
+
+@pytest.mark.parametrize("long", [0.0, 60.0])
+def test_set_points_are_those_of_the_plan_that_keeps_clear(job, monkeypatch, long):
+    monkeypatch.setattr("armcontour.jobs.study.LONG", long)
+    one = dataclasses.replace(job, runs=job.runs[1:])
+    slow = one.runs[0].limits.replace(speed=0.02)
+    slower = ac.plan(one.path, one.arm, slow, method="conventional")
+
+    def keep_clear(job, this, traced, trajectory, progress):
+        return Cleared(traced=traced, trajectory=slower, clearance=None)
+
+    monkeypatch.setattr("armcontour.jobs.study.keep_clear", keep_clear)
+    plan = teach(one)["conventional"]
+    assert plan.trajectory is slower
+    wanted = ac.compensate(slower, one.servo, method="none", period=1e-2, arm=one.arm)
+    assert np.array_equal(plan.taught.q, wanted.q)
+
+
+@pytest.mark.parametrize("long", [0.0, 60.0])
+def test_a_collision_is_said_before_set_points_that_cannot_be(job, monkeypatch, refuses, long):
+    monkeypatch.setattr("armcontour.jobs.study.LONG", long)
+
+    def refuse(*_):
+        raise Collision("It touches.")
+
+    def fail(*_):
+        raise CompensationError("It cannot be compensated.")
+
+    monkeypatch.setattr("armcontour.jobs.study.teach_run", fail)
+    refuses(lambda: teach(job), CompensationError, "It cannot be compensated")
+    monkeypatch.setattr("armcontour.jobs.study.keep_clear", refuse)
+    refuses(lambda: teach(job), Collision, "It touches")

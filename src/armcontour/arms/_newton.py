@@ -572,6 +572,7 @@ def follow(
     task: int,
     q: FloatArray,
     reached: IntArray,
+    enough: float,
 ) -> None:
     """Follow a sequence of poses from several joint positions by the shortest joint steps.
 
@@ -586,6 +587,7 @@ def follow(
         q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
             outputs, as far as poses are reached.
         reached: Takes the number of poses that were reached, including the first one, (ways,).
+        enough: A pose is reached with a correction below this [rad].
     """
     ways, n, dof = q.shape
     origins, directions = np.empty((dof, 3)), np.empty((dof, 3))
@@ -621,12 +623,12 @@ def follow(
                     # Each correction must be at most half of the one before; otherwise the steps
                     # may lead to another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
-                        arrived = size < 1e-9
+                        arrived = size < enough
                         break
                     for k in range(dof):
                         trial[k] += step[k]
                     before = size
-                    if size < 1e-9:
+                    if size < enough:
                         arrived = True
                         break
                 if arrived:

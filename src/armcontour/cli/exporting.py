@@ -354,7 +354,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour._quantities import Interval
     from armcontour.cli.console import Console
     from armcontour.errors import InvalidInput
-    from armcontour.io import read_job
+    from armcontour.io.cell import read_cell_arm
     from armcontour.io.exports import chosen_format
     from armcontour.io.exports.destination import put
     from armcontour.io.stored_run import read_run
@@ -368,9 +368,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
         raise InvalidInput(f"{file} exists already: choose another name, or give --force.")
     arm = None
     if options.job is not None:
-        arm = read_job(options.job, trust_xacro=options.trust_xacro).arm
+        arm = read_cell_arm(options.job, trust_xacro=options.trust_xacro)
     elif options.tool_motion:
-        raise InvalidInput("--tool-motion needs the arm: give its job file with --job.")
+        raise InvalidInput("--tool-motion needs the arm: give its job file or its cell with --job.")
     run = read_run(result, options.run_name)
     more: dict[str, Any] = {"derivatives": options.derivatives, "tool_motion": options.tool_motion}
     table = (

@@ -324,7 +324,9 @@ class StoredExportOptions:
     tool_motion: ToolMotion = False
     job: Annotated[
         FilePath | None,
-        typer.Option("--job", help="Job file (YAML) whose arm gives tool points."),
+        typer.Option(
+            "--job", help="Job file or cell whose arm gives tool points: job.yaml, or ur5e."
+        ),
     ] = None
     trust_xacro: TrustXacro = False
     force: ForceFile = False

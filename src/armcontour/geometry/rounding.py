@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
 
@@ -58,6 +59,8 @@ NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
 NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
+# No vertices.
+NOWHERE = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -148,6 +151,8 @@ class RoundedPath(Path):
             s: Arc lengths of the objective path [m], any shape.
         """
         c = self.corners
+        if self.segments is self.objective.segments:
+            return np.clip(np.asarray(s, dtype=np.float64), 0.0, self.length)
         at = self.objective.breaks[c.vertex]
         before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
         after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
@@ -298,7 +303,7 @@ def blend_vertices(
         curve=ARC,
         long=ARC.length(half),
     )
-    return _round(path, wishes, np.zeros(0, dtype=np.intp), np.inf)
+    return _round(path, wishes, NOWHERE, np.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -358,6 +363,11 @@ def _round_all(
     curve: CornerCurve,
 ) -> RoundedPath:
     """The path with all corners replaced; tolerance, speed and acceleration are given."""
+    if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
+        # Programs have thousands of circles; values are checked for them, too.
+        needed_angle(path, angular_tolerance, NOWHERE)
+        _wishes(path, NOWHERE, np.empty(0), given, curve)
+        return _without_corners(path)
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     kinked = find_kinks(path)
@@ -365,34 +375,38 @@ def _round_all(
         kinked = np.setdiff1d(kinked, corner)
     angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
-    if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
-        return _without_corners(path)
     return _round(path, wishes, kinked, angle)
 
 
 def _without_corners(path: Path) -> RoundedPath:
-    """A path of one segment, such as a circle, as a rounded path: programs have thousands."""
-    none, numbers = np.empty(0, dtype=np.intp), np.empty(0)
+    """A path of one segment as a rounded path."""
     return RoundedPath(
         segments=path.segments,
         orientation=path.orientation,
         merged=path.merged,
         waypoints=path.waypoints,
         objective=path,
-        corners=Corners(
-            vertex=none,
-            point=path.starts[:0],
-            turn=numbers,
-            radius=numbers,
-            error=numbers,
-            tangent=numbers,
-            start=numbers,
-            end=numbers,
-            shrunk=none > 0,
-            speed=numbers,
-            angular_error=numbers,
-            reason=np.empty(0, dtype=object),
-        ),
+        corners=_no_corners(path.dimension),
+    )
+
+
+@cache
+def _no_corners(dimension: int) -> Corners:
+    """The corners of a path in the plane or in space that has none."""
+    numbers = np.empty(0)
+    return Corners(
+        vertex=NOWHERE,
+        point=np.empty((0, dimension)),
+        turn=numbers,
+        radius=numbers,
+        error=numbers,
+        tangent=numbers,
+        start=numbers,
+        end=numbers,
+        shrunk=NOWHERE > 0,
+        speed=numbers,
+        angular_error=numbers,
+        reason=np.empty(0, dtype=object),
     )
 
 

@@ -13,7 +13,9 @@ from armcontour._checks import LONGEST_NAME
 from armcontour._progress import Progress
 from armcontour._text import make_printable, shorten
 from armcontour._yaml import load
+from armcontour.arms import Arm
 from armcontour.errors import InvalidInput, locate_errors
+from armcontour.io.job_arm import arm_of
 from armcontour.io.job_edits import Change, change_text, move_files
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
@@ -89,6 +91,22 @@ def read_cell(
     program = read_drawing(model.path, drawn["file"], folder, reading)
     with locate_errors(source):
         return job_of(model, folder, reading, trust_xacro, program)
+
+
+def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
+    """Read the arm of a cell, or of a job file, with its tool, work frame and payload.
+
+    Args:
+        cell: Name of a built-in cell, or a job file; it needs no path.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: No such cell or file, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    with locate_errors(source):
+        model = read_model(CellModel, text, source)
+        return arm_of(model.arm, folder, trust_xacro=trust_xacro)
 
 
 def open_text(cell: str) -> tuple[str, FilePath]:

@@ -61,6 +61,8 @@ TEACHING = STEPS[:5]
 EXPERIMENT = "experiment"
 # Takes the place of rounding where corners have the shape free.
 SHAPING = "shaping"
+# Set-points of longer motions are made in a thread [s]; for others its memory is too much.
+LONG = 60.0
 # Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
 Result = TypeVar("Result", bound="RunPlan")
@@ -517,11 +519,19 @@ def _teach(
     refuse_too_large(job, this, least, done_before, simulated)
     objective, path, traced, trajectory = _plan(job, this, progress, earlier)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
-    cleared = keep_clear(job, this, traced, trajectory, progress)
+    early: Callable[[], TaughtData] | None = None
+    with Beside() as beside:
+        if trajectory.duration > LONG:
+            # Nearly every plan keeps clear: its set-points are made while that is proven.
+            early = beside.start(partial(teach_run, job, this, trajectory))
+        cleared = keep_clear(job, this, traced, trajectory, progress)
+        progress(Step(("compensation",)))
+        if early is not None and cleared.trajectory is trajectory:
+            taught = early()
+        else:
+            taught = teach_run(job, this, cleared.trajectory)
     traced, trajectory = cleared.traced, cleared.trajectory
     beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
-    progress(Step(("compensation",)))
-    taught = teach_run(job, this, trajectory)
     return RunPlan(
         run=this,
         objective=objective,

@@ -1,6 +1,8 @@
-"""The compiled part of bounds of joint motion: how steep a joint path is between arc lengths."""
+"""The compiled part of bounds of joint motion: of dq_ds between arc lengths, and of path speeds."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -72,4 +74,28 @@ def steepest(breaks: FloatArray, coefficients: FloatArray, s: FloatArray) -> Flo
             if until >= end:
                 break
             k, begin = k + 1, until
+    return found
+
+
+@compiled()
+def fastest_along(
+    speeds: FloatArray, dds: FloatArray, slope: FloatArray, jerk: FloatArray
+) -> FloatArray:
+    """Bounds of the path speed within every interval of a law along a joint path [m/s], (n,).
+
+    Args:
+        speeds: Path speeds at the breaks [m/s], (n + 1,).
+        dds: Path accelerations at the starts of the intervals [m/s²], (n,).
+        slope: Their slopes over s [1/s²], (n,).
+        jerk: Their slopes over time, on intervals without the other slope [m/s³], (n,).
+    """
+    found = np.empty(len(dds))
+    for i in range(len(dds)):
+        fastest, ds, a = max(speeds[i], speeds[i + 1]), speeds[i], dds[i]
+        # ds² is a parabola over s, or ds one over time; with a peak where the acceleration is 0.
+        if a > 0.0 and jerk[i] < 0.0:
+            fastest = max(fastest, ds - a * a / (2.0 * jerk[i]))
+        elif a > 0.0 and slope[i] < 0.0:
+            fastest = max(fastest, math.sqrt(ds * ds - a * a / slope[i]))
+        found[i] = fastest
     return found

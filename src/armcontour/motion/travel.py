@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import singledispatch
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.motion._travel import steepest
+from armcontour.motion._travel import fastest_along, steepest
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
@@ -37,16 +38,23 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     Raises:
         InvalidInput: The motion has a law of a kind whose velocity has no known bound.
     """
+    parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
-        t, fastest = motion.t, _fastest_executed(motion)
+        t, dof, parts = motion.t, motion.q.shape[1], [_fastest_executed(motion)]
     elif isinstance(motion, JointPath):
-        t, fastest = motion.breaks, _steepest(motion, motion.breaks)
+        t, dof, parts = motion.breaks, motion.dof, [_steepest(motion, motion.breaks)]
     else:
-        starts, parts = motion.starts, [fastest_joints(x) for x in motion.laws]
-        inner = [a + x.breaks[:-1] for a, x in zip(starts, motion.laws, strict=False)]
-        t, fastest = np.append(np.concatenate(inner), starts[-1]), np.concatenate(parts)
-    steps = fastest * (np.diff(t)[:, None] * (1 + ROUNDING))
-    return t, np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+        inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
+        t = np.append(np.concatenate(inner), motion.starts[-1])
+        dof, parts = motion.dof, map(fastest_joints, motion.laws)
+    # One array for all: a long motion has millions of intervals.
+    travel, done = np.zeros((len(t), dof)), 1
+    for fastest in parts:
+        travel[done : done + len(fastest)] = fastest
+        done += len(fastest)
+    travel[1:] *= np.diff(t)[:, None] * (1 + ROUNDING)
+    np.cumsum(travel, axis=0, out=travel)
+    return t, travel
 
 
 def largest_accelerations(motion: Execution) -> FloatArray:
@@ -103,15 +111,8 @@ def _(law: JointAverage) -> FloatArray:
 
 def _fastest_along(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
-    ds, dds, slope, jerk = law.rates
-    end = law.speeds[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # ds² is a parabola over s, or ds one over time; with a peak where the acceleration is 0.
-        peak = np.sqrt(np.maximum(ds * ds - np.where(slope < 0, dds * dds / slope, 0.0), 0.0))
-        over_time = ds - np.where(jerk < 0, dds * dds / (2 * jerk), 0.0)
-    passed = (dds > 0) & ((slope < 0) | (jerk < 0))
-    inner = np.where(passed, np.where(jerk < 0, over_time, peak), 0.0)
-    return np.asarray(np.maximum(np.maximum(ds, end), inner))
+    _, dds, slope, jerk = law.rates
+    return np.asarray(fastest_along(law.speeds, dds, slope, jerk))
 
 
 def _steepest(joint_path: JointPath, s: FloatArray) -> FloatArray:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from armcontour._checks import FloatArray
 from armcontour._processes import WorkAhead
 from armcontour.arms import Arm
+from armcontour.geometry import Path, Segments
 from armcontour.motion import JointPath, Law, Method, PathLaw, Rates, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.timing.methods import MoveTiming, Smoothed, Timing
@@ -33,12 +35,14 @@ def planned_ahead(program: Program, timing: MoveTiming) -> Iterator[tuple[MoveTi
         yield timing, lambda step, share: None
         return
     contours = [isinstance(x, Contour) for x in program.moves]
+    # A constraint of a user may ask for anything; limits ask where the segments of a path are.
+    whole = bool(inner.options.get("constraints"))
     with WorkAhead(partial(_plan, inner)) as work:
 
         def add(step: TracedMove, share: float) -> None:
             if step.joint_path is not None:
                 is_contour = step.move is not None and contours[step.move]
-                work.add(_Move(step.joint_path, is_contour), share)
+                work.add(_Move(step.joint_path, is_contour, whole), share)
 
         ahead = _Ahead(inner, work.results())
         yield Smoothed(ahead, timing.windows) if isinstance(timing, Smoothed) else ahead, add
@@ -51,10 +55,34 @@ class _Move:
     Args:
         joint_path: Its joint path.
         is_contour: Whether it is a contour.
+        whole: Whether other processes get its tool path as it is. A rounded path has its objective
+            path and its corners, which take longer to send than the joint path does.
     """
 
     joint_path: JointPath
     is_contour: bool
+    whole: bool = True
+
+    def __reduce__(self) -> tuple[Callable[..., _Move], tuple[Any, ...]]:
+        """What is sent to other processes."""
+        x = self.joint_path
+        if self.whole or x.tool_path is None:
+            return _Move, (x, self.is_contour)
+        parts = x.breaks, x.coefficients, x.stops, x.tool_path.segments
+        return _plain_move, (*parts, self.is_contour)
+
+
+def _plain_move(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    stops: FloatArray,
+    segments: Segments,
+    is_contour: bool,
+) -> _Move:
+    """A move along a tool path of nothing but segments."""
+    path = Path(segments=segments)
+    x = JointPath(breaks=breaks, coefficients=coefficients, stops=stops, tool_path=path)
+    return _Move(x, is_contour)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,10 @@ R = TypeVar("R")
 # Work on so many poses is shared by threads: starting them takes as long as that of a hundred. Ways
 # are followed in so many parts, as some end early.
 MANY, PARTS = 2000, 16
+# Poses are followed until a correction is below this [rad]. Ways that cost the same are told apart
+# by the last digit; with a given start there is one way, of which the solver makes the last
+# correction: about the square of this times the condition number of the Jacobian.
+EXACTLY, NEARLY = 1e-9, 1e-7
 # Largest number of start configurations that are followed along the path.
 MOST_STARTS = 48
 # With redundant degrees of freedom, largest number of different solutions that are kept.
@@ -118,7 +122,8 @@ def find_solutions(
     starts = configurations(arm, poses[0], task, start)
     if len(starts) == 0:
         _refuse_start(path, arm, poses, task, start)
-    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS])
+    enough = EXACTLY if start is None else NEARLY
+    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], enough)
     followed = [q[at] for q in followed]
     s = np.append(fine.s0, path.length)[at]
     redundant = task < arm.dof
@@ -151,7 +156,7 @@ def find_solutions(
 
 
 def _follow(
-    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray
+    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray, enough: float
 ) -> tuple[list[FloatArray], list[_Failure]]:
     """Follow all poses from each start: joint positions that reach the end, and the failures.
 
@@ -160,8 +165,9 @@ def _follow(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
+        enough: As in `follow_ways` [rad].
     """
-    q, reached = follow_ways(arm, poses, task, starts)
+    q, reached = follow_ways(arm, poses, task, starts, enough)
     whole = reached == len(poses)
     failures = [
         _Failure(reached=int(k), q=way[k - 1])
@@ -171,7 +177,11 @@ def _follow(
 
 
 def follow_ways(
-    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray
+    arm: SerialArm,
+    poses: FloatArray,
+    task: int,
+    starts: FloatArray,
+    enough: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
     """Follow poses from each start, several ways at the same time.
 
@@ -180,6 +190,7 @@ def follow_ways(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
+        enough: A pose is reached with a correction of every joint below this [rad].
 
     Returns:
         Joint positions [rad], (starts, n, dof), as far as poses are reached; and how many are, the
@@ -189,7 +200,7 @@ def follow_ways(
     q[:, 0] = starts
 
     def follow(ways: slice) -> None:
-        _newton.follow(*arm.arrays, poses, task, q[ways], reached[ways])
+        _newton.follow(*arm.arrays, poses, task, q[ways], reached[ways], enough)
 
     _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached

@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.io.drawings.affine import WITHOUT_Z, Affine
-from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.chain import Chain, draw_plain
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.io.drawings.splines import Spline
 
@@ -91,3 +91,20 @@ def test_beziers_in_a_row_are_one_spline():
 def test_a_shape_of_no_length_is_no_path():
     point = np.zeros((2, 2))
     assert paths_of([Outline([Chain.straight(point), arc(1e-12, 1e-12, 3.0)])], 1e-5) == [None]
+
+
+def test_chains_that_are_drawn_together_are_the_same_segments():
+    points = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.02], [0.0, 0.0]])
+    straight, circle = Chain.straight(points), arc(0.02, 0.02, 2 * np.pi, (0.1, 0.0))
+    beside = Chain.straight(points[:2] + 0.5)
+    slot = Chain.join([Chain.straight(points[:2]), arc(0.01, 0.01, 1.0)])
+    repeated = Chain.straight(points[[0, 0, 1]])
+    chains = [straight, circle, arc(0.02, 0.01, 1.0), beside, repeated, slot, arc(1e-12, 1e-12, 3)]
+    drawn = draw_plain([*chains, Chain.straight(points[:1])], 1e-5)
+    assert [x is None for x in drawn] == [False, False, True, False, True, False, True, True]
+    for chain, found in zip(chains, drawn, strict=False):
+        if found is not None:
+            wanted = chain.to_segments(1e-5)
+            for name in ("starts", "tangents", "normals", "curvatures", "lengths"):
+                assert np.array_equal(getattr(found, name), getattr(wanted, name)), name
+    assert draw_plain([], 1e-5) == []

@@ -179,17 +179,32 @@ class Chain:
         ]
         return Segments.join(parts)
 
-    def _without_points(self) -> Chain:
-        """The chain without lines and arcs that have no length; close vertices become one."""
+    @property
+    def _long_arcs(self) -> BoolArray:
+        """Which rows are arcs that have a length, (n,)."""
         arc = self.angles > 0
         if arc.any():
             radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
             arc = radius * self.angles > ONE_VERTEX
+        return np.asarray(arc)
+
+    def _without_points(self) -> Chain:
+        """The chain without lines and arcs that have no length; close vertices become one."""
+        arc = self._long_arcs
         starts, kept = close_up(self.starts, self.ends, arc, ONE_VERTEX)
         if kept.all():
             return self
         angles = np.where(arc, self.angles, 0.0)
         return dataclasses.replace(self, starts=starts, angles=angles)[kept]
+
+    def _is_plain(self, tolerance: float) -> BoolArray:
+        """Which rows are lines or circular arcs that stay as they are drawn, (n,).
+
+        Args:
+            tolerance: As in `to_segments` [m].
+        """
+        arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
+        return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
     def _elliptical(self, tolerance: float) -> BoolArray:
         """Which arcs are elliptical: not circles within the tolerance [m], (n,)."""
@@ -243,14 +258,12 @@ class Chain:
         return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
 
     def _as_drawn(self) -> Segments:
-        """Segments of a chain of lines and circular arcs.
+        """Segments of lines and circular arcs, which need not meet.
 
         An arc is drawn by its radius; if it would miss its end point, it is drawn through both end
         points with its swept angle.
         """
         arc = self.angles > 0
-        if not arc.any():
-            return Segments.lines(np.concatenate([self.starts, self.ends[-1:]]))
         chords = self.ends - self.starts
         sizes = np.linalg.norm(chords, axis=1)
         radii = np.where(arc, np.linalg.norm(self.cosines, axis=1), 1.0)
@@ -284,3 +297,27 @@ class Chain:
             curvatures=curvatures,
             lengths=self.angles / curvatures,
         )
+
+
+def draw_plain(chains: Sequence[Chain], tolerance: float) -> list[Segments | None]:
+    """Segments of chains of nothing but lines and circular arcs, all at once, which is faster.
+
+    Args:
+        chains: The chains, which need not meet.
+        tolerance: As in `Chain.to_segments` [m].
+
+    Returns:
+        What `Chain.to_segments` gives; None for chains that have anything else.
+    """
+    found: list[Segments | None] = [None] * len(chains)
+    count = np.array([len(x.angles) for x in chains], dtype=np.intp)
+    if not count.any():
+        return found
+    table, of = Chain.join(chains), np.repeat(np.arange(len(chains)), count)
+    other = np.bincount(of, ~table._is_plain(tolerance), len(chains)) > 0
+    which = np.flatnonzero(~other & (count > 0))
+    if len(which):
+        drawn, ends = table[~other[of]]._as_drawn(), np.cumsum(count[which])
+        for i, begin, end in zip(which, ends - count[which], ends, strict=True):
+            found[i] = drawn[begin:end]
+    return found

@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path, Segments
 from armcontour.io.drawings.affine import Affine
-from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.chain import Chain, draw_plain
 from armcontour.io.drawings.splines import Spline, fit_splines
 
 # The gap of a closed outline is closed by moving the end only if it is at most this fraction of
@@ -54,7 +54,7 @@ class Outline:
             InvalidInput: An arc is too large for the tolerance.
         """
         parts: list[Segments | Spline] = []
-        for shape in self._closed(join):
+        for shape in self.closed_up(join):
             x = shape
             if parts:
                 before = parts[-1]
@@ -65,12 +65,18 @@ class Outline:
                 parts.append(part)
         return parts
 
-    def _closed(self, join: float) -> Sequence[Shape]:
-        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line."""
+    def closed_up(self, join: float) -> Sequence[Shape]:
+        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line.
+
+        Args:
+            join: As in `paths_of` [m].
+        """
         if not self.closed:
             return self.shapes
         *others, last = self.shapes
         start, (before, end) = self.shapes[0].starts[0], last.last
+        if np.array_equal(start, end):
+            return self.shapes
         gap, size = (float(np.linalg.norm(end - x)) for x in (start, before))
         if gap > min(join, SMALL_GAP * size):
             return [*self.shapes, Chain.straight(np.stack([end, start]))]
@@ -96,10 +102,11 @@ def paths_of(
     Raises:
         InvalidInput: A curve is too large for the tolerance; with the index of its outline.
     """
+    plain = _draw_plain(outlines, tolerance, join)
     parts: list[list[Segments | Spline]] = []
     for i, outline in enumerate(outlines):
         with _indexed(i):
-            parts.append(outline.parts(tolerance, join))
+            parts.append([plain[i]] if i in plain else outline.parts(tolerance, join))
     places = [
         (i, k) for i, x in enumerate(parts) for k, part in enumerate(x) if isinstance(part, Spline)
     ]
@@ -113,6 +120,17 @@ def paths_of(
         assert error.index is not None
         raise InvalidInput(str(error), index=places[error.index][0]) from None
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
+
+
+def _draw_plain(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
+    """What `Outline.parts` gives for outlines of one chain of lines and circular arcs, by index."""
+    alone: dict[int, Chain] = {}
+    for i, outline in enumerate(outlines):
+        shapes = outline.closed_up(join)
+        if len(shapes) == 1 and isinstance(shapes[0], Chain):
+            alone[i] = shapes[0]
+    drawn = draw_plain(list(alone.values()), tolerance)
+    return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
 
 
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:

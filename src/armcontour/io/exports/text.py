@@ -6,13 +6,14 @@ import csv
 import io
 import json
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._threads import map_in_threads
 from armcontour.motion import TimedEvent
 
 # Decimals of a number; the rounding error is at most half of the last digit.
@@ -20,6 +21,8 @@ DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
 # Number of values that are formatted at once: more take more memory and are not faster.
 CHUNK = 1 << 16
+# So many pieces of text are made at once, in threads.
+PIECES = 8
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 
 
@@ -73,8 +76,11 @@ def csv_pieces(
     row = ",".join([FIXED] * width) + ("\n" if cells is None else ",\n")
     at_once, count = _rows_at_once(width), len(columns[0])
     texts = sorted((cells or {}).items())
-    for i in range(0, count, at_once):
-        piece = _format_rows(row, np.column_stack([x[i : i + at_once] for x in columns]))
+
+    def rows(i: int) -> FloatArray:
+        return np.column_stack([x[i : i + at_once] for x in columns])
+
+    for i, piece in _pieces(row, rows, range(0, count, at_once)):
         here = texts[bisect_left(texts, (i,)) : bisect_left(texts, (i + at_once,))]
         if here:
             lines = piece.splitlines()
@@ -99,8 +105,26 @@ def filled(row: str, values: FloatArray) -> Iterator[str]:
         values: Numbers, (n, columns).
     """
     at_once = _rows_at_once(values.shape[1])
-    for i in range(0, len(values), at_once):
-        yield _format_rows(row, values[i : i + at_once])
+    firsts = range(0, len(values), at_once)
+    for _, piece in _pieces(row, lambda i: values[i : i + at_once], firsts):
+        yield piece
+
+
+def _pieces(
+    row: str, rows: Callable[[int], FloatArray], firsts: Sequence[int]
+) -> Iterator[tuple[int, str]]:
+    """Yield the text of rows, piece by piece, each with the index of its first row.
+
+    Args:
+        row: Format of one row.
+        rows: Gives the rows of a piece from its first one on, (m, columns).
+        firsts: Indices of the first rows of all pieces.
+    """
+    for k in range(0, len(firsts), PIECES):
+        some = firsts[k : k + PIECES]
+        yield from zip(
+            some, map_in_threads(lambda i: _format_rows(row, rows(i)), some), strict=True
+        )
 
 
 def _rows_at_once(width: int) -> int:
