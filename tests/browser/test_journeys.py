@@ -562,6 +562,14 @@ def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
     # The job is as it was, and is shown so.
     studio.rest()
     assert studio.told("body", "refused") != "true" and studio.text == before
+    # A plain number has the unit that is shown, and the sentence goes with the next change.
+    with studio.changing():
+        studio.type("limits.speed", "0.12")
+    assert "speed: 0.12 m/s" in studio.text
+    expect(message).to_have_count(0)
+    with studio.changing():
+        studio.type("limits.speed", "0.15 m/s")
+    assert studio.text == before
     studio.tab("text")
     area = studio.find("#tab-text textarea")
     wrong = before.replace("speed: 0.15 m/s", "sped: 0.15 m/s")

@@ -160,6 +160,11 @@ def test_lines_and_arcs() -> None:
         ("corners.tolerence", 1, r"unknown key corners.tolerence: did you mean tolerance\?$"),
         ("runs.one.limits.sped", 1, r"runs.one.limits.sped: did you mean speed\?$"),
         ("servo.colour", 1, "unknown key servo.colour: the keys there are kp, kv, order, "),
+        (
+            "runs.one.servo",
+            {"kp": "50 1/s"},
+            "runs.one.servo: servo is of the whole job, .* batch`",
+        ),
         ("corners", {}, "corners needs tolerance, the largest corner error, or speed and acceler"),
         ("runs.one.corners", {"acceleration": 1}, "runs.one.corners needs tolerance"),
         ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),

@@ -144,6 +144,11 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     for key in outer:
         kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]
     known = [x for kind in kinds for x in kind.get("properties", ())]
+    if len(outer) == 2 and outer[0] == "runs" and name in schema.get("properties", ()):
+        return (
+            f"{name} is of the whole job, so write it beside runs; several values of it are "
+            "compared by `armcontour batch`, or by pins in the Studio"
+        )
     near = difflib.get_close_matches(str(name), known, n=1)
     return f"did you mean {near[0]}?" if near else f"the keys there are {', '.join(known)}"
 

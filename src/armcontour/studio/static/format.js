@@ -31,5 +31,19 @@ export function short(x) {
   return String(Number(x.toPrecision(4)));
 }
 
+/**
+ * What somebody typed over a quantity: a plain number has the unit that is shown.
+ * @param {string} typed @param {string} shown @param {string} [unit] where nothing with a unit is shown
+ * @returns {string}
+ */
+export function withUnit(typed, shown, unit = "") {
+  const number = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;
+  const plain = RegExp(`^${number}$`);
+  // Where the file has a plain number, in SI units, so is what is typed.
+  if (!plain.test(typed) || plain.test(shown)) return typed;
+  const known = RegExp(`^${number}\\s*(\\D.*)$`).exec(shown)?.[1] ?? unit;
+  return known ? `${typed} ${known}` : typed;
+}
+
 /** A quantity of a slider, such as "150 mm/s". @param {number} value SI @param {{unit: string, factor: number}} of @returns {string} */
 export const quantity = (value, { unit, factor }) => `${short(value / factor)}${unit ? ` ${unit}` : ""}`;

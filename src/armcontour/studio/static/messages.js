@@ -9,7 +9,7 @@ const MOST = 4;
 
 /**
  * Show a sentence for a while; it can be closed.
- * @param {string} sentence @param {"notice" | "alarm"} [tone]
+ * @param {string} sentence @param {"notice" | "alarm"} [tone] @returns {HTMLElement}
  */
 export function notify(sentence, tone = "notice") {
   const region = find("#messages");
@@ -24,6 +24,7 @@ export function notify(sentence, tone = "notice") {
   region.append(message);
   while (region.querySelectorAll(".message").length > MOST) region.querySelector(".message")?.remove();
   setTimeout(() => message.remove(), SHOWN_FOR);
+  return message;
 }
 
 /** @param {Store} store */
@@ -48,7 +49,18 @@ export function init(store) {
     say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
   });
   store.on("picture", () => (starting.hidden = true));
-  store.on("dropped", (/** @type {any} */ frame) => notify(`${frame.head.sentence} Nothing was changed.`, "alarm"));
+  /** What was refused, until the job is another one. @type {HTMLElement[]} */
+  let dropped = [];
+  store.on("dropped", (/** @type {any} */ frame) =>
+    dropped.push(notify(`${frame.head.sentence} Nothing was changed.`, "alarm")),
+  );
+  let rev = -1;
+  store.on("document", (/** @type {any} */ frame) => {
+    if (frame.rev === rev) return;
+    rev = frame.rev;
+    for (const message of dropped) message.remove();
+    dropped = [];
+  });
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   // What became of a task is said beside its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));

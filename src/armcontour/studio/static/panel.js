@@ -2,7 +2,7 @@
 // server reads units and refuses what makes no sense.
 
 import { find, make, say } from "./dom.js";
-import { quantity } from "./format.js";
+import { quantity, withUnit } from "./format.js";
 import { Ghost } from "./ghost.js";
 import { Gesture } from "./gesture.js";
 import { positionOf, STEPS, valueAt } from "./scales.js";
@@ -40,7 +40,7 @@ class Row {
     const id = `slider-${slider.key.replace(/[^\w]/g, "-")}`;
     this.text = make("input", { id, type: "text", autocomplete: "off", spellcheck: "false" });
     this.range = make("input", { type: "range", min: 0, max: STEPS, "aria-label": `${slider.label}, slider` });
-    this.select = make("select", { id, "aria-label": slider.label, hidden: true });
+    this.select = make("select", { id: `${id}-choice`, "aria-label": slider.label, hidden: true });
     this.from = make("span", { class: "from" });
     this.unset = make("button", {
       type: "button",
@@ -104,8 +104,10 @@ class Row {
   /** As typed; nothing, or "none", lifts a quantity. @param {string} text */
   set(text) {
     if (text === this.written) return;
-    const value = !this.slider.choices && (text === "" || text === "none") ? null : text;
-    this.link.edit([{ do: "set", key: this.slider.key, value }]);
+    const { key, choices, unit } = this.slider;
+    const lifts = !choices && (text === "" || text === "none");
+    const value = lifts ? null : choices ? text : withUnit(text, this.written, unit);
+    this.link.edit([{ do: "set", key, value }]);
   }
 
   get written() {

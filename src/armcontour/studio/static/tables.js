@@ -2,7 +2,7 @@
 
 import { toleranceEdits } from "./corner.js";
 import { find, headings, make, say, whileSeen } from "./dom.js";
-import { mm } from "./format.js";
+import { mm, withUnit } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -159,7 +159,9 @@ class Corners {
     field.addEventListener("change", () => {
       field.dataset.sent = field.value;
       if (field.value.trim() !== field.dataset.written)
-        this.link.edit(toleranceEdits(/** @type {any} */ (this.shown?.[k]), field.value.trim()));
+        this.link.edit(
+          toleranceEdits(/** @type {any} */ (this.shown?.[k]), withUnit(field.value.trim(), field.dataset.written ?? "", "mm")),
+        );
     });
     return make("tr", {}, [
       make("th", { scope: "row" }),
