@@ -141,6 +141,7 @@ _DRAWN: dict[str, Any] = {
     "chord_tolerance": 1e-5,
     "join_tolerance": 1e-5,
     "mend_vertices": 1e-6,
+    "smooth_axes": 1e-3,
     "tools": {1: 3e-3},
 }
 _FRAMED = {"position": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}

@@ -53,7 +53,7 @@ def test_axes_that_turn_to_and_fro_are_told_with_what_binds() -> None:
     assert said.startswith("the contour never reaches its 150 mm/s: ")
     assert " on average, " in said and " at most; for " in said and " of joint " in said
     assert "the tool axis turns to and fro from waypoint to waypoint, by 0.42° RMS" in said
-    assert said.endswith("smooth the directions before, or give fewer waypoints.")
+    assert said.endswith("path.smooth_axes: 1.5 deg, or give fewer waypoints.")
 
 
 def test_smooth_axes_are_not() -> None:

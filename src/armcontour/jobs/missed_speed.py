@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ BINDS, NAMED = 0.97, 0.1
 # is that of independent errors, smooth turns have positive values) and large [rad], at so many
 # points.
 OPPOSED, TURNS, POINTS = -0.4, 2e-4, 8
+LARGEST = 3.5
 CENTRIPETAL = "the centripetal acceleration"
 
 
@@ -193,9 +195,14 @@ def _warn(found: list[MissedSpeed], *, alone: bool) -> str:
         text += f"; for {digits(worst.share * 100, 2)} % of the time {worst.binds} binds"
     if worst.jitter:
         turns = "tool axis" if worst.axis_only else "tool"
+        mend = "smooth the directions before"
+        if worst.axis_only:
+            # Of some hundred errors the largest is about this multiple of their RMS.
+            enough = math.ceil(LARGEST * np.degrees(worst.jitter) * 10) / 10
+            mend = f"let a table of waypoints be smoothed, path.smooth_axes: {enough:.3g} deg"
         return (
             f"{text}; the {turns} turns to and fro from waypoint to waypoint, by "
-            f"{digits(np.degrees(worst.jitter), 2)}° RMS, as measured directions do: smooth the "
-            "directions before, or give fewer waypoints."
+            f"{digits(np.degrees(worst.jitter), 2)}° RMS, as measured directions do: {mend}, or "
+            "give fewer waypoints."
         )
     return f"{text}: lower the velocity, or see what binds where in the report."
