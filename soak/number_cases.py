@@ -58,11 +58,14 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 <joint name="end" type="fixed"><parent link="four"/><child link="tcp"/>
 <origin xyz="0.18 0 0"/></joint></robot>
 """
+# Waypoints with tool axes.
+POINTS = b"x,y,z,ax,ay,az\n0.45,0,0.2,0,0,-1\n0.5,0,0.2,0.01,0,-1\n0.55,0,0.2,0,0,-1\n"
 # A tetrahedron, and a scene with a ball.
 MESH = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 BALL = b"(cell)+\n* ball\n1\nsphere\n0.1\n0 0 -2\n0 0 0 1\n0 0 0 0\n.\n"
 FILES = {
     "part.svg": DRAWING,
+    "points.csv": POINTS,
     "robot.urdf": ROBOT,
     "plan.yaml": b"{job: job.yaml, do: teach}",
     "body.obj": MESH,
@@ -315,6 +318,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
     _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
     SPACE,
+    {**SPACE, "path": {"file": "points.csv", "smooth_axes": 1e-3}},
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
     _with(SPACE, limits={"angular_acceleration": 10.0, "joint_torque": 100.0}),
     _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),

@@ -674,3 +674,11 @@ def test_brief_names_arrays_by_their_shapes() -> None:
     )
     many = {f"run {k}": 1 for k in range(20)}
     assert "runs=<20 str>" in brief(ac.Study(job=parse_job(BEND), runs=many))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("value", "count", "text"),
+    [(118.4, 2, "118"), (99.7, 2, "100"), (9999.7, 4, "10000"), (0.01234, 2, "0.012")],
+)
+def test_digits_have_no_exponent_where_numbers_are_large(value, count, text):
+    assert digits(value, count) == text

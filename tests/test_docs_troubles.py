@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import socket
@@ -44,6 +45,12 @@ SEAM = BEND | {
 GCODE = "G21 G90 F600\nG0 X0 Y0\nG1 X50 Y0\n{}\nG1 X50 Y40\nM2\n"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 RUN = "armcontour run job.yaml --out out --no-simulation"
+# Measured points of a half circle, whose tool axes turn to and fro.
+BEAD = "x [mm],y [mm],z [mm],ax,ay,az\n" + "".join(
+    f"{450 + 60 * math.cos(k / 25):.3f},{60 * math.sin(k / 25):.3f},300,"
+    f"{0.01 * (-1) ** k:.4f},{0.01 * math.sin(k * k):.4f},-1\n"
+    for k in range(79)
+)
 # A description as makers write it: six joints, no accelerations, and 0 for unknown torques.
 URDF = "".join(
     f'<link name="l{k}"/><joint name="joint_{k + 1}" type="revolute"><parent link="l{k}"/>'
@@ -148,6 +155,23 @@ TROUBLES = {
     "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
     "Too much memory": Trouble(
         "armcontour run job.yaml --out out", changed={"command_interval": "1 us"}
+    ),
+    "The tool never reaches its speed": Trouble(
+        RUN,
+        {"bead.csv": BEAD},
+        SEAM,
+        {"path": {"file": "bead.csv"}, "limits": {"speed": "0.15 m/s"}}
+        | {"corners": {"tolerance": "0.3 mm", "angular_tolerance": "2 deg"}},
+    ),
+    "The largest error is at the begin of a contour": Trouble(
+        "armcontour run job.yaml --out out",
+        job=SEAM,
+        changed={
+            "process": {"approach": "20 mm"},
+            "limits": {"speed": "20 mm/s"},
+            "runs": {"only": {"compensation": {"method": "none"}}},
+            "start": [2.9, -1.9, -2.1, -0.7, 1.57, 0.0],
+        },
     ),
     "The folder is not empty": Trouble(files={"out/notes.txt": "mine"}),
     "A xacro file is refused": Trouble(

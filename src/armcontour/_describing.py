@@ -82,7 +82,8 @@ def digits(value: float, count: int = 4) -> str:
         value: The number.
         count: Number of digits.
     """
-    return f"{value:.0f}" if abs(value) >= 10**count else f"{value:.{count}g}"
+    text = f"{value:.{count}g}"
+    return f"{value:.0f}" if "e+" in text else text
 
 
 def mm(value: float) -> str:

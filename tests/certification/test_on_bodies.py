@@ -212,3 +212,9 @@ def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     e = tried.experiment.evaluation
     off = max(e.contour_error.max, e.missed.max) * 1e3
     assert f"the contour error is {off:.4g} mm" in tried.on_bodies
+
+
+def test_the_moves_beside_the_contour_are_named():
+    with pytest.raises(ac.InvalidInput) as error:
+        ac.certify(parse_job(JOB + "process: {dwell: 100 ms}\n"))
+    assert "this program has 1 contour, 1 dwell: leave out process.dwell, or" in str(error.value)

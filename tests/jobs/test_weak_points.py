@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -175,3 +176,31 @@ def test_no_corner_tolerance_is_capped_where_there_is_no_corner():
         )
     ]
     assert warnings_of(job(ac.Path.from_segments(sides))) == ()
+
+
+def approached(dwell):
+    """The sentences of a run on two lines with approaches, and its evaluation."""
+    axis = (0.0, 0.0, -1.0)
+    moves = [ac.Path.polyline([(0.4, y, 0.2), (0.5, y, 0.2)]).pointing(axis) for y in (0.0, 0.05)]
+    arm = ac.load_arm("ur5e")
+    asked = job(
+        Program(moves=tuple(Contour(path=x, name=f"line {i}") for i, x in enumerate(moves))),
+        compensation="none",
+        limits=arm.limits.replace(speed=0.02),
+    )
+    process = ac.Process(approach=0.02, retract=0.02, dwell=dwell)
+    asked = dataclasses.replace(asked, arm=arm, process=process)
+    found = ac.run(asked).runs["one"]
+    return [x for x in found.weak_points if "not settled" in x], found.evaluation
+
+
+def test_what_is_left_of_the_approach_is_said_with_the_dwell_that_mends_it():
+    (said,), evaluation = approached(0.0)
+    assert said.startswith("where 2 contours begin, most at contour line ")
+    later, dwell = (
+        float(re.search(x, said).group(1)) for x in (r"and (\S+) mm at most", r"dwell: (\d+) ms")
+    )
+    assert evaluation.contour_error.max > 1.5e-3 * later
+    none, mended = approached(dwell / 1e3)
+    assert none == []
+    assert mended.contour_error.max <= 1.01e-3 * later

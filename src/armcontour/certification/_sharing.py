@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from armcontour._describing import count_kinds
 from armcontour._progress import Progress, Step
 from armcontour.certification._bodies import rest_at_start
 from armcontour.certification._uses import Robot, work_on
@@ -22,7 +23,7 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.programs import programs_of, round_program, trace_run
 from armcontour.motion import Method, Trajectory
-from armcontour.program import Program
+from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.robustness.box import Box
 from armcontour.robustness.unknowns import Unknowns
 from armcontour.timing import intervals_of
@@ -165,9 +166,8 @@ class Sharing:
         program, robot = programs_of(self.job, this)[0], robot_of(self.job, this, self.goal)
         if len(program.moves) > 1:
             raise InvalidInput(
-                f"A certificate on rigid bodies is for one contour, but this program has "
-                f"{len(program.moves)} moves, rapids of approach and retract included: make a job "
-                "of each contour without these, or certify with plant: servo."
+                "A certificate on rigid bodies is for one contour alone, but this program has "
+                f"{_list_moves(program)}, or certify with plant: servo."
             )
         Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
         robot.plant()
@@ -338,3 +338,18 @@ def shape_part(path: Path) -> float:
     if not isinstance(path, RoundedPath) or not len(path.corners):
         return 0.0
     return float(path.corners.error.max())
+
+
+def _list_moves(program: Program) -> str:
+    """The moves of a program that is more than one contour, and what to leave out of it."""
+    kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
+    counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
+    leave = []
+    if counts["rapid"]:
+        leave.append("process.approach and process.retract")
+    if counts["dwell"]:
+        leave.append("process.dwell")
+    mend = f"leave out {' and '.join(leave)}" if leave else ""
+    if counts["contour"] > 1 or not leave:
+        mend = "make a job of each contour" + (f", {mend}" if mend else "")
+    return f"{count_kinds(counts)}: {mend}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import digits
 from armcontour.certification._derating import CAUSES, Derating
 from armcontour.motion import Trajectory
 
@@ -60,8 +61,8 @@ class Lowered:
             where = "along the whole contour"
         most = "" if self.s is None else f", most at s = {self.s:.4g} m, t = {self.t:.4g} s"
         return (
-            f"{self.what.replace('_', ' ')}{of} by up to {self.share * 100:.2g} % {where}{most}, "
-            f"for {REASONS[self.cause]}"
+            f"{self.what.replace('_', ' ')}{of} by up to {digits(self.share * 100, 2)} % "
+            f"{where}{most}, for {REASONS[self.cause]}"
         )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armcontour._describing import digits
 from armcontour._text import show
 from armcontour.cli.console import Console
 
@@ -212,10 +213,11 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
         and noise > max(samples.resolution.get("q", 0.0), LEAST_NOISE)
     ):
         lines.append(
-            f"The positions scatter by {noise * 1e3:.2g} mrad from sample to sample, as measured "
-            "ones do, and this noise counts as motion. If they are measured, declare the largest "
-            f"error with --noise, such as '{4e3 * noise:.2g} mrad': then only what is beyond it is "
-            "a violation. If they are taught data, whose accelerations jump, check planned.csv."
+            f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, as "
+            "measured ones do, and this noise counts as motion. If they are measured, declare the "
+            f"largest error with --noise, such as '{digits(4e3 * noise, 2)} mrad': then only what "
+            "is beyond it is a violation. If they are taught data, whose accelerations jump, check "
+            "planned.csv."
         )
     return lines
 

@@ -31,12 +31,15 @@ class Outcome:
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
         note: Why the path has the shape of a start, one clause; None if another was looked for.
+        joints: Joint positions at the start of the program with this path, near which an arm in
+            space has these durations [rad]; None for those that it would have anyway.
     """
 
     start: str
     durations: Mapping[str, float]
     history: tuple[float, ...] = ()
     note: str | None = None
+    joints: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))

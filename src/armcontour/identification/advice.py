@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._describing import digits
 from armcontour.identification.choosing import largest_demand
 from armcontour.identification.fitting import NAMES, Data, State, simulated
 
@@ -56,7 +57,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
         least = sd
         sentence = (
             f"A multisine of {SECONDS:g} s from {LOWEST:g} to {highest:g} Hz with commands of "
-            f"{scale:.2g} rad rms, which asks for {top:.3g} rad/s², would tell it to "
+            f"{digits(scale, 2)} rad rms, which asks for {top:.3g} rad/s², would tell it to "
             f"{_precision(name, sd)}."
         )
         if sd * RESERVE <= allowed:
@@ -134,4 +135,4 @@ def _guessed(state: State) -> State:
 
 
 def _precision(name: str, sd: float) -> str:
-    return f"{sd * 1e3:.2g} ms" if name == "delay" else f"{sd * 100:.2g} %"
+    return f"{digits(sd * 1e3, 2)} ms" if name == "delay" else f"{digits(sd * 100, 2)} %"

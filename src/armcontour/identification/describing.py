@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._describing import digits
 from armcontour.identification.advice import better_motion, larger_step
 from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand
 from armcontour.identification.correlation import whiteness
@@ -41,7 +42,7 @@ def why_still(data: Data) -> str:
         return ""
     told = float(np.ptp(data.u))
     if told <= max(6 * noise, LEAST_MOTION):
-        return f"The joint is not told to move: its commands stay within {told:.2g} rad."
+        return f"The joint is not told to move: its commands stay within {digits(told, 2)} rad."
     return (
         f"The joint does not move, though its commands go over {told:.3g} rad: is its brake "
         "on, or is it another joint's column?"
@@ -160,13 +161,17 @@ def _allow_for(joint: JointIdentification, friction: Friction) -> JointIdentific
 def _describe(friction: Friction) -> str:
     """What friction there is, and what leaving it out does."""
     symbols = {"kp": "K_p", "kv": "K_v"}
-    off = [f"{symbols[k]} by {x * 100:.2g} %" for k, x in friction.shifts.items() if k in symbols]
+    off = [
+        f"{symbols[k]} by {digits(x * 100, 2)} %"
+        for k, x in friction.shifts.items()
+        if k in symbols
+    ]
     if "delay" in friction.shifts:
-        off.append(f"the dead time by {friction.shifts['delay'] * 1e3:.2g} ms")
+        off.append(f"the dead time by {digits(friction.shifts['delay'] * 1e3, 2)} ms")
     return (
         "The residuals follow the direction of motion, as under dry friction or stiction of "
-        f"{friction.size:.2g} rad/s² (standard deviation {friction.sd:.2g}), which the model does "
-        f"not have. It puts off {', '.join(off)}."
+        f"{digits(friction.size, 2)} rad/s² (standard deviation {digits(friction.sd, 2)}), "
+        f"which the model does not have. It puts off {', '.join(off)}."
     )
 
 
@@ -214,7 +219,8 @@ def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
             if interval[1] == math.inf
             else f"This log does not tell {symbol}."
             if not relative <= TELLS_NOTHING
-            else f"This log tells {symbol} to {relative * 100:.2g} % only, and 10 % are needed."
+            else f"This log tells {symbol} to {digits(relative * 100, 2)} % only, and 10 % are "
+            "needed."
         )
         advice = _with_motion(why, data, found, name, DETERMINED)
     return _estimate(name, value, value * relative, interval, advice)
@@ -249,8 +255,8 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
             if "delay" in found.at_edge
             else "This log does not tell the dead time."
             if not sd <= TELLS_NOTHING * max(abs(value), DETERMINED_DELAY)
-            else f"This log tells the dead time to {sd * 1e3:.2g} ms only, and "
-            f"{allowed * 1e3:.2g} ms are needed."
+            else f"This log tells the dead time to {digits(sd * 1e3, 2)} ms only, and "
+            f"{digits(allowed * 1e3, 2)} ms are needed."
         )
         advice = _with_motion(why, data, found, "delay", allowed)
     return _estimate("dead_time", value, sd, ends.interval("delay"), advice)
@@ -268,7 +274,7 @@ def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
     if not relative <= DETERMINED or "limit" in found.at_edge:
         advice = (
             f"The joint is at its limit for {found.saturated_time * 1e3:.3g} ms only, which "
-            f"tells it to {relative * 100:.2g} %, and 10 % are needed. "
+            f"tells it to {digits(relative * 100, 2)} %, and 10 % are needed. "
             f"{_larger_step(data, state, state.limit)} the limit."
         )
     return _estimate(name, state.limit, state.limit * relative, ends.interval("limit"), advice)
@@ -276,7 +282,7 @@ def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
 
 def _larger_step(data: Data, state: State, limit: float) -> str:
     step = larger_step(data, state, 2 * limit)
-    return f"A step of more than {step:.2g} rad in one command interval asks for twice"
+    return f"A step of more than {digits(step, 2)} rad in one command interval asks for twice"
 
 
 def _notes(data: Data, log: Log, joint: JointIdentification, choice: Choice) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ class Estimate:
         if math.isnan(self.value):
             return f"above {self.low:.4g} {self.unit}" if self.low > 0 else "not found"
         scale, unit = self.shown
-        sd = f" ±{self.sd * scale:.2g}" if math.isfinite(self.sd) else ""
+        sd = f" ±{digits(self.sd * scale, 2)}" if math.isfinite(self.sd) else ""
         sure = "" if self.determined else " (open)"
         return f"{digits(self.value * scale, 5)}{sd}{f' {unit}' if unit else ''}{sure}"
 

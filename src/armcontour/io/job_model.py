@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from armcontour._memory import DEFAULT
 from armcontour._quantities import (
     Angle,
+    AngularDistance,
     AtLeast,
     Choice,
     Distance,
@@ -282,6 +283,8 @@ class PathModel:
         mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
             bent are made tangent again within it. By default what the file's decimals say, up to
             the chord tolerance; 0 leaves all vertices as they are.
+        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
+            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
             for G-code, `{skip: [T, M6]}` leaves out these words.
         texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
@@ -309,6 +312,7 @@ class PathModel:
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance | None = None
+    smooth_axes: AngularDistance = 0.0
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"

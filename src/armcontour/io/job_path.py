@@ -32,7 +32,8 @@ from armcontour.program.moves import name_copy
 # Keys that are arguments of `read_path`.
 READING = (
     *("units", "scale", "layers", "names", "colors", "flat"),
-    *("chord_tolerance", "join_tolerance", "mend_vertices", "unknown", "texts", "offsets", "tools"),
+    *("chord_tolerance", "join_tolerance", "mend_vertices", "smooth_axes", "unknown"),
+    *("texts", "offsets", "tools"),
 )
 LIFTED = (
     "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "

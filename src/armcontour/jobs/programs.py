@@ -30,11 +30,11 @@ from armcontour.program import (
 from armcontour.timing import (
     Explanation,
     Tracing,
-    choose_start,
     explain,
     intervals_of,
     plan,
     shape,
+    start_of,
     trace_and_plan,
     trace_program,
     with_reserve,
@@ -85,14 +85,14 @@ def round_program(
     if rounding is None:
         return program
     if rounding.free:
-        start = choose_start(program, job.arm, this.limits, job.start)
         with locate_errors("corners"):
             return shape(
                 program,
                 job.arm,
-                with_reserve(this.limits, this.reserve),
+                this.limits,
+                reserve=this.reserve,
                 branch=job.branch,
-                start=start,
+                start=job.start,
                 intervals=this.timing_options.get("intervals", intervals_of(program)),
                 progress=progress,
                 **rounding.wishes,
@@ -276,7 +276,7 @@ def trace_and_time_run(
         job.arm,
         this.limits,
         branch=job.branch,
-        start=_start(job, this, program),
+        start=start_of(program, job.start),
         duration=duration,
         progress=progress,
         memory=job.memory,
@@ -289,17 +289,10 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress | None =
 
     A shaped program is traced in the configuration that it was shaped for.
     """
-    start = _start(job, this, program)
+    start = start_of(program, job.start)
     return trace_program(
         program, job.arm, this.limits, branch=job.branch, start=start, progress=progress
     )
-
-
-def _start(job: Job, this: Run, program: Program) -> npt.ArrayLike | None:
-    """Where a program is traced from: a shaped one in the configuration it was shaped for."""
-    if this.rounding is not None and this.rounding.free:
-        return choose_start(program, job.arm, this.limits, job.start)
-    return job.start
 
 
 def time_run(

@@ -26,6 +26,7 @@ from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.memory import RESOLUTION, refuse_too_large
+from armcontour.jobs.missed_speed import missed_speeds
 from armcontour.jobs.programs import (
     execute_run,
     explain_run,
@@ -43,6 +44,7 @@ from armcontour.jobs.weak_points import (
     made_for_bodies,
     overloaded,
     smoothed_beyond,
+    unsettled,
 )
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
@@ -214,7 +216,12 @@ class TimedRun:
             found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
-            found += slow_ends(self.path, self.trajectory, self.run)
+            slow = slow_ends(self.path, self.trajectory, self.run)
+            found += slow
+            if not self.jerk_stops:
+                found += missed_speeds(
+                    self.objective, self.path, self.trajectory, self.run, told=bool(slow)
+                )
         return tuple(found)
 
 
@@ -313,7 +320,11 @@ class RunResult(RunPlan):
         ):
             planned += (f"as executed, {near.too_near[0]}, which is within the margin.",)
         if not self.for_bodies:
-            return (*planned, *overloaded(self.execution, self.evaluation, self.run))
+            return (
+                *planned,
+                *overloaded(self.execution, self.evaluation, self.run),
+                *unsettled(self.evaluation, self.trajectory, self.path),
+            )
         bodies = None if self.experiment is None else self.experiment.evaluation
         return (*planned, made_for_bodies(self.evaluation, bodies, self.run))
 

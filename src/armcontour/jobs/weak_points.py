@@ -31,6 +31,10 @@ FAR_ABOVE = 1.5
 # share is not said.
 LOOK = 1e-3
 UNSEEN = 1e-3
+# A largest error is left from before where a contour begins with this share of it. It is told if it
+# is this multiple of what comes later, and so large [m]. A dwell is told in steps of this [s].
+LEFT, MUCH_LARGER, LEAST_UNSETTLED = 0.3, 1.5, 1e-5
+STEP_OF_DWELL = 10e-3
 # The compensation whose set-points are for rigid bodies.
 INVERSE_DYNAMICS = "inverse_dynamics"
 
@@ -128,6 +132,45 @@ def overloaded(executed: Execution, evaluation: Evaluation, this: Run) -> list[s
         f"saturates, and the tool is up to {evaluation.contour_error.max * 1e3:.3g} mm off its "
         f"path: give the plan {reserve}, a start near which the path needs less, slower poles, or "
         "limits and gains that are those of the plant."
+    ]
+
+
+def unsettled(evaluation: Evaluation, trajectory: Trajectory, program: Program) -> list[str]:
+    """A warning where the largest error is left from the move before a contour, or none.
+
+    Args:
+        evaluation: The evaluation of an execution.
+        trajectory: Its plan.
+        program: The program that was planned.
+    """
+    settling = evaluation.settled - evaluation.duration
+    found: list[tuple[float, str]] = []
+    later = 0.0
+    spans = [x for x in trajectory.spans if x.trajectory is not None]
+    contours = enumerate(zip(evaluation.contours, program.contours, strict=True))
+    for k, span in enumerate(spans):
+        if span.kind != "contour":
+            continue
+        number, (error, contour) = next(contours)
+        settled = error.t > span.t[0] + settling
+        later = max(later, float(error.values[settled].max(initial=0.0)))
+        moved = k > 0 and span.t[0] - spans[k - 1].t[1] < settling
+        if moved and not settled.all() and error.t_max <= span.t[0] + settling:
+            # A tool that had settled would begin at the path.
+            if error.values[0] >= LEFT * error.max:
+                found.append((error.max, contour_called(contour, number)))
+    ruling = [x for x in found if x[0] > max(MUCH_LARGER * later, LEAST_UNSETTLED)]
+    if not ruling:
+        return []
+    most, name = max(ruling, key=lambda x: x[0])
+    where = f"where {name} begins"
+    if len(ruling) > 1:
+        where = f"where {len(ruling)} contours begin, most at {name},"
+    dwell = math.ceil(settling / STEP_OF_DWELL) * STEP_OF_DWELL
+    return [
+        f"{where} the tool has not settled from the move before: it is up to {most * 1e3:.3g} mm "
+        f"off its path there, and {later * 1e3:.3g} mm at most after that: process.dwell: "
+        f"{dwell * 1e3:.0f} ms lets it settle before each contour."
     ]
 
 

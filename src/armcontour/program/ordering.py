@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import digits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
@@ -193,7 +194,7 @@ class _Choices:
         gap = (
             "no bound is found for so many contours"
             if bound is None
-            else f"at most {100 * (length / bound - 1):.2g} % above the shortest"
+            else f"at most {digits(100 * (length / bound - 1), 2)} % above the shortest"
             if 0 < bound < length
             else "no order is shorter"
         )

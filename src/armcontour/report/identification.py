@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._describing import digits
 from armcontour.identification import (
     Estimate,
     Identification,
@@ -110,7 +111,7 @@ def _row(x: Estimate) -> tuple[str, ...]:
     return (
         SYMBOLS[x.name],
         shown(x.value),
-        f"{x.sd * scale:.2g}" if math.isfinite(x.sd) else "–",
+        f"{digits(x.sd * scale, 2)}" if math.isfinite(x.sd) else "–",
         " to ".join(ends) if any(map(math.isfinite, (x.low, x.high))) else "–",
         unit,
         "yes" if x.determined else "no",

@@ -1,5 +1,6 @@
 """Timing of joint paths: the entry point `plan`, with one file per method."""
 
+from armcontour.timing.common import RESERVED, with_reserve
 from armcontour.timing.explanation import (
     Binding,
     Explanation,
@@ -10,16 +11,14 @@ from armcontour.timing.explanation import (
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.methods import METHODS, PLANNING_METHODS, refuse_unkept_jerk
 from armcontour.timing.planner import (
-    RESERVED,
     assigned_time,
     intervals_of,
     plan,
     refuse_endless,
     trace_and_plan,
-    with_reserve,
 )
-from armcontour.timing.program_tracing import Tracing, choose_start, trace_program, turn_along
-from armcontour.timing.shaping import shape
+from armcontour.timing.program_tracing import Tracing, trace_program, turn_along
+from armcontour.timing.shaping import shape, start_of
 
 __all__ = [
     "METHODS",
@@ -30,7 +29,6 @@ __all__ = [
     "Shortfall",
     "Tracing",
     "assigned_time",
-    "choose_start",
     "explain",
     "find_jerk_stops",
     "intervals_of",
@@ -38,6 +36,7 @@ __all__ = [
     "refuse_endless",
     "refuse_unkept_jerk",
     "shape",
+    "start_of",
     "trace_and_plan",
     "trace_fastest",
     "trace_program",

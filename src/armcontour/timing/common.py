@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
@@ -16,6 +17,28 @@ from armcontour.timing.limit_use import States, quantity
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than the true peak by under a part in ten thousand.
 PEAK_SAMPLES = 33
+# Limits that a reserve reduces.
+RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
+
+
+def with_reserve(limits: Limits, reserve: float) -> Limits:
+    """Reduce the limits of joint acceleration and torque by a share.
+
+    Args:
+        limits: The limits.
+        reserve: Share to subtract, from 0 to below 1.
+
+    Raises:
+        InvalidInput: `reserve` is out of this range.
+    """
+    if not 0 <= _checks.number("reserve", reserve) < 1:
+        raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
+    left = {
+        name: (1 - reserve) * value
+        for name in RESERVED
+        if (value := getattr(limits, name)) is not None
+    }
+    return limits.replace(**left) if reserve and left else limits
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks, _memory
-from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
+from armcontour.timing.common import with_reserve
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import (
@@ -30,11 +30,9 @@ from armcontour.timing.methods import (
 )
 from armcontour.timing.program_tracing import AddMove, TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program, trace_and_time
-from armcontour.timing.shaping import Shaping, Wishes
+from armcontour.timing.shaping import Shaping, Wishes, start_of
 from armcontour.tracing import refuse_out_of_range
 
-# Limits that a reserve reduces.
-RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
 # Options that apply to one path only: a program has many paths, and rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
@@ -168,7 +166,8 @@ def _plan(
     if duration is not None:
         _refuse_duration(duration, method, options, smoothed=bool(windows))
     if method == Method.SHAPED:
-        path, start = _shape(path, timing, branch, start, progress)
+        path = _shape(path, timing, bounds, reserve, branch, start, progress)
+        start = start_of(path, start)
     known = _known(path, arm, bounds, branch, start)
     program = known.program if isinstance(known, Tracing) else known
     if not isinstance(program, JointPath):
@@ -199,11 +198,13 @@ def _plan(
 def _shape(
     path: Path | Program | JointPath | Tracing,
     timing: Timing,
+    bounds: Limits,
+    reserve: float,
     branch: str | None,
     start: npt.ArrayLike | None,
     progress: Progress | None,
-) -> tuple[Program, FloatArray | None]:
-    """The shaped program and its start, for the method "shaped".
+) -> Program:
+    """The shaped program, for the method "shaped".
 
     Raises:
         InvalidInput: A path that is traced already, no tolerance, or as `shape`.
@@ -222,7 +223,8 @@ def _shape(
     program = Program.of(path, "plan needs a Path or a Program")
     refuse_endless(program, timing.limits)
     wishes = Wishes(**{name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS})
-    shaping = Shaping(timing.arm, timing.limits, wishes, branch, timing.options.get("intervals"))
+    intervals = timing.options.get("intervals")
+    shaping = Shaping(timing.arm, bounds, reserve, wishes, branch, intervals)
     return shaping.shape(program, start, progress, named=program is path)
 
 
@@ -419,26 +421,6 @@ def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
             allowed=LONGEST_MOTION,
         )
     return trajectory
-
-
-def with_reserve(limits: Limits, reserve: float) -> Limits:
-    """Reduce the limits of joint acceleration and torque by a share.
-
-    Args:
-        limits: The limits.
-        reserve: Share to subtract, from 0 to below 1.
-
-    Raises:
-        InvalidInput: `reserve` is out of this range.
-    """
-    if not 0 <= _checks.number("reserve", reserve) < 1:
-        raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
-    left = {
-        name: (1 - reserve) * value
-        for name in RESERVED
-        if (value := getattr(limits, name)) is not None
-    }
-    return limits.replace(**left) if reserve and left else limits
 
 
 def _refuse_foreign(

@@ -15,7 +15,7 @@ from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
-from armcontour.geometry import Path, ShapedPath
+from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
@@ -116,42 +116,6 @@ def trace_program(
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
     return Tracing(program=program, steps=tuple(tracer.steps))
-
-
-def choose_start(
-    program: Program, arm: Arm, limits: Limits, given: npt.ArrayLike | None = None
-) -> npt.ArrayLike | None:
-    """Joint positions in which a program starts, to trace its shaped paths in the same ones.
-
-    Args:
-        program: The program, whose shaped paths count as their objectives.
-        arm: The arm.
-        limits: As in `trace_program`.
-        given: The start that is given; None chooses one.
-
-    Returns:
-        The given start, else that of the first contour's fastest configuration [rad], (dof,); None
-        for an arm in the plane, which its branch places.
-
-    Raises:
-        ArmContourError: As `trace_program`, for the first contour and what comes before it.
-    """
-    if given is not None or isinstance(arm, PlanarTwoLink):
-        return given
-    plain = Program(moves=tuple(map(_without_shape, program.moves)))
-    tracer = _Tracer.of(plain, arm, limits)
-    for i, move in enumerate(plain.moves):
-        tracer.follow(i, move)
-        if tracer.done:
-            break
-    return ends_of(next(x.joint_path for x in tracer.steps if x.joint_path is not None))[0]
-
-
-def _without_shape(move: Move) -> Move:
-    """A move, of which a shaped path is its objective."""
-    if not isinstance(move, Contour) or not isinstance(move.path, ShapedPath):
-        return move
-    return dataclasses.replace(move, path=move.path.objective, events=(), work=None)
 
 
 @dataclass(slots=True)

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from armcontour import read_path
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.reading import Reading
 from armcontour.io.drawings.waypoints import read_waypoints
@@ -478,3 +479,30 @@ def test_a_hundred_thousand_rows_take_a_moment():
     assert len(path) == 149_999
     # It takes 0.4 s; a loop that grows with the square would take minutes.
     assert time.perf_counter() - begun < 10
+
+
+def test_tool_axes_are_smoothed_within_the_angle():
+    rows = [f"{k},0,0,{0.01 * (-1) ** k},0,-1" for k in range(40)]
+    # A repeated point has the axis of the one before it.
+    text = "x [mm],y [mm],z [mm],ax,ay,az\n" + "\n".join([*rows[:20], rows[19], *rows[20:]])
+    plain, program = read(text), read(text, smooth_axes=0.02)
+    given, found = (x.path.orientation(x.path.breaks)[:, :, 2] for x in (plain, program))
+    angle = np.linalg.norm(given - found, axis=1)
+    assert 0.009 < angle.max() <= 0.02
+    assert np.linalg.norm(np.diff(found, 2, axis=0), axis=1).max() < 1e-5
+    (said,) = program.remarks
+    assert said.startswith("Smoothed the tool axes of 40 waypoints from line 2 on: they are turned")
+    assert said.endswith("and 1.15° are allowed (path.smooth_axes).") and plain.remarks == ()
+
+
+def test_smooth_axes_need_axes():
+    assert "for tool axes in the columns ax, ay, az" in refused(SQUARE, smooth_axes=0.01)
+    turned = "x,y,z,roll,pitch,yaw\n0,0,0,0,0,0\n1,0,0,0,0,0.1\n"
+    assert "for tool axes in the columns ax, ay, az" in refused(turned, smooth_axes=0.01)
+
+
+def test_other_files_have_no_axes_to_smooth(tmp_path):
+    file = tmp_path / "part.ngc"
+    file.write_text("G21 G90 F600\nG1 X50\nM2\n")
+    with pytest.raises(InvalidInput, match=r"for tables of waypoints .* part.ngc is none"):
+        read_path(file, smooth_axes=0.01)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import digits
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies.fitting import BodyFit, Trial
@@ -314,8 +315,8 @@ def _not_told(known: _Known, k: int) -> Estimate:
         scale, unit = (100.0, "%") if share else (1.0, UNITS[x.name])
         scale, unit = (1e3, "ms") if x.name == "dead_time" else (scale, unit)
         why = (
-            f"The log tells {symbol} to {sd * scale:.2g} {unit} only, and {limit * scale:.2g} "
-            f"{unit} are needed"
+            f"The log tells {symbol} to {digits(sd * scale, 2)} {unit} only, and "
+            f"{digits(limit * scale, 2)} {unit} are needed"
         )
     gain = x.name in LOGARITHMIC
     kept = "a guess" if gain and not model.keep_kv else "its nominal value"
@@ -345,8 +346,8 @@ def _center(known: _Known, of: dict[tuple[str, int], int], i: int) -> Estimate:
             if mass <= LEAST_MASS
             else "The search did not come to rest in it"
             if known.unsettled[k]
-            else f"The log tells it to {sd / mass * 1e3:.2g} mm only, and "
-            f"{known.limit[k] / mass * 1e3:.2g} mm are needed"
+            else f"The log tells it to {digits(sd / mass * 1e3, 2)} mm only, and "
+            f"{digits(known.limit[k] / mass * 1e3, 2)} mm are needed"
             if math.isfinite(sd)
             else "The log does not show it at all"
         )

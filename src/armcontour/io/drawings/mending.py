@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterable
 from itertools import islice
 
+from armcontour._describing import digits
 from armcontour.geometry.mending import Mended, Printed, mend_paths
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Program
@@ -116,6 +117,7 @@ def _note(done: list[Mended]) -> str:
     what = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
     return (
         f"Mended {what} the decimals of the file leave a turn of at most "
-        f"{math.degrees(kink):.2g}°: the path is tangent there, at most {deviation * 1e3:.2g} mm "
-        "from the file's (path.mend_vertices: 0 mm keeps such turns, at which the tool stops)."
+        f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
+        f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
+        "turns, at which the tool stops)."
     )

@@ -50,6 +50,7 @@ def read_path(
     chord_tolerance: float = 1e-5,
     join_tolerance: float = 1e-5,
     mend_vertices: float | None = None,
+    smooth_axes: float = 0.0,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     texts: str = "leave_out",
     offsets: str = "file",
@@ -79,6 +80,8 @@ def read_path(
         mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
             bent are made tangent again within this distance, with a note. None takes it from the
             file's decimals, up to the chord tolerance; 0 leaves all vertices as they are.
+        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
+            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
@@ -103,6 +106,7 @@ def read_path(
         chord_tolerance=chord_tolerance,
         join_tolerance=join_tolerance,
         mend_vertices=mend_vertices,
+        smooth_axes=smooth_axes,
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         texts=texts,
@@ -117,6 +121,11 @@ def read_path(
     # The scale is that of the file's lengths, and tools are as they are.
     reading = replace(reading, tools={n: x / factor for n, x in reading.tools.items()})
     module, name, options = READERS[suffix]
+    if reading.smooth_axes and module != "waypoints":
+        raise InvalidInput(
+            "smooth_axes (path.smooth_axes) is for tables of waypoints with tool axes, and "
+            f"{location.name} is none: leave it out."
+        )
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)

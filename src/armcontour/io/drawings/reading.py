@@ -44,6 +44,8 @@ class Reading:
         mend_vertices: Distance by which printing can have moved a point [m]; vertices that it has
             bent are made tangent again within this distance. None takes it from the file's
             decimals, up to the chord tolerance; 0 leaves all vertices as they are.
+        smooth_axes: Largest angle by which tool axes of a table of waypoints are turned to turn
+            smoothly [rad]; 0 leaves them as they are.
         unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
             entities with a sentence in the program's notes.
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
@@ -65,6 +67,7 @@ class Reading:
     chord_tolerance: float = 1e-5
     join_tolerance: float = 1e-5
     mend_vertices: float | None = None
+    smooth_axes: float = 0.0
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
     texts: str = "leave_out"
@@ -82,6 +85,7 @@ class Reading:
         _checks.positive("join tolerance", self.join_tolerance, "m")
         if self.mend_vertices is not None:
             _checks.not_negative("mend_vertices", self.mend_vertices, "m")
+        _checks.not_negative("smooth_axes", self.smooth_axes, "rad")
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("texts", self.texts, TEXTS)
         _checks.choice("offsets", self.offsets, OFFSETS)

@@ -14,10 +14,11 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._numbers import plain_number
 from armcontour.errors import InvalidInput
-from armcontour.frames import QUATERNION_TOLERANCE, from_rpy
+from armcontour.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.geometry import Path
 from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.smooth_axes import smooth_axes
 from armcontour.io.drawings.mending import half_a_place, mend
 from armcontour.io.drawings.reading import FARTHEST, Reading
 from armcontour.io.drawings.waypoint_table import (
@@ -63,18 +64,23 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
     texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
     events = _texts(table, "event")
     bounds = [0, *_changes(texts), len(table.places)]
-    contours, notes = [], list(table.notes)
+    contours, notes, remarks = [], list(table.notes), list[str]()
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         rows = slice(first, last)
         path = _path(table, values, rows)
         path = _orient(table, path, orientation, rows)
+        if reading.smooth_axes:
+            path, done = _smooth(table, path, orientation, rows, reading.smooth_axes)
+            remarks += done
         for key in texts.keys() & table.columns.keys():
             _checks.check_name(f"name in {table.where(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
         notes += _note_unused(table, values, first)
-    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    program = Program(
+        moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
+    )
     printed = _printed(table, reading)
     return mend(program, lambda _: printed, reading)
 
@@ -259,6 +265,41 @@ def _orient(
     except InvalidInput as error:
         i = rows.start + (error.index or 0)
         raise InvalidInput(f"{table.where(i, *keys)}: {error}", index=i) from None
+
+
+def _smooth(
+    table: Table,
+    path: Path,
+    orientation: tuple[tuple[str, ...], FloatArray] | None,
+    rows: slice,
+    tolerance: float,
+) -> tuple[Path, list[str]]:
+    """The path of some rows with smooth tool axes, if it has any, and a sentence on them.
+
+    Raises:
+        InvalidInput: The table has no tool axes.
+    """
+    if orientation is None or orientation[0] != AXIS:
+        raise InvalidInput(
+            f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "
+            f"{', '.join(AXIS)}, which are not there: leave it out."
+        )
+    if path.orientation is None:
+        return path, []
+    kept = np.delete(np.arange(rows.stop - rows.start), path.merged)
+    given = orientation[1][rows][kept]
+    smooth = smooth_axes(path.vertices[path.waypoints], given, tolerance)
+    before = given / np.linalg.norm(given, axis=1, keepdims=True)
+    most = float(angle_between(smooth, before).max())
+    # A repeated point has the axis of the one before it.
+    every = np.searchsorted(kept, np.arange(rows.stop - rows.start), side="right") - 1
+    turned = path.pointing(smooth[every])
+    place = int(table.places[rows][0])
+    return turned, [
+        f"Smoothed the tool axes of {len(kept)} waypoints from {table.word} {place} on: they are "
+        f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
+        "(path.smooth_axes)."
+    ]
 
 
 def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tuple[Event, ...]:

@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 
+from armcontour._describing import digits
 from armcontour.jobs import RunResult, Study, same_plan, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.planned import torques_of
@@ -149,7 +150,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             Tile(
                 label="tool speed on contours, largest",
                 value=f"{e.speed * 1e3:.1f} mm/s",
-                note=f"at most {e.speed_overshoot * 1e3:.2g} mm/s over what is assigned",
+                note=f"at most {digits(e.speed_overshoot * 1e3, 2)} mm/s over what is assigned",
             )
         )
     elif e.speed_ratio == e.speed_ratio:

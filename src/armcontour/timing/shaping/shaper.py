@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
-from typing import overload
+from typing import cast, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour._processes import map_in_processes
 from armcontour._progress import Progress, Step
@@ -18,18 +19,22 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import SHAPED
-from armcontour.motion import JointPath, Method
-from armcontour.program import Contour, Program, contour_called, put_on_path, round_corners
-from armcontour.timing.methods import refuse_unkept_jerk
+from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.program import Contour, Move, Program, contour_called, put_on_path
+from armcontour.timing.common import with_reserve
+from armcontour.timing.methods import Timing, refuse_unkept_jerk
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
+from armcontour.timing.programs import time_program
 from armcontour.timing.shaping.search import make_searches, why_not
-from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import ARCS, STOPS, Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
 
 # The search ends with the first start that saves this share of the duration.
 ENOUGH = 0.01
 # From so many contours on other processes shape them, which take a few seconds to start.
 MANY = 24
+# Why a contour that could be shaped has arcs.
+ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 
 @overload
@@ -44,6 +49,7 @@ def shape(
     angular_tolerance: float | None = None,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    reserve: float = 0.0,
     iterations: int = DEFAULT_ITERATIONS,
     intervals: int | None = None,
     progress: Progress | None = None,
@@ -60,6 +66,7 @@ def shape(
     angular_tolerance: float | None = None,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    reserve: float = 0.0,
     iterations: int = DEFAULT_ITERATIONS,
     intervals: int | None = None,
     progress: Progress | None = None,
@@ -75,6 +82,7 @@ def shape(
     angular_tolerance: float | None = None,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    reserve: float = 0.0,
     iterations: int = DEFAULT_ITERATIONS,
     intervals: int | None = None,
     progress: Progress | None = None,
@@ -98,6 +106,7 @@ def shape(
         angular_tolerance: As in `round_corners` [rad].
         branch: As in `plan`.
         start: As in `plan`.
+        reserve: As in `plan`.
         iterations: Largest number of iterations; after each one the path keeps everything.
         intervals: Approximate number of grid intervals of the plans that are compared.
         progress: Called with the step "shaping" and the share that is done.
@@ -119,8 +128,8 @@ def shape(
     )
     program = Program.of(path, "shape needs a Path or a Program")
     bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
-    shaping = Shaping(arm, bounds, wishes, branch, intervals)
-    found = shaping.shape(program, start, progress, named=program is path)[0]
+    shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
+    found = shaping.shape(program, start, progress, named=program is path)
     # Whoever gives a path gets a path.
     return found if program is path else found.path
 
@@ -131,7 +140,8 @@ class Shaping:
 
     Args:
         arm: The arm.
-        limits: The limits, one value per joint.
+        limits: The limits, one value per joint, with which the arm's configuration is chosen.
+        reserve: Share of them that is left to the servo, as in `plan`.
         wishes: What is wanted of the shaped paths.
         branch: For an arm in the plane, the branch of its inverse kinematics.
         intervals: Approximate number of grid intervals of the plans that are compared.
@@ -139,6 +149,7 @@ class Shaping:
 
     arm: Arm
     limits: Limits
+    reserve: float
     wishes: Wishes
     branch: str | None = None
     intervals: int | None = None
@@ -150,8 +161,8 @@ class Shaping:
         progress: Progress | None,
         *,
         named: bool,
-    ) -> tuple[Program, FloatArray | None]:
-        """The shaped program, and joint positions at its start for an arm in space.
+    ) -> Program:
+        """The shaped program; `start_of` tells where an arm in space starts it.
 
         Args:
             program: The program.
@@ -165,7 +176,7 @@ class Shaping:
         for i, x in enumerate(program.contours):
             with _named(x, i, named):
                 self.wishes.refuse_too_large(x.path)
-        traced = self._trace(program, start)
+        arcs, traced = self._trace(program, start)
         moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
@@ -177,49 +188,137 @@ class Shaping:
         for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
                 moves[i] = put_on_path(move, found(done))
-        first = self._timer(traced.joint_paths[0]).start
-        return dataclasses.replace(program, moves=tuple(moves)), first
+        shaped = dataclasses.replace(program, moves=tuple(moves))
+        if arcs is None or start is not None or isinstance(self.arm, PlanarTwoLink):
+            return shaped
+        return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
-    def _trace(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
-        """Trace the program with arcs at its corners, or with sharp corners where that is faster.
+    def _faster(
+        self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
+    ) -> Program:
+        """The shaped program in the start that is faster, or arcs if these are faster still.
 
-        Only the configurations of the arm matter, which all starts and shapes then have.
+        Shapes are compared near one start. An arm with more joints than the task needs is a little
+        slower there than where it may choose its start, as it does along arcs.
+
+        Args:
+            program: The program.
+            arcs: Its contours with arcs, and their joint paths.
+            shaped: The shaped program.
+            first: Joint positions at the start of the program in which it was shaped [rad], (dof,).
         """
-
-        def trace(program: Program) -> Tracing:
-            return trace_program(program, self.arm, self.limits, branch=self.branch, start=start)
-
-        try:
-            arcs = round_corners(
-                program,
-                tolerance=self.wishes.tolerance,
-                angular_tolerance=self.wishes.angular_tolerance,
+        start = tuple(first.tolist())
+        ways: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
+        with suppress(ArmContourError):
+            ways.append((arcs.program, None, self._time(arcs)))
+        along_arcs = ways[0][2].contour_spans if ways else None
+        for near in (None, start):
+            with suppress(ArmContourError):
+                ways.append((shaped, near, self._time(self._follow(shaped, near))))
+        if not ways:
+            # Planning says why.
+            return shaped
+        taken, joints, planned = min(ways, key=lambda x: x[2].duration)
+        moves = list(taken.moves)
+        for i, span in enumerate(planned.contour_spans):
+            assert span.move is not None and span.trajectory is not None
+            outcome = _path_of(shaped.moves[span.move]).outcome
+            durations = dict(outcome.durations) | {SHAPED: span.trajectory.duration}
+            if along_arcs is not None and ARCS in durations:
+                durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
+            starts = {name: x for name, x in durations.items() if name != SHAPED}
+            outcome = dataclasses.replace(
+                outcome,
+                start=min(starts, key=lambda name: starts[name]),
+                durations=durations,
+                note=outcome.note or (None if taken is shaped else ARCS_ARE_FASTER),
+                joints=joints,
             )
-            rounded = trace(arcs)
-        except ArmContourError:
-            return trace(program)
-        if start is not None or program.single_path is None or isinstance(self.arm, PlanarTwoLink):
-            return rounded
+            move = moves[span.move]
+            path = dataclasses.replace(_path_of(move), outcome=outcome)
+            moves[span.move] = dataclasses.replace(cast(Contour, move), path=path)
+        return dataclasses.replace(taken, moves=tuple(moves))
+
+    def _time(self, traced: Tracing) -> Trajectory:
+        """The plan of a traced program."""
+        limits = with_reserve(self.limits, self.reserve)
+        options = {} if self.intervals is None else {"intervals": self.intervals}
+        timing = Timing(self.arm, limits, Method.OPTIMAL, options, _memory.DEFAULT)
+        return time_program(traced, timing)
+
+    def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
+        """The joint paths of a program."""
+        return trace_program(program, self.arm, self.limits, branch=self.branch, start=start)
+
+    def _trace(
+        self, program: Program, start: npt.ArrayLike | None
+    ) -> tuple[Tracing | None, Tracing]:
+        """Trace the program with arcs at its corners, and where that is faster with sharp corners.
+
+        Returns:
+            The program with arcs and its joint paths, None if the arm cannot follow it; and the
+            tracing whose configurations of the arm all starts and shapes then have.
+        """
         try:
-            sharp = trace(program)
+            arcs = self._follow(self._with_arcs(program), start)
         except ArmContourError:
-            return rounded
-        first, other = (ends_of(x.joint_paths[0])[0] for x in (rounded, sharp))
+            return None, self._follow(program, start)
+        if start is not None or program.single_path is None or isinstance(self.arm, PlanarTwoLink):
+            return arcs, arcs
+        try:
+            sharp = self._follow(program, None)
+        except ArmContourError:
+            return arcs, arcs
+        first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
         if np.abs(first - other).max() <= SAME_POSITION:
-            return rounded
+            return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
             tube, timer = tube_of(program.path, self.wishes), self._timer(traced.joint_paths[0])
             known = _time_starts(program.path, tube, timer, self.wishes)
             return min((x.duration for x in known), default=np.inf)
 
-        return min(rounded, sharp, key=least_duration)
+        return arcs, min(arcs, sharp, key=least_duration)
+
+    def _with_arcs(self, program: Program) -> Program:
+        """The program with arcs at its corners, or with stops where no arcs are within the tube."""
+        moves = list(program.moves)
+        for i, move in enumerate(moves):
+            if isinstance(move, Contour):
+                starts = make_starts(move.path, tube_of(move.path, self.wishes), self.wishes)
+                name = ARCS if ARCS in starts else STOPS
+                path, places = starts[name]
+                outcome = Outcome(start=name, durations={})
+                moves[i] = put_on_path(
+                    move, _shaped_path(move.path, path, places, self.wishes, outcome)
+                )
+        return dataclasses.replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath) -> Timer:
         """What times paths in the configuration of a joint path."""
         planar = isinstance(self.arm, PlanarTwoLink)
         start = None if planar else ends_of(joint_path)[0]
-        return Timer(self.arm, self.limits, self.branch, start, self.intervals)
+        limits = with_reserve(self.limits, self.reserve)
+        return Timer(self.arm, limits, self.branch, start, self.intervals)
+
+
+def start_of(program: Program, given: npt.ArrayLike | None = None) -> npt.ArrayLike | None:
+    """Where an arm starts a program: as given, else where its contours were shaped, if anywhere.
+
+    Args:
+        program: The program.
+        given: The start that is given; None for none.
+    """
+    if given is not None:
+        return given
+    found = [x.path.outcome.joints for x in program.contours if isinstance(x.path, ShapedPath)]
+    return found[0] if found else None
+
+
+def _path_of(move: Move) -> ShapedPath:
+    """The path of a shaped contour."""
+    assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
+    return move.path
 
 
 def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManager[None]:
@@ -300,7 +399,7 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     durations[SHAPED] = best.duration
     outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
     tell(1.0)
-    return _shaped_path(objective, best, wishes, outcome)
+    return _shaped_path(objective, best.path, best.places, wishes, outcome)
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> list[Candidate]:
@@ -312,17 +411,19 @@ def _time_starts(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> l
     return [x for x in found if x is not None]
 
 
-def _shaped_path(objective: Path, best: Candidate, wishes: Wishes, outcome: Outcome) -> ShapedPath:
-    """A candidate as a shaped path."""
+def _shaped_path(
+    objective: Path, path: Path, places: FloatArray, wishes: Wishes, outcome: Outcome
+) -> ShapedPath:
+    """A path that has these places on its objective as a shaped path."""
     return ShapedPath(
-        segments=best.path.segments,
-        merged=best.path.merged,
-        orientation=best.path.orientation,
+        segments=path.segments,
+        merged=path.merged,
+        orientation=path.orientation,
         objective=objective,
-        places=best.places,
+        places=places,
         tolerance=wishes.tolerance,
         line_tolerance=wishes.line_tolerance,
         zone=wishes.zone,
         outcome=outcome,
-        curve=best.path.curve if isinstance(best.path, ShapedPath) else None,
+        curve=path.curve if isinstance(path, ShapedPath) else None,
     )

@@ -1,0 +1,99 @@
+"""Contours that are far slower than assigned: when it is said, what binds, and what mends it."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.jobs import Job, Rounding, Run, teach
+from armcontour.jobs.missed_speed import measure_jitter
+from armcontour.program import Contour, Program, Rapid
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+
+
+def job(path: ac.Path | Program, **values: Any) -> Job:
+    arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
+    limits = arm.limits.replace(speed=0.15, joint_torque=None)
+    asked: dict[str, Any] = {
+        "name": "one",
+        "timing": "optimal",
+        "compensation": "none",
+        "limits": limits,
+        "rounding": Rounding(tolerance=3e-4, angular_tolerance=0.03),
+        "period": 4e-3,
+        "reserve": 0.1,
+    }
+    this = Run(**asked | values)
+    return Job(
+        name="j", title="j", arm=arm, path=path, servo=SERVO, plant_servo=SERVO, runs=(this,)
+    )
+
+
+def measured(noise: float, points: int = 80) -> ac.Path:
+    """A half circle of points whose tool axes have errors."""
+    turn = np.linspace(0, np.pi, points)
+    at = np.stack([0.45 + 0.06 * np.cos(turn), 0.06 * np.sin(turn), 0 * turn + 0.3], axis=1)
+    axes = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn - 1], axis=1)
+    axes += np.random.default_rng(1).normal(scale=noise, size=axes.shape)
+    return ac.Path.polyline(at).pointing(axes)
+
+
+def told(asked: Job) -> list[str]:
+    found = teach(asked)["one"].weak_points
+    return [x for x in found if "reaches its" in x or "slower than assigned" in x]
+
+
+def test_axes_that_turn_to_and_fro_are_told_with_what_binds() -> None:
+    (said,) = told(job(measured(6e-3)))
+    assert said.startswith("the contour never reaches its 150 mm/s: ")
+    assert " on average, " in said and " at most; for " in said and " of joint " in said
+    assert "the tool axis turns to and fro from waypoint to waypoint, by 0.42° RMS" in said
+    assert said.endswith("path.smooth_axes: 1.5 deg, or give fewer waypoints.")
+
+
+def test_smooth_axes_are_not() -> None:
+    assert told(job(measured(0.0))) == []
+
+
+def test_a_given_duration_and_uniform_speed_are_meant() -> None:
+    assert told(job(measured(6e-3), duration=30.0)) == []
+
+
+def test_many_contours_are_told_once_with_the_worst() -> None:
+    path = measured(6e-3)
+    less = measured(4e-3)
+    program = Program(moves=(Contour(path=less, name="a"), Rapid(), Contour(path=path, name="b")))
+    (said,) = told(job(program))
+    assert said.startswith("2 contours are far slower than assigned, most of all contour b, which")
+
+
+@pytest.mark.parametrize("length", [1e-4, 5e-3, 0.05])
+def test_a_line_without_room_for_its_speed_is_not(length: float) -> None:
+    line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
+    assert told(job(line)) == []
+
+
+def test_tight_arcs_are_told_with_the_centripetal_acceleration() -> None:
+    circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
+    asked = job(circle)
+    limits = asked.runs[0].limits.replace(centripetal_acceleration=0.02)
+    this = dataclasses.replace(asked.runs[0], limits=limits)
+    (said,) = told(dataclasses.replace(asked, runs=(this,)))
+    assert "the centripetal acceleration binds: lower the velocity" in said
+
+
+@pytest.mark.parametrize("noise", [1e-3, 5e-3])
+def test_jitter_is_the_error_of_the_axes(noise: float) -> None:
+    # Errors along the axis do not turn it: two of three components count.
+    assert measure_jitter(measured(noise, 2000)) == pytest.approx(noise * np.sqrt(2), rel=0.05)
+
+
+def test_turns_are_no_jitter() -> None:
+    assert measure_jitter(measured(0.0)) == 0.0
+    assert measure_jitter(measured(0.0).pointing((0, 0, -1))) == 0.0
+    assert measure_jitter(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2)])) == 0.0
