@@ -13,7 +13,8 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
-from armcontour.identification.choosing import choose
+from armcontour.identification.checking import refuse_fast, refuse_misread
+from armcontour.identification.choosing import FOLLOWS, choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
 from armcontour.identification.fitting import Data
@@ -131,6 +132,7 @@ def identify(
         raise InvalidInput("The logs are of different interpolation: identify them one by one.")
     for x in every:
         _refuse_interval(x)
+        refuse_fast(x)
     try:
         return identify_robot(
             every,
@@ -159,6 +161,7 @@ def _identify_servo(
     """Identify the servo of every joint of a log."""
     between = _choose_interpolation(log, interpolation)
     _refuse_interval(log)
+    refuse_fast(log)
     delays = _delays(log, longest)
     tell, joints = under(progress), []
     for j in range(log.dof):
@@ -234,8 +237,7 @@ def _identify_joint(
     why = why_still(data) or why_steady(data)
     if why:
         return nothing(data, log, name, why)
-    try:
-        choice = choose(data, model)
-    except InvalidInput as error:
-        raise InvalidInput(f"{log.source}, {name}: the log {error}", joint=j + 1) from None
+    choice = choose(data, model, lambda: refuse_misread(log, delays[1], j))
+    if choice.chosen.r_squared < FOLLOWS:
+        refuse_misread(log, delays[1], j)
     return described(data, log, name, choice)
