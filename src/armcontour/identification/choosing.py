@@ -36,12 +36,16 @@ BLOCK_COST = 20.0
 WASTE = 1.1
 # Limits that are tried, in parts of the largest demand without one.
 TRIED = (0.97, 0.8, 0.6)
+# Dead times that are tried beside the best one of held commands, in sample intervals.
+HOPS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)
 # Residuals with more than this variance of the noise are not noise alone.
 MISFIT = 1.5
 # A velocity loop whose time constant is less than this part of the position loop's is fast.
 FAST = 0.05
 # A joint that follows its commands at all does so to this part of the variance.
 FOLLOWS = 0.5
+# One that does so to less than this part may be misread: slow loops that resonate turn any sign.
+EXPLAINS = 0.95
 # A fit of this part of the samples is not upset by the others.
 LARGE_PART = 0.95
 # Samples that are left out at the begin of a joint in motion, more than the dead time [s].
@@ -69,14 +73,16 @@ def choose(data: Data, model: str, doubt: Callable[[], None]) -> Choice:
     Args:
         data: The joint.
         model: "auto", "second" or "first".
-        doubt: Called where no model explains the motion, before more is tried.
+        doubt: Called where no model explains the motion well, before more is tried.
     """
     order = "first" if model == "first" else "second"
     moving = best(data, _different(first_states(data, order, "moving")))
+    if not data.linear:
+        moving = best(data, [moving.state, *_beside(data, moving.state)])
     # From where it stands, an offset costs one more fit.
     shifted = replace(data, offset=0.0)
     again = fit(shifted, replace(moving.state, offset=0.0))
-    if max(moving.r_squared, again.r_squared) < FOLLOWS:
+    if max(moving.r_squared, again.r_squared) < EXPLAINS:
         doubt()
     if moving.r_squared < FOLLOWS:
         shifted = replace(data, offset=float(np.mean(data.y) - np.mean(data.u)))
@@ -94,6 +100,21 @@ def choose(data: Data, model: str, doubt: Callable[[], None]) -> Choice:
         variance = float(covariance(choice.chosen, white=False)[0][k, k])
         real = bool((choice.chosen.state.offset or 0.0) ** 2 > GAIN * variance)
     return choice if real else _choose(data, model, moving)
+
+
+def _beside(data: Data, state: State) -> list[State]:
+    """States with other dead times, and the same lag of velocity loop and dead time together.
+
+    Between samples, what held commands shake comes at any time: the likelihood has a valley for
+    every few parts of an interval.
+    """
+    interval = float(np.median(np.diff(data.t)))
+    found, whole = [], state.delay + 1 / state.kv
+    for shift in HOPS:
+        delay = min(max(state.delay + shift * interval, data.delays[0]), data.delays[1])
+        kv = state.kv if state.order == "first" else 1 / max(whole - delay, 1 / GAINS[1])
+        found.append(replace(state, delay=delay, kv=kv))
+    return _different(found)
 
 
 def _choose(data: Data, model: str, moving: Fit) -> Choice:

@@ -14,7 +14,7 @@ from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
 from armcontour.identification.checking import refuse_fast, refuse_misread
-from armcontour.identification.choosing import FOLLOWS, choose
+from armcontour.identification.choosing import EXPLAINS, choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
 from armcontour.identification.fitting import Data
@@ -238,6 +238,6 @@ def _identify_joint(
     if why:
         return nothing(data, log, name, why)
     choice = choose(data, model, lambda: refuse_misread(log, delays[1], j))
-    if choice.chosen.r_squared < FOLLOWS:
+    if choice.chosen.r_squared < EXPLAINS:
         refuse_misread(log, delays[1], j)
     return described(data, log, name, choice)
