@@ -45,7 +45,7 @@ FAST = 0.05
 # A joint that follows its commands at all does so to this part of the variance.
 FOLLOWS = 0.5
 # One that does so to less than this part may be misread: slow loops that resonate turn any sign.
-EXPLAINS = 0.95
+EXPLAINS = 0.99
 # A fit of this part of the samples is not upset by the others.
 LARGE_PART = 0.95
 # Samples that are left out at the begin of a joint in motion, more than the dead time [s].

@@ -14,8 +14,10 @@ from armcontour._checks import FloatArray
 
 # Another reading of the numbers explains them if it leaves at most this share of the difference.
 BETTER = 0.3
+# and of the variance of what moves, this: a lag is not all that a joint does.
+UNEXPLAINED = 0.2
 # A joint follows its command like a lag of one of these times [s], or none, after a dead time.
-LAGS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16)
+LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
 # Dead times that are tried, and neighbouring samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
@@ -50,13 +52,15 @@ def find_misreading(
         t, measured, wanted = t[piece], measured[piece], wanted[piece]
     found = _Comparison(t, measured, wanted, late)
     plain = found.apart()
-    own = np.diag(plain)
-    enough, turn = BETTER**2 * float(own.mean()), 180 / math.pi
+    own, turn = np.diag(plain), 180 / math.pi
+    enough = np.minimum(BETTER**2 * own.mean(), UNEXPLAINED * found.power.mean())
     for factor, what in (
         (1 / turn, "the measured positions look like degrees"),
         (turn, "the measured positions look like radians, but those they belong to like degrees"),
     ):
-        if np.diag(found.apart(factor)).mean() < min(enough, BETTER**2 * found.size):
+        # As a share of what is measured, whatever its unit.
+        left = np.diag(found.apart(factor)).mean() / factor**2
+        if left < min(BETTER * own.mean(), UNEXPLAINED * found.power.mean()):
             return f"{what}, so give their columns the right unit"
     order = _order(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
@@ -65,12 +69,15 @@ def find_misreading(
             "name them, or put them in that order"
         )
     mirrored = np.diag(found.apart(-1.0))
-    turned = mirrored < BETTER**2 * own
+    turned = mirrored < np.minimum(BETTER**2 * own, UNEXPLAINED * found.power)
     if np.where(turned, mirrored, own).mean() < enough:
         of = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
         return f"commands and measured positions of {of} have opposite signs, so turn one of them"
-    if late is not None and np.diag(_Comparison(t, wanted, measured, late).apart()).mean() < enough:
-        return "commands and measured positions are exchanged, so exchange their names"
+    if late is not None:
+        back = _Comparison(t, wanted, measured, late)
+        left = np.diag(back.apart()).mean()
+        if left < min(BETTER**2 * own.mean(), UNEXPLAINED * back.power.mean()):
+            return "commands and measured positions are exchanged, so exchange their names"
     return ""
 
 
@@ -78,7 +85,7 @@ class _Comparison:
     """Second moments of measured and wanted positions, for every way in which joints may follow.
 
     Attributes:
-        size: Mean square of the wanted motion [rad²].
+        power: Mean squares of the measured columns [rad²], (dof,).
     """
 
     def __init__(self, t: FloatArray, y: FloatArray, u: FloatArray, late: float | None) -> None:
@@ -86,7 +93,7 @@ class _Comparison:
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
-        self.size = float(self._uu[0].mean())
+        self.power = self._yy[0, :, 0]
 
     def apart(self, factor: float = 1.0) -> FloatArray:
         """Mean squares by which each measured column, times a factor, is off each wanted one."""
