@@ -132,7 +132,6 @@ def identify(
         raise InvalidInput("The logs are of different interpolation: identify them one by one.")
     for x in every:
         _refuse_interval(x)
-        refuse_fast(x)
     try:
         return identify_robot(
             every,

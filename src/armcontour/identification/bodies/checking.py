@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.checking import refuse_misread
+from armcontour.identification.checking import refuse_fast, refuse_misread
 from armcontour.identification.choosing import FOLLOWS
 from armcontour.motion import Log
 
@@ -88,6 +88,7 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
                 allowed=COARSEST,
             )
         _check_range(log, arm)
+        refuse_fast(log)
         for j in range(log.dof):
             if not _follows(log, j):
                 refuse_misread(log, LONGEST_DEAD_TIME, j)
