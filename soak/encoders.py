@@ -66,7 +66,7 @@ def simulate(kind, bits, noise, seed, friction=0.0):
     step = 2 * math.pi / 2**bits
     zero = rng.uniform(0, step)
     y = step * np.round((q + noise * rng.normal(size=len(t)) + zero) / step) - zero
-    return identification.Log(t=t, command=u, measured=y), truth
+    return identification.Log(t=t, command=u, measured=y, set_points=True), truth
 
 
 def estimate(task):

@@ -108,7 +108,7 @@ def case(kind, kp, kv, delay, seeds, samples=None):
         noise = np.random.default_rng([seed, int(kp), int(kv), int(delay * 1e4)]).normal(
             size=len(t)
         )
-        log = identification.Log(t=t, command=u, measured=q + NOISE * noise)
+        log = identification.Log(t=t, command=u, measured=q + NOISE * noise, set_points=True)
         joint = identification.identify(log).joints[0]
         found.append(
             [(x.value, x.low, x.high, x.determined, x.sd) for x in joint.estimates]

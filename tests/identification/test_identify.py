@@ -27,7 +27,7 @@ def _sine(seconds=6.0, highest=25.0, size=3e-3):
 
 
 def _one(t, u, y, **options):
-    return identify(Log(t=t, command=u, measured=y), **options).joints[0]
+    return identify(Log(t=t, command=u, measured=y, set_points=True), **options).joints[0]
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +204,7 @@ def test_the_servo_model_of_two_joints(usual):
         command=np.column_stack([u, u]),
         measured=_measured(np.column_stack([q, other])),
         joint_names=("shoulder", "elbow"),
+        set_points=True,
     )
     found = identify(log)
     assert isinstance(found, Identification)
@@ -221,8 +222,8 @@ def test_the_servo_model_of_two_joints(usual):
 @pytest.mark.parametrize(
     ("command", "measured", "words"),
     [
-        (1.0, math.degrees(1), "measured positions are in degrees"),
-        (math.degrees(1), 1.0, "commands are in degrees"),
+        (1.0, math.degrees(1), "measured positions look like degrees"),
+        (math.degrees(1), 1.0, "but those they belong to like degrees"),
         (1.0, -1.0, "opposite signs"),
     ],
 )

@@ -446,6 +446,12 @@ class IdentifyOptions(ArmOptions):
             help="Command between set-points: linear or step; by default as the log says.",
         ),
     ] = None
+    set_points: Annotated[
+        bool,
+        typer.Option(
+            "--set-points", help="Commands are set-points at their times, not samples of them."
+        ),
+    ] = False
     start: Start = None
     end: End = None
     longest_dead_time: Annotated[

@@ -27,6 +27,10 @@ SHARE = 0.85
 RESERVE = 2.0
 # Motions with less acceleration than this [rad/s²] are not proposed: no encoder shows them.
 LEAST_DEMAND = 1e-6
+# Nor are commands larger than this [rad rms], or such that would tell a gain no better than by this
+# share, and a dead time by this [s].
+LARGEST = 1.0
+OF_USE_TO_GAINS, OF_USE = 1.0, {"delay": 0.1}
 # Largest number of samples of a motion.
 MOST_SAMPLES = 20_000
 
@@ -52,7 +56,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
             break
         trial, scale = multisine(data, state, interval, highest, top)
         sd = _bound(trial, state, name, noise)
-        if sd >= least:
+        if scale > LARGEST or not sd < min(least, OF_USE.get(name, OF_USE_TO_GAINS)):
             continue
         least = sd
         sentence = (

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
 from armcontour.identification._joint import UNREACHED
 from armcontour.identification.covariance import covariance, inflation, is_white
 from armcontour.identification.fitting import (
@@ -37,14 +36,16 @@ BLOCK_COST = 20.0
 WASTE = 1.1
 # Limits that are tried, in parts of the largest demand without one.
 TRIED = (0.97, 0.8, 0.6)
+# Dead times that are tried beside the best one of held commands, in sample intervals.
+HOPS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)
 # Residuals with more than this variance of the noise are not noise alone.
 MISFIT = 1.5
 # A velocity loop whose time constant is less than this part of the position loop's is fast.
 FAST = 0.05
-# A joint that follows its commands at all does so to this part of the variance,
+# A joint that follows its commands at all does so to this part of the variance.
 FOLLOWS = 0.5
-# and one whose log is only misread to this one.
-EXPLAINS = 0.8
+# One that does so to less than this part may be misread: slow loops that resonate turn any sign.
+EXPLAINS = 0.99
 # A fit of this part of the samples is not upset by the others.
 LARGE_PART = 0.95
 # Samples that are left out at the begin of a joint in motion, more than the dead time [s].
@@ -66,22 +67,26 @@ class Choice:
     first: Fit | None
 
 
-def choose(data: Data, model: str) -> Choice:
-    """The fits of one joint, by `model`: "auto", "second" or "first".
+def choose(data: Data, model: str, doubt: Callable[[], None]) -> Choice:
+    """The fits of one joint.
 
-    Raises:
-        InvalidInput: Command and measurement cannot belong together as they stand.
+    Args:
+        data: The joint.
+        model: "auto", "second" or "first".
+        doubt: Called where no model explains the motion well, before more is tried.
     """
     order = "first" if model == "first" else "second"
     moving = best(data, _different(first_states(data, order, "moving")))
+    if not data.linear:
+        moving = best(data, [moving.state, *_beside(data, moving.state)])
     # From where it stands, an offset costs one more fit.
     shifted = replace(data, offset=0.0)
     again = fit(shifted, replace(moving.state, offset=0.0))
+    if max(moving.r_squared, again.r_squared) < EXPLAINS:
+        doubt()
     if moving.r_squared < FOLLOWS:
         shifted = replace(data, offset=float(np.mean(data.y) - np.mean(data.u)))
         again = best(shifted, _different(first_states(shifted, order, "moving")))
-        if again.r_squared < FOLLOWS:
-            refuse_mixed_up(data)
     if loss(moving, again) <= GAIN:
         return _choose(data, model, moving)
     shifted = replace(shifted, offset=again.state.offset)
@@ -95,6 +100,21 @@ def choose(data: Data, model: str) -> Choice:
         variance = float(covariance(choice.chosen, white=False)[0][k, k])
         real = bool((choice.chosen.state.offset or 0.0) ** 2 > GAIN * variance)
     return choice if real else _choose(data, model, moving)
+
+
+def _beside(data: Data, state: State) -> list[State]:
+    """States with other dead times, and the same lag of velocity loop and dead time together.
+
+    Between samples, what held commands shake comes at any time: the likelihood has a valley for
+    every few parts of an interval.
+    """
+    interval = float(np.median(np.diff(data.t)))
+    found, whole = [], state.delay + 1 / state.kv
+    for shift in HOPS:
+        delay = min(max(state.delay + shift * interval, data.delays[0]), data.delays[1])
+        kv = state.kv if state.order == "first" else 1 / max(whole - delay, 1 / GAINS[1])
+        found.append(replace(state, delay=delay, kv=kv))
+    return _different(found)
 
 
 def _choose(data: Data, model: str, moving: Fit) -> Choice:
@@ -112,31 +132,6 @@ def _choose(data: Data, model: str, moving: Fit) -> Choice:
         loop = best(_as_used(data, loop), [loop.state, near, replace(near, kv=40 * near.kp)])
     plain = lag.bic < loop.bic and _is_fast(data, loop)
     return Choice(chosen=lag if plain else loop, second=loop, first=lag)
-
-
-def refuse_mixed_up(data: Data) -> None:
-    """Say what is wrong with a log that makes no sense, if another reading of it does.
-
-    Raises:
-        InvalidInput: With other units, the other sign or exchanged columns it makes sense.
-    """
-    turn = math.degrees(1)
-    readings = {
-        "the measured positions are in degrees: write their unit in the header": (1 / turn, 1.0),
-        "the commands are in degrees: write their unit in the header": (1.0, 1 / turn),
-        "commands and measured positions have opposite signs: turn one of them": (-1.0, 1.0),
-    }
-    for what, (of_y, of_u) in readings.items():
-        if _explained(data, of_y * data.y, of_u * data.u) > EXPLAINS:
-            raise InvalidInput(f"makes sense only if {what}.")
-    if _explained(data, data.u, data.y) > EXPLAINS:
-        raise InvalidInput("makes sense only if commands and measured positions are exchanged.")
-
-
-def _explained(data: Data, y: FloatArray, u: FloatArray) -> float:
-    """R² of a lag from u to y, whatever the offset."""
-    read = replace(data, y=y - y.mean() + u.mean(), u=np.ascontiguousarray(u))
-    return best(read, first_states(read, "first", "moving")[:1]).r_squared
 
 
 def largest_demand(data: Data, state: State) -> float:

@@ -18,6 +18,7 @@ from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
 from armcontour.identification.profile import lowest_limit
 from armcontour.identification.results import Estimate, JointIdentification
+from armcontour.identification.unseen import find_shifts
 from armcontour.motion.log import Log
 
 # A standard deviation of more than this part of a value leaves it undetermined.
@@ -32,6 +33,10 @@ STILL = 1.5
 LEAST_MOTION = 1e-9
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
+# A larger step [rad] than this is not proposed.
+LARGEST_STEP = math.pi
+# What widens a standard deviation by more than this factor is told.
+SEEN = 1.5
 UNITS = {"kp": "1/s", "kv": "1/s", "dead_time": "s", "acceleration": "rad/s²"}
 
 
@@ -84,7 +89,7 @@ def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
         order="second",
         kp=_unknown("kp", advice),
         kv=_unknown("kv", advice),
-        dead_time=_unknown("dead_time", advice, low=-math.inf),
+        dead_time=_unknown("dead_time", advice),
         acceleration=_unknown("acceleration", advice),
         start="rest",
         t=log.t,
@@ -134,11 +139,62 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     )
     friction = find_friction(data, found) if state.order == "second" else None
     if found.r_squared < FOLLOWS:
-        joint = _distrusted(joint)
-    elif friction is not None:
-        joint = _allow_for(joint, friction)
-    notes = _notes(data, log, joint, choice)
+        joint = _distrusted(joint, found)
+    else:
+        if not log.set_points:
+            joint = _allow_for_unseen(joint, find_shifts(data, found), data)
+        if friction is not None:
+            joint = _allow_for(joint, friction)
+    notes = (*_notes(data, log, joint, choice), *joint.notes)
     return replace(joint, notes=notes if friction is None else (*notes, _describe(friction)))
+
+
+def _allow_for_unseen(
+    joint: JointIdentification, shifts: dict[str, float], data: Data
+) -> JointIdentification:
+    """Widen estimates by what the command between samples may put them off."""
+    changed: dict[str, Any] = {}
+    for name, shift in shifts.items():
+        x = joint.dead_time if name == "delay" else getattr(joint, name)
+        if name == "delay":
+            off, low, high = abs(shift), x.low + shift, x.high + shift
+        else:
+            factor = math.exp(shift)
+            off, low, high = x.value * abs(factor - 1), x.low * factor, x.high * factor
+        # Any change from none to the farthest one is as likely.
+        sd = math.hypot(x.sd, off / math.sqrt(3))
+        allowed = DETERMINED * abs(x.value)
+        if x.name == "dead_time":
+            allowed = max(allowed, DETERMINED_DELAY)
+        x = replace(x, sd=sd, low=min(x.low, low), high=max(x.high, high))
+        if x.determined and not sd <= allowed:
+            x = replace(x, determined=False, advice=_describe_unseen(shifts, data))
+        changed[x.name] = x
+    told = any(
+        abs(changed[x].sd) > SEEN * getattr(joint, x).sd and changed[x].determined for x in changed
+    )
+    return replace(joint, **changed, notes=(_describe_unseen(shifts, data),) if told else ())
+
+
+def _describe_unseen(shifts: dict[str, float], data: Data) -> str:
+    """What the command between samples may do, and what would mend it."""
+    interval = float(np.median(np.diff(data.t)))
+    return (
+        f"What was commanded between samples, {interval * 1e3:.3g} ms apart, is not known, which "
+        f"may put off {_list_shifts(shifts)}: log faster, or log the set-points at the times from "
+        "which they act, and say so by --set-points or Log(set_points=True)."
+    )
+
+
+def _list_shifts(shifts: dict[str, float]) -> str:
+    """What puts off which parameter by how much."""
+    symbols = {"kp": "K_p", "kv": "K_v"}
+    off = [
+        f"{symbols[k]} by {digits(abs(x) * 100, 2)} %" for k, x in shifts.items() if k in symbols
+    ]
+    if "delay" in shifts:
+        off.append(f"the dead time by {digits(abs(shifts['delay']) * 1e3, 2)} ms")
+    return ", ".join(off)
 
 
 def _allow_for(joint: JointIdentification, friction: Friction) -> JointIdentification:
@@ -160,34 +216,40 @@ def _allow_for(joint: JointIdentification, friction: Friction) -> JointIdentific
 
 def _describe(friction: Friction) -> str:
     """What friction there is, and what leaving it out does."""
-    symbols = {"kp": "K_p", "kv": "K_v"}
-    off = [
-        f"{symbols[k]} by {digits(x * 100, 2)} %"
-        for k, x in friction.shifts.items()
-        if k in symbols
-    ]
-    if "delay" in friction.shifts:
-        off.append(f"the dead time by {digits(friction.shifts['delay'] * 1e3, 2)} ms")
     return (
         "The residuals follow the direction of motion, as under dry friction or stiction of "
-        f"{digits(friction.size, 2)} rad/s² (standard deviation {digits(friction.sd, 2)}), "
-        f"which the model does not have. It puts off {', '.join(off)}."
+        f"{digits(friction.size, 2)} rad/s² (standard deviation {digits(friction.sd, 2)}), which "
+        f"the model does not have. It puts off {_list_shifts(friction.shifts)}."
     )
 
 
-def _distrusted(joint: JointIdentification) -> JointIdentification:
-    """The same with nothing determined: the model does not describe the joint."""
+def _distrusted(joint: JointIdentification, found: Fit) -> JointIdentification:
+    """The same without any values: the model does not describe the joint."""
     advice = "The model does not explain the motion, so its parameters say nothing."
-    changed: dict[str, Any] = {
-        x.name: replace(x, determined=False, advice=advice)
-        for x in joint.estimates
-        if x.name != "dead_time" or x.determined
-    }
-    return replace(joint, **changed)
+    changed = {x.name: _unknown(x.name, advice) for x in joint.estimates}
+    if "delay" in found.at_edge:
+        late = f"{advice} {_at_edge(found.state.delay)}"
+        changed["dead_time"] = _unknown("dead_time", late)
+    return replace(
+        joint,
+        kp=changed["kp"],
+        kv=changed["kv"],
+        dead_time=changed["dead_time"],
+        acceleration=changed["acceleration"],
+    )
+
+
+def _at_edge(delay: float) -> str:
+    """What is said of a dead time at the edge of the search."""
+    return (
+        f"The best dead time is at the edge of those looked for, {delay * 1e3:.3g} ms: look for "
+        "longer ones if it may be longer."
+    )
 
 
 def _unknown(name: str, advice: str, low: float = 0.0) -> Estimate:
-    """A parameter of which at most a lower end is known."""
+    """A parameter of which at most a lower end is known; of a dead time not even that."""
+    low = -math.inf if name == "dead_time" else low
     return _estimate(name, math.nan, math.nan, (low, math.inf), advice)
 
 
@@ -223,6 +285,8 @@ def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
             "needed."
         )
         advice = _with_motion(why, data, found, name, DETERMINED)
+        if interval[1] < math.inf and not relative <= TELLS_NOTHING:
+            return _unknown(name, advice)
     return _estimate(name, value, value * relative, interval, advice)
 
 
@@ -250,8 +314,7 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
     advice = ""
     if not sd <= allowed or "delay" in found.at_edge:
         why = (
-            f"The best dead time is at the edge of those looked for, {value * 1e3:.3g} ms: look "
-            "for longer ones if it may be longer."
+            _at_edge(value)
             if "delay" in found.at_edge
             else "This log does not tell the dead time."
             if not sd <= TELLS_NOTHING * max(abs(value), DETERMINED_DELAY)
@@ -259,6 +322,8 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
             f"{digits(allowed * 1e3, 2)} ms are needed."
         )
         advice = _with_motion(why, data, found, "delay", allowed)
+        if not sd <= TELLS_NOTHING * max(abs(value), DETERMINED_DELAY):
+            return _unknown("dead_time", advice)
     return _estimate("dead_time", value, sd, ends.interval("delay"), advice)
 
 
@@ -282,6 +347,8 @@ def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
 
 def _larger_step(data: Data, state: State, limit: float) -> str:
     step = larger_step(data, state, 2 * limit)
+    if not step <= LARGEST_STEP:
+        return "A step as large as there is room for asks for much more than"
     return f"A step of more than {digits(step, 2)} rad in one command interval asks for twice"
 
 

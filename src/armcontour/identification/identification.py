@@ -13,7 +13,8 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
-from armcontour.identification.choosing import choose
+from armcontour.identification.checking import refuse_fast, refuse_misread
+from armcontour.identification.choosing import EXPLAINS, choose
 from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
 from armcontour.identification.fitting import Data
@@ -159,6 +160,7 @@ def _identify_servo(
     """Identify the servo of every joint of a log."""
     between = _choose_interpolation(log, interpolation)
     _refuse_interval(log)
+    refuse_fast(log)
     delays = _delays(log, longest)
     tell, joints = under(progress), []
     for j in range(log.dof):
@@ -234,8 +236,7 @@ def _identify_joint(
     why = why_still(data) or why_steady(data)
     if why:
         return nothing(data, log, name, why)
-    try:
-        choice = choose(data, model)
-    except InvalidInput as error:
-        raise InvalidInput(f"{log.source}, {name}: the log {error}", joint=j + 1) from None
+    choice = choose(data, model, lambda: refuse_misread(log, delays[1], j))
+    if choice.chosen.r_squared < EXPLAINS:
+        refuse_misread(log, delays[1], j)
     return described(data, log, name, choice)

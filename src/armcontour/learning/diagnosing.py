@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.learning.aligning import WORST_RATE, Clock, coarse_offset
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
+from armcontour.motion.misreading import find_misreading
 
 # A recording is one of this motion if it differs from what is expected by at most this share of
 # the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
 UNLIKE = 0.3
-# Another reading of the numbers explains them if it leaves at most this share of the difference.
-BETTER = 0.3
 # Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
 SAMPLES = 5.0
 
@@ -99,20 +97,8 @@ def _reason(recording: Recording, lifted: Lifted, expected: FloatArray) -> str:
     gone, due = (_distance(x) for x in (recording.q, expected))
     offset = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
     wanted = lifted.between(recording.t + offset, expected)
-    measured = recording.q
-    off, turn = _size(measured - wanted), 180 / math.pi
-    for factor, unit in ((turn, "degrees"), (1 / turn, "radians that were taken for degrees")):
-        if _size(measured / factor - wanted) < BETTER * min(off, _size(wanted)):
-            return f": its positions look like {unit}, so give their columns the right unit"
-    apart = ((measured[:, :, None] - wanted[:, None, :]) ** 2).mean(axis=0)
-    _rows, order = linear_sum_assignment(apart.T)
-    if _size(measured[:, order] - wanted) < BETTER * off:
-        names = ", ".join(str(k + 1) for k in order)
-        return (
-            f": its columns fit the joints in the order {names}, so name them, or put them in "
-            "that order"
-        )
-    return ": it is a log of another job, of other set-points or of another arm"
+    found = find_misreading(recording.t, recording.q, wanted)
+    return f": {found or 'it is a log of another job, of other set-points or of another arm'}"
 
 
 def _distance(q: FloatArray) -> FloatArray:

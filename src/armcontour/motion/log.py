@@ -41,6 +41,8 @@ class Log:
         measured: Measured positions [rad], (n, dof).
         joint_names: One per joint; "joint 1", ... by default.
         interpolation: What the controller does between set-points, "linear" or "step", if known.
+        set_points: Whether each command is a set-point, at the time from which the controller goes
+            on to the next; otherwise commands are samples, and between them nothing is known.
         source: Where it comes from, for messages.
 
     Raises:
@@ -53,6 +55,7 @@ class Log:
     measured: FloatArray
     joint_names: tuple[str, ...] = ()
     interpolation: str | None = None
+    set_points: bool = False
     source: str = "the log"
 
     def __post_init__(self) -> None:
@@ -130,7 +133,7 @@ class Log:
         """
         return cut(
             self.t, self.command, self.measured, start, end, self.joint_names,
-            interpolation=self.interpolation, source=self.source,
+            interpolation=self.interpolation, set_points=self.set_points, source=self.source,
         )  # fmt: skip
 
     def _clip_times(self) -> None:
@@ -202,6 +205,7 @@ def cut(
     joint_names: Sequence[str] = (),
     *,
     interpolation: str | None = None,
+    set_points: bool = False,
     source: str = "the log",
     unwrap: bool = False,
 ) -> Log:
@@ -215,6 +219,7 @@ def cut(
         end: Last time to use [s].
         joint_names: As in `Log`.
         interpolation: As in `Log`.
+        set_points: As in `Log`.
         source: As in `Log`.
         unwrap: Undo jumps of whole turns.
 
@@ -231,6 +236,7 @@ def cut(
         measured=measured,
         joint_names=tuple(joint_names),
         interpolation=interpolation,
+        set_points=set_points,
         source=source,
     )
 

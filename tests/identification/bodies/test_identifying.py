@@ -197,7 +197,7 @@ def changed(log, **changes):
         ),
         (
             lambda x: changed(x, measured=x.measured[:, [1, 0, 2, 3, 4, 5]]),
-            "follows the command of joint 2: their columns are exchanged",
+            "in the order joint 2, joint 1, joint 3",
         ),
         (
             lambda x: changed(

@@ -10,9 +10,8 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.bodies.grid import STEP
-from armcontour.identification.choosing import FOLLOWS, refuse_mixed_up
-from armcontour.identification.fitting import Data
+from armcontour.identification.checking import refuse_fast, refuse_misread
+from armcontour.identification.choosing import FOLLOWS
 from armcontour.motion import Log
 
 # Shortest log [s], and longest sample interval [s]: between samples farther apart, nobody knows the
@@ -25,8 +24,8 @@ LONGEST = 240.0
 BEYOND = 0.1
 # A joint moves if it moves by more than this [rad].
 MOVES = 1e-3
-# A joint follows another one's command if it leaves less than this share of its motion.
-ALIKE = 0.2
+# Dead time up to which joints are looked at for whether they follow other commands [s].
+LONGEST_DEAD_TIME = 0.25
 
 
 def arranged(log: Log, arm: Arm) -> Log:
@@ -56,6 +55,7 @@ def arranged(log: Log, arm: Arm) -> Log:
         measured=log.measured[:, order],
         joint_names=own,
         interpolation=log.interpolation,
+        set_points=log.set_points,
         source=log.source,
     )
 
@@ -88,8 +88,10 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
                 allowed=COARSEST,
             )
         _check_range(log, arm)
+        refuse_fast(log)
         for j in range(log.dof):
-            _check_pairing(log, j)
+            if not _follows(log, j):
+                refuse_misread(log, LONGEST_DEAD_TIME, j)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
         raise InvalidInput(
@@ -128,34 +130,12 @@ def _check_range(log: Log, arm: Arm) -> None:
             )
 
 
-def _check_pairing(log: Log, j: int) -> None:
-    """Refuse a joint that does not follow its command.
-
-    Raises:
-        InvalidInput: It follows another one's, or command and measurement are in different units.
-    """
+def _follows(log: Log, j: int) -> bool:
+    """Whether a joint follows its command, if it moves at all."""
     command, measured = log.command[:, j], log.measured[:, j]
-    if max(np.ptp(command), np.ptp(measured)) < MOVES or _left(command, measured) < 1 - FOLLOWS:
-        return
-    name = log.joint_names[j]
-    for k in range(log.dof):
-        if k != j and _left(log.command[:, k], measured) < ALIKE:
-            raise InvalidInput(
-                f"{log.source}: the measured position of {name} follows the command of "
-                f"{log.joint_names[k]}: their columns are exchanged.",
-                joint=j + 1,
-            )
-    data = Data(
-        t=np.ascontiguousarray(log.t - log.t[0]),
-        u=np.ascontiguousarray(command),
-        y=np.ascontiguousarray(measured),
-        linear=True,
-        delays=(0.0, STEP),
-    )
-    try:
-        refuse_mixed_up(data)
-    except InvalidInput as error:
-        raise InvalidInput(f"{log.source}, {name}: the log {error}", joint=j + 1) from None
+    if max(np.ptp(command), np.ptp(measured)) < MOVES:
+        return True
+    return _left(command, measured) < 1 - FOLLOWS
 
 
 def _left(command: FloatArray, measured: FloatArray) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.drives import regular_times
+from armcontour.identification.unseen import BENT, sharpened
 from armcontour.motion import Log
 
 # Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
@@ -83,16 +84,14 @@ class Gridded:
             return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
         return np.stack([np.interp(at, log.t, x) for x in log.command.T], axis=1)
 
-    def smooth_command(self, delay: float) -> FloatArray:
-        """The command on the grid, if it is smooth through the set-points of the log [rad].
+    def bent_command(self, delay: float) -> FloatArray:
+        """The command on the grid, if it has its bends in the middle of samples of the log [rad].
 
         Args:
             delay: Dead time [s].
         """
-        from scipy.interpolate import CubicSpline
-
-        at = np.clip(self.t - delay, self.log.t[0], self.log.t[-1])
-        return np.asarray(CubicSpline(self.log.t, self.log.command)(at))
+        sharp = np.stack([sharpened(x, BENT) for x in self.log.command.T])
+        return np.stack([np.interp(self.t - delay, self.log.t, x) for x in sharp], axis=1)
 
     def sampled(self, values: FloatArray) -> FloatArray:
         """Values on the grid, at the samples that are compared, (samples, ...)."""

@@ -226,8 +226,9 @@ def unsettled(found: BodyFit) -> FloatArray:
 def doubts(model: Model, grids: list[Gridded], found: BodyFit, free: BoolArray) -> FloatArray:
     """What the model takes for granted, and what that may do to the unknowns.
 
-    It is the change of the estimates, to first order, if commands were smooth through their samples
-    instead of straight from one to the next, and if the drives' cycle were half as long again.
+    It is the change of the estimates, to first order, if commands had their bends between the
+    samples instead of at them, or held set-points came an interval sooner, and if the drives' cycle
+    were half as long again. Set-points tell the command at any time.
 
     Args:
         model: The robot.
@@ -240,7 +241,10 @@ def doubts(model: Model, grids: list[Gridded], found: BodyFit, free: BoolArray) 
     moved = []
     for x, motion in zip(grids, found.trial.motions, strict=True):
         command = x.command(delay)
-        other = np.zeros_like(command) if x.held else x.smooth_command(delay) - command
+        other = np.zeros_like(command)
+        if not x.log.set_points:
+            sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
+            other = sooner - command
         rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
         late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
         torque = np.stack([drives.stiffness * other, model.lag / 2 * late], axis=-1)
