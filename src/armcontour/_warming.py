@@ -191,9 +191,6 @@ def compile_kernel(kernel: Kernel) -> int:
         # Numba makes so much that looking for garbage in it takes a tenth of the time.
         gc.disable()
     dispatcher = kernel.dispatcher
-    if dispatcher is None:
-        # A list that is not up to date.
-        return 0
     for text in kernel.arguments:
         # A list that is not up to date: the function is compiled where it is called.
         with suppress(NumbaError, TypeError):
