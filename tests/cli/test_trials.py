@@ -367,7 +367,8 @@ def test_1_d3_columns_of_the_guide_are_read(measured: str, call: Call, folder: F
         found.append(q)
         q += (u - q) * (1 - math.exp(-25 * 4e-3))
     rows = [f"{a:.4f};{b:.7f};{c:.7f}" for a, b, c in zip(t, command, found, strict=True)]
-    FilePath("log.csv").write_text("\n".join([f"t [s];q1_cmd [rad];{measured} [rad]", *rows]))
+    head = f"# commands: set-points\nt [s];q1_cmd [rad];{measured} [rad]"
+    FilePath("log.csv").write_text("\n".join([head, *rows]))
     line = "identify log.csv --model first --interpolation step --longest-dead-time '20 ms' --json"
     code, said = call(line)
     assert code == 0, said

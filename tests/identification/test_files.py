@@ -93,7 +93,7 @@ def test_cells_may_be_separated_by_blanks():
         ("t,speed,torque" + ROWS, ["no command", "t,u1,q1"]),
         ("t,u1,q2" + ROWS, ["'u1'", "no measured column", "q1"]),
         ("t,u1,command 1" + ROWS, ["'u1' and 'command 1'", "same"]),
-        ("t,u1 [m],q1" + ROWS, ["unit 'm'", "not one of rad"]),
+        ("t,u1 [m],q1" + ROWS, ["unit 'm'", "not one that converts to rad"]),
         ("t,u1,q1\n0,1,x\n", ["line 2", "'x'", "finite"]),
         ("t,u1,q1\n0,1,1\n", ["1 samples"]),
     ],

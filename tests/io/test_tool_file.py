@@ -41,7 +41,7 @@ def test_a_tool_in_the_plane(tmp_path):
     [
         ("t,x,y\n0,1,2\n", ["tool.csv, line 1", "column z", "t,x,y,z"]),
         ("x,y,z\n0,1,2\n", ["column t"]),
-        ("t,x [deg],y,z\n0,1,2,3\n", ["'deg'", "one of m"]),
+        ("t,x [deg],y,z\n0,1,2,3\n", ["'deg'", "one that converts to m"]),
         ("t,x,tool x,y,z\n0,1,1,2,3\n", ["'x' and 'tool x' hold the same"]),
         ("t,x,y,z\n0,1,2,many\n", ["line 2", "'many'"]),
         ("0,1,2,3\n1,1,2,3\n", ["first line must name the columns"]),
