@@ -500,8 +500,8 @@ def test_a_sample_drawing_runs_to_a_report(
     assert '<section id="program">' in page and name in page
     (result,) = done.runs.values()
     assert result.evaluation.contour_error.max < 1e-4
-    # The ports of the gasket are slower than assigned from where they begin, its holes are too small
-    # for it on the PMK-3s, and the arcs of the pocket have three decimals.
+    # The ports of the gasket are slower than assigned from where they begin, its holes are too
+    # small for it on the PMK-3s, and the arcs of the pocket have three decimals.
     known = ("handle 38", "handle 39", "most of all contour handle 36", ": Mended ")
     assert all(any(part in x for part in known) for x in result.warnings)
     assert any(": Mended " in x for x in result.warnings) == (name == "pocket.ngc")
