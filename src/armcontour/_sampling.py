@@ -53,3 +53,17 @@ def find_large(kind: str, values: FloatArray) -> tuple[int, int] | None:
     """Row and column of the first value of "q", "dq" or "ddq" that no joint has."""
     large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
     return (int(large[0, 0]), int(large[0, 1])) if len(large) else None
+
+
+def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+    """Values of several columns on straight lines between samples; beyond these they stay.
+
+    Args:
+        at: Times [s], (m,).
+        t: Times of the samples, increasing [s], (n,).
+        values: The samples, (n, columns).
+
+    Returns:
+        The values, (m, columns).
+    """
+    return np.stack([np.interp(at, t, x) for x in values.T], axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
+from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
@@ -486,7 +487,7 @@ class _Search:
         if isinstance(self._motion, JointPath):
             return self._motion(t)
         executed = self._motion
-        return np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1)
+        return interpolate(t, executed.t, executed.q)
 
 
 def _pieces(windows: int) -> int:

@@ -241,13 +241,10 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """
     from armcontour.errors import InvalidInput
     from armcontour.jobs import traced_alike
+    from armcontour.jobs.choosing import find_run
 
     if run_name is not None:
-        for run in job.runs:
-            if run.name == run_name:
-                return run
-        names = ", ".join(x.name for x in job.runs)
-        raise InvalidInput(f"The job {job.name} has no run {run_name!r}: its runs are {names}.")
+        return find_run(job, run_name)
     runs = [x for x in job.runs if x.rounding is not None] or list(job.runs)
     rounding = {(x.rounding, x.continuity, x.limits.centripetal_acceleration): x for x in runs}
     if runs[0].rounding is not None and len(rounding) > 1:

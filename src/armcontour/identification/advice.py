@@ -47,7 +47,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
             gain, in s for the dead time.
     """
     state = _guessed(state)
-    interval = max(float(np.median(np.diff(data.t))), SECONDS / MOST_SAMPLES)
+    interval = max(data.interval, SECONDS / MOST_SAMPLES)
     top = SHARE * (state.limit if math.isfinite(state.limit) else largest_demand(data, state))
     state = replace(state, limit=math.inf, start="rest", first=0, q0=0.0, dq0=0.0)
     sentence, least = "", math.inf
@@ -74,7 +74,7 @@ def better_motion(data: Data, state: State, name: str, noise: float, allowed: fl
 
 def larger_step(data: Data, state: State, demand: float) -> float:
     """The step in one command interval [rad] that needs a given acceleration [rad/s²]."""
-    interval = float(np.median(np.diff(data.t)))
+    interval = data.interval
     t: FloatArray = np.float64(interval) * np.arange(2 + int(math.ceil(5 / (state.kp * interval))))
     u = np.ones_like(t)
     u[0] = 0.0

@@ -108,10 +108,9 @@ def _beside(data: Data, state: State) -> list[State]:
     Between samples, what held commands shake comes at any time: the likelihood has a valley for
     every few parts of an interval.
     """
-    interval = float(np.median(np.diff(data.t)))
     found, whole = [], state.delay + 1 / state.kv
     for shift in HOPS:
-        delay = min(max(state.delay + shift * interval, data.delays[0]), data.delays[1])
+        delay = min(max(state.delay + shift * data.interval, data.delays[0]), data.delays[1])
         kv = state.kv if state.order == "first" else 1 / max(whole - delay, 1 / GAINS[1])
         found.append(replace(state, delay=delay, kv=kv))
     return _different(found)
@@ -262,7 +261,7 @@ def _agrees(found: Fit, moving: Fit) -> bool:
 def _shorter(data: Data, found: Fit) -> Fit:
     """The fit with only as much left out at the begin as the dead time asks for."""
     s = found.state
-    wanted = s.delay + max(MARGIN, 5 * float(np.median(np.diff(data.t))))
+    wanted = s.delay + max(MARGIN, 5 * data.interval)
     first = known_from(data, wanted)
     if first >= s.first:
         return found

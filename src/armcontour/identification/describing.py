@@ -178,11 +178,10 @@ def _allow_for_unseen(
 
 def _describe_unseen(shifts: dict[str, float], data: Data) -> str:
     """What the command between samples may do, and what would mend it."""
-    interval = float(np.median(np.diff(data.t)))
     return (
-        f"What was commanded between samples, {interval * 1e3:.3g} ms apart, is not known, which "
-        f"may put off {_list_shifts(shifts)}: log faster, or log the set-points at the times from "
-        "which they act, and say so by --set-points or Log(set_points=True)."
+        f"What was commanded between samples, {data.interval * 1e3:.3g} ms apart, is not known, "
+        f"which may put off {_list_shifts(shifts)}: log faster, or log the set-points at the times "
+        "from which they act, and say so by --set-points or Log(set_points=True)."
     )
 
 
@@ -226,17 +225,11 @@ def _describe(friction: Friction) -> str:
 def _distrusted(joint: JointIdentification, found: Fit) -> JointIdentification:
     """The same without any values: the model does not describe the joint."""
     advice = "The model does not explain the motion, so its parameters say nothing."
-    changed = {x.name: _unknown(x.name, advice) for x in joint.estimates}
+    changed: dict[str, Any] = {x.name: _unknown(x.name, advice) for x in joint.estimates}
     if "delay" in found.at_edge:
         late = f"{advice} {_at_edge(found.state.delay)}"
         changed["dead_time"] = _unknown("dead_time", late)
-    return replace(
-        joint,
-        kp=changed["kp"],
-        kv=changed["kv"],
-        dead_time=changed["dead_time"],
-        acceleration=changed["acceleration"],
-    )
+    return replace(joint, **changed)
 
 
 def _at_edge(delay: float) -> str:

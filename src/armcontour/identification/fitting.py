@@ -65,6 +65,11 @@ class Data:
         return replace(self, t=t, u=u, y=y, period=self.period if every == 1 else 0)
 
     @property
+    def interval(self) -> float:
+        """The usual time between two samples [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
     def last(self) -> int:
         """The sample after the last one that the set-points reach, whatever the dead time."""
         return int(np.searchsorted(self.t, self.t[-1] + min(self.delays[0], 0.0), side="right"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache, partial
 from typing import overload
 
 import numpy as np
@@ -236,7 +237,9 @@ def _identify_joint(
     why = why_still(data) or why_steady(data)
     if why:
         return nothing(data, log, name, why)
-    choice = choose(data, model, lambda: refuse_misread(log, delays[1], j))
+    # What was looked at once is not misread.
+    doubt = cache(partial(refuse_misread, log, delays[1], j))
+    choice = choose(data, model, doubt)
     if choice.chosen.r_squared < EXPLAINS:
-        refuse_misread(log, delays[1], j)
+        doubt()
     return described(data, log, name, choice)

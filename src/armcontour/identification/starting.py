@@ -111,7 +111,7 @@ def _accelerations(data: Data) -> float:
     from scipy.signal import savgol_filter
 
     window = min(SMOOTHED, (len(data.t) - 1) // 2 * 2 - 1)
-    step = float(np.median(np.diff(data.t)))
+    step = data.interval
     # As short as the noise allows: a long window would flatten the peaks.
     tops = [
         float(np.percentile(np.abs(savgol_filter(data.y, w, 2, deriv=2, delta=step)), 99.5))

@@ -39,7 +39,7 @@ def find_shifts(data: Data, found: Fit) -> dict[str, float]:
     }
     shifts["delay"] = other.state.delay - found.state.delay
     if not data.linear:
-        shifts["delay"] += float(np.median(np.diff(data.t)))
+        shifts["delay"] += data.interval
     return shifts
 
 

@@ -8,6 +8,19 @@ from armcontour.errors import InvalidInput
 from armcontour.jobs.job import Job, Run
 
 
+def find_run(job: Job, name: str) -> Run:
+    """The run of a name.
+
+    Raises:
+        InvalidInput: There is no such run.
+    """
+    for run in job.runs:
+        if run.name == name:
+            return run
+    names = ", ".join(x.name for x in job.runs)
+    raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+
+
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
     """The run of a name, or the only run.
 
@@ -21,11 +34,7 @@ def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ())
         InvalidInput: There is no such run, or there are several.
     """
     if name is not None:
-        for run in job.runs:
-            if run.name == name:
-                return run
-        names = ", ".join(x.name for x in job.runs)
-        raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+        return find_run(job, name)
     able = among or job.runs
     if len(able) > 1:
         names = ", ".join(x.name for x in able)

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
+from armcontour._sampling import interpolate
 from armcontour.arms import Limits
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
@@ -330,7 +331,7 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
     misfits = []
     for q in (*(run.q for run in taught.runs), taught.q):
         at = fit_to(log.t, log.command, times, q).plan_time(log.t)
-        told = np.stack([np.interp(at, times, x) for x in q.T], axis=1)
+        told = interpolate(at, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:

@@ -12,7 +12,7 @@ from armcontour._describing import digits
 from armcontour.arms.limits import or_unlimited
 from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.job import Run
-from armcontour.motion import Method, Trajectory
+from armcontour.motion import Method, PathLaw, Trajectory
 from armcontour.program import Program, contour_called
 
 # A contour is slow if it takes this multiple of the time of a straight line of its length, with the
@@ -97,15 +97,19 @@ def _look(
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
         return None
+    assigned = float(speeds.max())
+    stops = 1 + sum(count_full_stops(path).values())
+    enough = stops * assigned / (motion.duration / SLOW - ideal)
+    if _bound_acceleration(motion) <= enough:
+        # Nearly all contours, without a look at their motion.
+        return None
     t = np.linspace(0.0, motion.duration, SAMPLES)
     s, v = motion.s(t), motion.s(t, 1)
     length = path.length
     gone = np.minimum(s, length - s)
     inside = gone > FIRST * length
     acceleration = float((v[inside] ** 2 / (2 * gone[inside])).max(initial=0.0))
-    assigned = float(speeds.max())
-    stops = 1 + sum(count_full_stops(path).values())
-    if acceleration <= 0 or motion.duration <= SLOW * (ideal + stops * assigned / acceleration):
+    if acceleration <= enough:
         return None
     here = speeds[path.locate(np.clip(s, 0.0, length), side="right")]
     binds, share = _find_limit(path, motion, t, s, v, this)
@@ -121,6 +125,20 @@ def _look(
         jitter=jitter,
         axis_only=objective.orientation is not None and objective.orientation.axis_only,
     )
+
+
+def _bound_acceleration(motion: Trajectory) -> float:
+    """A bound of the path acceleration of a motion from rest to rest [m/s²]; else infinite."""
+    laws = [x for x in motion.laws if isinstance(x, PathLaw)]
+    if len(laws) < len(motion.laws) or laws[0].speeds[0] > 0 or laws[-1].speeds[-1] > 0:
+        return math.inf
+    most = 0.0
+    for law in laws:
+        # It is a line over s or over time, so that its ends bound it.
+        _, start, slope, jerk = law.rates
+        end = start + slope * np.diff(law.s) + jerk * np.diff(law.breaks)
+        most = max(most, float(np.abs([start, end]).max()))
+    return most
 
 
 def _find_limit(

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._sampling import interpolate
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
@@ -86,7 +87,7 @@ def set_points_off(recording: Recording, clock: Clock, taught: TaughtData) -> fl
         return 0.0
     times = taught.times(len(taught.q), taught.period)
     at = clock.plan_time(recording.t)
-    off = recording.command - np.stack([np.interp(at, times, x) for x in taught.q.T], axis=1)
+    off = recording.command - interpolate(at, times, taught.q)
     part = np.floor((at - at[0]) / (AVERAGED * taught.period)).astype(np.intp)
     count = np.bincount(part)
     means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
@@ -163,8 +164,8 @@ def coarse_offset(
     # The arm rests before and after its motion: what was not recorded is as at the edges.
     missing = max(float(times[-1] - times[0]) - float(t[-1] - t[0]), 0.0)
     long = np.arange(t[0] - edge - missing, t[-1] + edge + missing + step / 2, step)
-    wanted = np.stack([np.interp(short, times, x) for x in reference.T], axis=1)
-    given = np.stack([np.interp(long, t, x) for x in values.T], axis=1)
+    wanted = interpolate(short, times, reference)
+    given = interpolate(long, t, values)
     middle = wanted.mean(axis=0)
     wanted, given = wanted - middle, given - middle
     product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._sampling import interpolate
 from armcontour.arms import Arm, Limits
 from armcontour.drives.drives import CREEP
 from armcontour.errors import InvalidInput
@@ -66,7 +67,7 @@ def transfer(
     new = Lifted(taught, nominal, lesson.delay)
     best = lesson.runs[lesson.best]
     factors, rest, explained = _explain(nominal, old, best)
-    at_place = np.stack([np.interp(way.learned_at(new.t), old.t, x) for x in rest.T], axis=1)
+    at_place = interpolate(way.learned_at(new.t), old.t, rest)
     command = _causes(nominal, new.plan, new.t) @ factors + at_place
     error = new.expected(taught.q) - new.planned - new.respond_to(command)
     change, _ = new.correct(error, SMOOTH)
@@ -155,7 +156,7 @@ class _Way:
         (self._t, q), (self._new_t, other) = (_sample(x) for x in (learned, new))
         self._come, self._new_come = _distance(q), _distance(other)
         at = np.interp(self._come, self._new_come, np.arange(len(other)))
-        same = np.stack([np.interp(at, np.arange(len(other)), x) for x in other.T], axis=1)
+        same = interpolate(at, np.arange(len(other), dtype=np.float64), other)
         off = np.abs(same - q).max(axis=1)
         k = int(np.argmax(off))
         if off[k] > SAME:

@@ -111,7 +111,7 @@ def _row(x: Estimate) -> tuple[str, ...]:
     return (
         SYMBOLS[x.name],
         shown(x.value),
-        f"{digits(x.sd * scale, 2)}" if math.isfinite(x.sd) else "–",
+        digits(x.sd * scale, 2) if math.isfinite(x.sd) else "–",
         " to ".join(ends) if any(map(math.isfinite, (x.low, x.high))) else "–",
         unit,
         "yes" if x.determined else "no",

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import digits
+from armcontour._sampling import interpolate
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies.fitting import BodyFit, Trial
@@ -216,9 +217,7 @@ def _sought(found: BodyFit) -> FloatArray:
 
 def _lags(fitted: tuple[Fitted, ...]) -> FloatArray:
     """Commands less measured positions [rad], (samples, dof)."""
-    commands = [
-        np.stack([np.interp(x.t, x.log.t, y) for y in x.log.command.T], axis=1) for x in fitted
-    ]
+    commands = [interpolate(x.t, x.log.t, x.log.command) for x in fitted]
     return np.asarray(np.concatenate(commands) - np.concatenate([x.measured for x in fitted]))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._sampling import interpolate
 from armcontour.drives import regular_times
 from armcontour.identification.unseen import BENT, sharpened
 from armcontour.motion import Log
@@ -82,7 +83,7 @@ class Gridded:
             # Times are rounded.
             k = np.searchsorted(log.t, at + 1e-6 * self.step, side="right") - 1
             return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
-        return np.stack([np.interp(at, log.t, x) for x in log.command.T], axis=1)
+        return interpolate(at, log.t, log.command)
 
     def bent_command(self, delay: float) -> FloatArray:
         """The command on the grid, if it has its bends in the middle of samples of the log [rad].
@@ -90,8 +91,8 @@ class Gridded:
         Args:
             delay: Dead time [s].
         """
-        sharp = np.stack([sharpened(x, BENT) for x in self.log.command.T])
-        return np.stack([np.interp(self.t - delay, self.log.t, x) for x in sharp], axis=1)
+        sharp = np.stack([sharpened(x, BENT) for x in self.log.command.T], axis=1)
+        return interpolate(self.t - delay, self.log.t, sharp)
 
     def sampled(self, values: FloatArray) -> FloatArray:
         """Values on the grid, at the samples that are compared, (samples, ...)."""
