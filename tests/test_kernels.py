@@ -56,6 +56,28 @@ def test_who_wants_to_hears_what_is_compiled(monkeypatch):
     assert names == ["armcontour.program._inside.winding"]
 
 
+COMPILE = """
+from armcontour import _kernels
+from armcontour.program import _inside
+
+_kernels.PATIENCE = {patience}
+for _ in range(2):
+    again = _kernels.compiled(inner=True)(_inside.winding.py_func)
+    again._cache.disable()
+    again.compile("(float64, float64, float64[:, ::1])")
+"""
+
+
+@pytest.mark.parametrize(("patience", "times"), [(-1.0, 1), (1000.0, 0)])
+def test_the_log_tells_once_of_long_compiling_that_nobody_hears_of(patience, times):
+    script = COMPILE.format(patience=patience)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300
+    )
+    told = "armcontour compiles functions for this machine, once"
+    assert done.stderr.count(told) == times, done.stderr
+
+
 def test_a_number_in_a_call_is_no_type_of_its_own():
     @compiled(inner=True)
     def twice(i: int) -> int:

@@ -6,6 +6,8 @@ answers signals while the work is done in another.
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn, TypeVar
@@ -23,6 +25,8 @@ FUSED = {"contract"}
 KERNELS: dict[tuple[str, str], Any] = {}
 # Called with a function before its code is looked for on disk: others may be compiling it.
 _waiting: list[Callable[[Any], None]] = []
+# Where nobody listens, the log tells of compiling that goes on for longer than this [s].
+PATIENCE = 2.0
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -104,16 +108,34 @@ def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
 
 
 class _Listener(event.Listener):
-    """Tells who wants to know it that a function is being compiled."""
+    """Tells who wants to know it that a function is being compiled; else the log, once."""
+
+    def __init__(self) -> None:
+        self._begin: float | None = None
+        self._logged = False
 
     def on_start(self, event: Any) -> None:
         """Tell the name of a function of this package."""
         function = event.data["dispatcher"].py_func
-        if function.__module__.startswith(f"{__package__}."):
-            _progress.tell_compiling(f"{function.__module__}.{function.__name__}")
+        if not function.__module__.startswith(f"{__package__}."):
+            return
+        name = f"{function.__module__}.{function.__name__}"
+        if not (_progress.tell_compiling(name) or self._logged):
+            self._log()
 
     def on_end(self, event: Any) -> None:
         """Nothing."""
+
+    def _log(self) -> None:
+        """Log that functions are compiled, if they were before, a while ago."""
+        now = time.monotonic()
+        self._begin = self._begin or now
+        if now > self._begin + PATIENCE:
+            self._logged = True
+            logging.getLogger(__package__).warning(
+                "armcontour compiles functions for this machine, once, which may take a minute or "
+                "two. `armcontour warm` compiles all of them at a time, on all processors."
+            )
 
 
 event.register("numba:compile", _Listener())

@@ -16,10 +16,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import IO, Any, TypeAlias
 
+from armcontour._progress import hear_compiling
 from armcontour.errors import ExecutionError
 
 Packed: TypeAlias = tuple[bytes, list[bytes]]
@@ -125,7 +126,8 @@ def serve() -> None:
     answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
     # What libraries print is no answer.
     os.dup2(2, 1)
-    try:
+    # What is compiled here is no news to the user.
+    with hear_compiling(lambda name: None), suppress(EOFError, OSError):
         packed, work = pickle.load(sys.stdin.buffer), None
         while True:
             item = pickle.load(sys.stdin.buffer)
@@ -136,8 +138,6 @@ def serve() -> None:
             except Exception as error:
                 answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
             _write(answers, answer)
-    except (EOFError, OSError):
-        return
 
 
 def tell(value: Any) -> None:

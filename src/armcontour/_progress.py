@@ -57,11 +57,15 @@ def hear_compiling(listener: Callable[[str], None]) -> Iterator[None]:
         _listeners.remove(listener)
 
 
-def tell_compiling(name: str) -> None:
+def tell_compiling(name: str) -> bool:
     """Tell all who want to know it that a function is being compiled.
 
     Args:
         name: Name of the function, after that of its module.
+
+    Returns:
+        Whether anybody was told.
     """
-    for listener in tuple(_listeners):
+    for listener in (told := tuple(_listeners)):
         listener(name)
+    return bool(told)
