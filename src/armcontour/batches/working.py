@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path as FilePath
 from types import FrameType
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from armcontour._executors import Engine
 from armcontour._process import end_at_once, is_other
@@ -220,9 +220,9 @@ def _raise(number: int, frame: FrameType | None) -> None:
 
 
 @lru_cache(maxsize=1)
-def _nowhere() -> IO[str]:
-    """A file for what nobody reads."""
-    return open(os.devnull, "w")
+def _nowhere() -> int:
+    """Descriptor of a file for what nobody reads."""
+    return os.open(os.devnull, os.O_WRONLY)
 
 
 @lru_cache(maxsize=2)
