@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._checks import FloatArray
+from armcontour._text import show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
@@ -120,8 +121,13 @@ def refuse_unknown_outputs(
         owner: Name of the program with the events, for the message.
 
     Raises:
-        InvalidInput: An output is for an unknown event.
+        InvalidInput: No mapping, or an output is for an unknown event.
     """
+    if not isinstance(outputs, Mapping):
+        raise InvalidInput(
+            f"{option} must give the output of each event by its name, such as {{'tool': 0}}, not "
+            f"{show(outputs)}."
+        )
     known = sorted(set(events))
     for name in outputs:
         if name not in known:
@@ -187,8 +193,8 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
         kind = next((x for x, end in FORMATS.items() if end and end == file.suffix.lower()), None)
         if kind is None:
             raise InvalidInput(
-                f"The ending of {file.name} is not that of a format: give one of the formats "
-                f"{listed}."
+                f"The ending of {file.name or file} is not that of a format: give one of the formats "
+                f"{listed}, or a template, such as kuka."
             )
     if kind not in FORMATS:
         raise InvalidInput(f"There is no format {kind!r}: the formats are {listed}.")

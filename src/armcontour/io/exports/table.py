@@ -208,7 +208,7 @@ def make_table(
     """
     if not isinstance(data, TaughtData | Trajectory):
         raise InvalidInput(
-            f"Only taught data and trajectories can be exported, not a {type(data).__name__}."
+            f"Only taught data and trajectories can be exported, not {type(data).__name__}."
         )
     if isinstance(data, TaughtData):
         samples, step = _set_points(data, period, derivatives), data.period
@@ -297,11 +297,18 @@ def _sampling_period(trajectory: Trajectory, name: str, period: float | None) ->
     """The period at which a trajectory is sampled [s].
 
     Raises:
-        InvalidInput: The period is missing, not above zero, or too short for the duration.
+        InvalidInput: The period is missing, not above zero, longer than the motion, or too short
+            for its duration.
     """
     if period is None:
         raise InvalidInput("A trajectory is exported at regular intervals: give a period [s].")
     step = _checks.positive("period", period, "s")
+    if step > trajectory.duration:
+        raise InvalidInput(
+            f"The period of {step:g} s is longer than the motion of {trajectory.duration:.6g} s: "
+            f"nothing of {name!r} would be left but its ends; give a shorter period, in s.",
+            needed=trajectory.duration,
+        )
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
