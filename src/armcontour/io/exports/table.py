@@ -132,7 +132,7 @@ class Table:
         given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         given += [("name of an analog output", x) for x in self.analog]
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
-            if not text.strip() or not text.isprintable():
+            if not isinstance(text, str) or not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
             if what != "name":
                 # The name of the table is by default that of a file, which may be longer.
@@ -250,6 +250,8 @@ def tabulate(
     """
     _checks.whole("derivatives", derivatives, 0, 2)
     dof = samples.q.shape[1]
+    if arm is not None:
+        _checks.refuse_other("export", arm, Arm, "such as load_arm('ur5e')")
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     if arm is None and tool_motion:
