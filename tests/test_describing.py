@@ -639,6 +639,11 @@ def test_a_result_prints_what_a_person_can_read(name: str) -> None:
     assert type(found).__name__ in repr(found)
 
 
+def test_samples_are_one_line_in_a_notebook() -> None:
+    found = repr(result().trajectory.sample(0.5))
+    assert found.startswith("Samples(t=[0.0, 0.5, ") and "\n" not in found and len(found) < 300
+
+
 def test_a_plant_says_what_it_moves() -> None:
     arm = ac.load_arm("pmk3s")
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
