@@ -76,7 +76,12 @@ def test_a_period_beyond_the_motion_is_refused(
 ) -> None:
     # Somebody who means milliseconds.
     words = f"The period of 20 s is longer than the motion of {conventional.duration:.6g} s"
-    refuses(lambda: export(conventional, tmp_path / "a.csv", period=20), InvalidInput, words)
+    refuses(
+        lambda: export(conventional, tmp_path / "a.csv", period=20),
+        InvalidInput,
+        words,
+        allowed=conventional.duration,
+    )
     export(conventional, tmp_path / "a.csv", period=conventional.duration)
 
 

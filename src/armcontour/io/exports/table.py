@@ -22,6 +22,8 @@ from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 ON_THE_POINT = 1e-9
 # Set-points this near to their plan are places of it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
+# A shorter period may be longer than a tiny motion: it is a command interval [s].
+LONG_PERIOD = 0.1
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Rows of which the motion of the tool is computed at once.
@@ -295,6 +297,26 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
+def refuse_long_period(period: float, duration: float, name: str) -> None:
+    """Refuse a period that leaves nothing of a motion but its ends.
+
+    Args:
+        period: The period [s].
+        duration: The duration of the motion [s].
+        name: Name of the program, for the message.
+
+    Raises:
+        InvalidInput: The period is longer than the motion, and than any command interval.
+    """
+    if period > max(duration, LONG_PERIOD):
+        raise InvalidInput(
+            f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"{name!r} would be left but its ends; give a shorter period.",
+            needed=period,
+            allowed=duration,
+        )
+
+
 def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
     """The period at which a trajectory is sampled [s].
 
@@ -305,12 +327,7 @@ def _sampling_period(trajectory: Trajectory, name: str, period: float | None) ->
     if period is None:
         raise InvalidInput("A trajectory is exported at regular intervals: give a period [s].")
     step = _checks.positive("period", period, "s")
-    if step > trajectory.duration:
-        raise InvalidInput(
-            f"The period of {step:g} s is longer than the motion of {trajectory.duration:.6g} s: "
-            f"nothing of {name!r} would be left but its ends; give a shorter period, in s.",
-            needed=trajectory.duration,
-        )
+    refuse_long_period(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
