@@ -426,6 +426,18 @@ Lesson of 2 runs: 608 set-points every 4 ms
         """\
 joint acceleration of joint 2: 1.0000 of the limit, 0.72 of 0.72 rad/s² at t = 0.574 s, kept""",
     ),
+    "Limits": (
+        lambda: ac.load_arm("ur5e").limits.replace(joint_jerk=None, speed=0.25),
+        """\
+Limits
+  joint_acceleration  3.142 rad/s²
+  joint_velocity      3.142 rad/s
+  joint_torque        150, 150, 150, 28, 28, 28 N m
+  joint_lower         -6.283, -6.283, -3.142, -6.283, -6.283, -6.283 rad
+  joint_upper         6.283, 6.283, 3.142, 6.283, 6.283, 6.283 rad
+  speed               0.25 m/s""",
+    ),
+    "Limits, none": (ac.Limits, "Limits: none"),
     "Log": (
         log,
         """\
@@ -625,6 +637,17 @@ def test_a_result_prints_what_a_person_can_read(name: str) -> None:
     # In a log, or among other values, it is one line without pages of numbers.
     assert "\n" not in repr(found) and len(repr(found)) < 1000
     assert type(found).__name__ in repr(found)
+
+
+def test_samples_are_one_line_in_a_notebook() -> None:
+    found = repr(result().trajectory.sample(0.5))
+    assert found.startswith("Samples(t=[0.0, 0.5, ") and "\n" not in found and len(found) < 300
+
+
+def test_a_plant_says_what_it_moves() -> None:
+    arm = ac.load_arm("pmk3s")
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
+    assert repr(plant) == f"ServoPlant({arm!r})" == "ServoPlant(PlanarTwoLink('PMK-3s', 2 joints))"
 
 
 def test_every_result_of_a_public_function_has_a_form_of_its_own() -> None:

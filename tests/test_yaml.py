@@ -53,6 +53,35 @@ HOSTILE = {
 }
 
 
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("name: a\ntitle: 'open\nb: 1\n", "the quote that begins in line 2 does not end (line 4,"),
+        ("a:\n\tb: 1\n", "a tab stands here, but lines are indented by blanks (line 2, column 1)"),
+        ("a: @b\n", "a text that begins with @ needs quotes (line 1, column 4)"),
+        (
+            "a:\n   b: 1\n  c: 2\n",
+            "this line is not indented as those beside it (line 3, column 3)",
+        ),
+        ("a: {b: 1}}\n", "} has no place here (line 1, column 10)"),
+        (
+            "x: 1\na: {b: 1\nc: 2\n",
+            "the bracket of line 2 needs a } before this (line 3, column 2)",
+        ),
+        ("a: [1, 2\nb: 3\n", "the bracket of line 1 needs a ] before this (line 2, column 2)"),
+        (
+            "a:\n  b: 1\n   c: 2\n",
+            "this colon has no place: the line is indented too far, or a text",
+        ),
+        ("name: x\ntitle a\nb: 1\n", "line 2 has no colon after its key (line 3, column 1)"),
+    ],
+)
+def test_mistakes_of_hands_are_said_in_plain_words(text: str, sentence: str) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        load(text, source="job.yaml")
+    assert str(caught.value).startswith(f"job.yaml is not valid YAML: {sentence}")
+
+
 @pytest.mark.usefixtures("soon")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_what_is_made_to_do_harm_is_one_sentence_at_once(name):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import FrozenInstanceError
 from functools import wraps
+from pathlib import Path as FilePath
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -127,9 +128,15 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         unit: Unit of the values, for messages.
 
     Raises:
-        InvalidInput: The values are not numbers (texts and truth values are not), not finite or too
-            large; the message names the first such index.
+        InvalidInput: The values are not numbers (texts, truth values and masked ones are not), not
+            finite or too large; the message names the first such index.
     """
+    if values is None:
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise InvalidInput(
+            f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
+        )
     try:
         given = np.asarray(values)
         if given.dtype.kind not in NUMERIC:
@@ -191,7 +198,9 @@ def number(name: str, value: Any, unit: str = "") -> float:
         return float(value)
     array = numbers(name, value, unit)
     if array.ndim:
-        raise InvalidInput(f"{name} must be one number{in_unit(unit)}, not {array.size}.")
+        raise InvalidInput(
+            f"{name} must be one number{in_unit(unit)}, not an array of {array.size}."
+        )
     return float(array)
 
 
@@ -354,6 +363,43 @@ def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
             f"'{make_printable(value)}'."
         )
     return value
+
+
+def refuse_other(user: str, value: Any, kind: type, origin: str = "") -> None:
+    """Refuse a value that is no object of a class.
+
+    Args:
+        user: What needs the object, the first words of the message.
+        value: The value.
+        kind: The class.
+        origin: Where such an object comes from, such as "as plan gives it".
+
+    Raises:
+        InvalidInput: The value is another object.
+    """
+    if isinstance(value, kind):
+        return
+    article = "an" if kind.__name__[0] in "AEIO" else "a"
+    comes = f", {origin}," if origin else ","
+    raise InvalidInput(f"{user} needs {article} {kind.__name__}{comes} not {type(value).__name__}.")
+
+
+def read_place(user: str, place: Any) -> FilePath:
+    """The place of a file, which is text or a path.
+
+    Args:
+        user: What needs the file, the first words of the message.
+        place: The place.
+
+    Raises:
+        InvalidInput: The place is another object.
+    """
+    try:
+        return FilePath(place)
+    except TypeError:
+        raise InvalidInput(
+            f"{user} needs the path of a file, not {type(place).__name__}."
+        ) from None
 
 
 def side(value: str) -> Literal["left", "right"]:

@@ -31,6 +31,22 @@ DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9
 # What libyaml reads otherwise than PyYAML's own parser: tabs and other line ends, marks of the byte
 # order, directives, tags, "?" in texts, heads of text blocks.
 OTHERWISE = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
+# What the parser says, and the same for people who do not know its words; `begun` is the line in
+# which what is wrong began.
+PLAIN = {
+    re.compile(r"unexpected end of stream"): "the quote that begins in line {begun} does not end",
+    re.compile(r"'\\t' that cannot start"): "a tab stands here, but lines are indented by blanks",
+    re.compile(r"'(.)' that cannot start"): "a text that begins with {0} needs quotes",
+    re.compile(r"<block end>, but found '<block"): "this line is not indented as those beside it",
+    re.compile(r"<block end>, but found '(.+)'"): "{0} has no place here",
+    re.compile(
+        r"expected ',' or '(.)', but got"
+    ): "the bracket of line {begun} needs a {0} before this",
+    re.compile(r"mapping values are not allowed"): (
+        "this colon has no place: the line is indented too far, or a text with a colon needs quotes"
+    ),
+    re.compile(r"could not find expected ':'"): "line {begun} has no colon after its key",
+}
 ENDLESS = re.compile(r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z")
 
 
@@ -254,6 +270,11 @@ def _parts(node: yaml.Node) -> list[yaml.Node]:
 def _where(error: yaml.YAMLError) -> str:
     """Problem, line and column of an error."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
-        mark = error.problem_mark
-        return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
+        mark, begun = error.problem_mark, error.context_mark or error.problem_mark
+        problem = error.problem or ""
+        for pattern, words in PLAIN.items():
+            if (found := pattern.search(problem)) is not None:
+                problem = words.format(*found.groups(), begun=begun.line + 1)
+                break
+        return f"{problem} (line {mark.line + 1}, column {mark.column + 1})"
     return " ".join(str(error).split())

@@ -21,7 +21,7 @@ from armcontour.arms.limits import UNITS, or_unlimited
         ({"joint_velocity": [[1.0]]}, ("joint_velocity", "rad/s"), {"limit": "joint_velocity"}),
         ({"joint_velocity": [1.0, np.nan]}, ("joint_velocity", "finite"), {"index": 1}),
         ({"speed": 0.0}, ("speed", "above zero", "0 m/s"), {}),
-        ({"speed": [0.1, 0.2]}, ("speed", "one number", "not 2"), {}),
+        ({"speed": [0.1, 0.2]}, ("speed", "one number", "not an array of 2"), {}),
         ({"speed": np.inf}, ("speed", "finite", "inf"), {}),
         ({"centripetal_acceleration": -1.0}, ("centripetal_acceleration", "-1 m/s²"), {}),
     ],

@@ -260,7 +260,7 @@ GOOD = {"name": "a", "base": 0.1, "links": (0.2, 0.3), "limits": ac.Limits()}
     ("change", "words"),
     [
         ({"base": np.nan}, ("base", "finite")),
-        ({"base": (1, 2)}, ("base", "one number", "not 2")),
+        ({"base": (1, 2)}, ("base", "one number", "not an array of 2")),
         ({"links": (0.0, 0.3)}, ("first link length", "above zero")),
         ({"links": (0.2, -0.3)}, ("second link length", "-0.3 m")),
         ({"links": ("long", 0.3)}, ("first link length", "numbers in m")),

@@ -143,6 +143,7 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
         ("job.yaml --cell pmk3s", ("job.yaml", "--cell goes with a drawing")),
         ("none.csv --cell pmk3s", ("none.csv", "There is no file")),
         ("plain.txt --cell pmk3s", ("plain.txt", ".dxf")),
+        ("robot.urdf", ("robot.urdf is no file that can be read as a path",)),
         ("deep.ngc --cell pmk3s", ("deep.ngc has z", "--flat")),
         ("two.csv --cell pmk3s --at 0.5m,0.3m", ("Contour b", "out of reach")),
         ("two.csv --cell pmk3s --at 0.3m", ("--at", "2 or 3", "'0.3m'")),

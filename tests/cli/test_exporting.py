@@ -158,6 +158,7 @@ def test_an_earlier_result_takes_a_template_with_outputs(
         ("a.csv --period 48ms", ("--period goes with --reference",)),
         ("a.csv --reference --period 50ms", ("multiple", "48 ms", "50 ms")),
         ("a.csv --reference --period 1ms", ("multiple", "4 ms", "1 ms")),
+        ("a.csv --reference --period 48s", ("The period of 48 s is longer than the motion",)),
         ("a.csv --tool-motion", ("its job file or its cell with --job",)),
         ("a.csv --tool-motion --job none", ("no cell 'none'", "ur5e")),
         ("a.csv --output spindle=1", ("--output goes with",)),

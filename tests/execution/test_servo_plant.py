@@ -444,7 +444,7 @@ def test_a_servo_that_does_not_settle_is_an_error(arm, refuses):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda arm, t: ac.execute(t, "plant"), ("A plant is needed", "not str")),
+        (lambda arm, t: ac.execute(t, "plant"), ("execute needs a Plant", "not str")),
         (lambda arm, t: ac.execute(t, plant(arm), resolution=0.0), ("resolution", "above zero")),
         (lambda arm, t: ac.execute(t, plant(arm), resolution=np.nan), ("resolution", "finite")),
         (

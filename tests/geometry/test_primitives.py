@@ -14,7 +14,7 @@ import armcontour as ac
         ({"speed": 0.0}, ("segment speed", "above zero", "0 m/s")),
         ({"speed": -1.0}, ("segment speed", "above zero", "-1 m/s")),
         ({"speed": np.nan}, ("segment speed", "finite", "nan")),
-        ({"speed": [1.0, 2.0]}, ("segment speed", "one number", "not 2")),
+        ({"speed": [1.0, 2.0]}, ("segment speed", "one number", "not an array of 2")),
         ({"tolerance": -1e-3}, ("segment tolerance", "negative", "-0.001 m")),
         ({"tolerance": np.inf}, ("segment tolerance", "finite", "inf")),
     ],

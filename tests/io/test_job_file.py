@@ -165,6 +165,8 @@ def test_lines_and_arcs() -> None:
             {"kp": "50 1/s"},
             "runs.one.servo: servo is of the whole job, .* batch`",
         ),
+        ("corners", {"tolerance": 0, "2 mm": None}, "unknown key corners.2 mm: a comma between"),
+        ("servo", "", "servo: must be a mapping of keys, not ''.$"),
         ("corners", {}, "corners needs tolerance, the largest corner error, or speed and acceler"),
         ("runs.one.corners", {"acceleration": 1}, "runs.one.corners needs tolerance"),
         ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),

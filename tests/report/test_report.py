@@ -224,6 +224,17 @@ def test_thinning_keeps_every_peak() -> None:
     assert (t2[0], t2[-1]) == (0, 1)
 
 
+def test_thinning_keeps_both_ends_of_every_part() -> None:
+    # Ten contours, each from rest to rest; the ends are no extremes of their intervals.
+    parts = [np.append(np.sin(np.linspace(0, np.pi, 4001)), np.nan) for _ in range(10)]
+    y = np.concatenate(parts)
+    t = np.arange(len(y), dtype=float)
+    t2, y2 = thin(t, y, most=500)
+    gaps = np.flatnonzero(np.isnan(y2))
+    assert len(gaps) == 10 and len(t2) < 600
+    np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
+
+
 def test_saturated_stretches_are_joined_where_they_are_neighbours() -> None:
     t = np.linspace(0, 10, 10_001)
     demand = np.zeros_like(t)

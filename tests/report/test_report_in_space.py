@@ -110,6 +110,17 @@ def test_errors_are_magnified_about_the_path(study: Study) -> None:
         assert drawn == pytest.approx(worst * 1e3, rel=1e-2)
 
 
+def test_a_joint_without_ends_is_free(study: Study) -> None:
+    (first, *_) = study.runs.values()
+    upper, lower = np.array([[np.inf, 6.0, 3.0, 6.0, 6.0, np.inf], [-np.inf, *(5 * [-6.0])]])
+    limits = first.run.limits.replace(joint_lower=lower, joint_upper=upper)
+    run = dataclasses.replace(first.run, limits=limits)
+    section = sections.joints(Study(job=study.job, runs={"a": dataclasses.replace(first, run=run)}))
+    assert section is not None
+    ranges = [x[1] for x in section.tables[0].rows]
+    assert [ranges[0], ranges[1], ranges[5]] == ["free", "-6.000 to 6.000", "-6.000 to free"]
+
+
 def test_the_arm_moves_as_executed(study: Study) -> None:
     section = sections.space(study)
     assert section is not None

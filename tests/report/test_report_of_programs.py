@@ -361,6 +361,12 @@ def test_the_speed_of_all_contours_stands_above_what_binds(study: Study) -> None
     assert "assigned velocity" in found
     shares = [float(x[2].rstrip("%")) for x in section.tables[0].rows]
     assert sum(shares) == pytest.approx(100, abs=0.5)
+    # Every contour begins and ends at rest, and no edge covers the bars of short stretches.
+    gaps = np.flatnonzero(np.isnan(speed.y))
+    assert len(gaps) == len(result.path.contours) - 1
+    rests = [speed.y[0], speed.y[-1], *speed.y[gaps - 1], *speed.y[gaps + 1]]
+    np.testing.assert_allclose(rests, 0.0, atol=1e-9)
+    assert {x.marker.line.width for x in section.figures[0].data if x.type == "bar"} == {0}
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.integers(1, 200))

@@ -397,6 +397,18 @@ def test_what_a_path_has_to_say(ur5e, refuses):
         s=corner,
         point=POINTS[1],
     )
+    # One that was to be rounded is not told to be rounded.
+    lifted = ac.Path.from_segments(
+        [
+            ac.Arc(start=(0.4, 0, 0.2), center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1)),
+            ac.Line(start=(0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2), end=(0.5, 0, 0.3)),
+        ]
+    ).following_tangent([0, 0, 1])
+    rounded = ac.round_corners(lifted, tolerance=1e-3, angular_tolerance=0.1)
+    words = (
+        "as its two segments do not lie in one plane: let them lie in one, or join them by an arc"
+    )
+    refuses(lambda: ac.trace(rounded, ur5e), ac.InvalidInput, "orientation jumps by", words)
     held = path.oriented(DOWN)
     refuses(lambda: ac.trace(held, ur5e, branch="up"), ac.InvalidInput, "no named branches")
 

@@ -37,6 +37,25 @@ def hint_at_unit(gap: float) -> str:
     return "; lengths without a unit are metres: one may be missing"
 
 
+def choose_limits(user: str, arm: Arm, limits: Limits | None) -> Limits:
+    """The given limits, or those of the arm, with one value per joint.
+
+    Args:
+        user: What needs them, the first words of the message.
+        arm: The arm.
+        limits: The given limits, or None.
+
+    Raises:
+        InvalidInput: They are no limits, or are for another number of joints.
+    """
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(
+            f"{user} needs Limits, such as arm.limits.replace(speed=0.1), not "
+            f"{type(limits).__name__}."
+        )
+    return (arm.limits if limits is None else limits).for_joints(arm.dof)
+
+
 class Arm(Locked, ABC):
     """An arm with its kinematics and limits.
 

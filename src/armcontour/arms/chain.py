@@ -13,7 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, cross_matrix
+from armcontour.frames import Frame, cross_matrix, rotations
 
 # What is changed in a chain again and again, and checks itself.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
@@ -78,8 +78,8 @@ class Chain:
         assumed: Which data are assumed, and by which rule; empty if none are.
 
     Raises:
-        InvalidInput: Shapes of arrays do not fit, or no body can have the mass or inertia of a
-            link.
+        InvalidInput: Shapes of arrays do not fit, a rotation is none, or no body can have the mass
+            or inertia of a link.
     """
 
     joints: tuple[str, ...]
@@ -127,6 +127,8 @@ class Chain:
             if array.shape != shape:
                 raise InvalidInput(f"{name} of a chain must be of shape {shape}.")
             object.__setattr__(self, name, array)
+        # They are kept as given: only what is no rotation is refused.
+        rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
         for name in ("armature", "viscous", "coulomb"):

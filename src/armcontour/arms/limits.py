@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._describing import brief, digits, line_up
 from armcontour._quantities import (
     Acceleration,
     AngularRate,
@@ -139,6 +140,14 @@ class Limits:
             if value is not None:
                 object.__setattr__(self, name, _checks.positive(name, value, unit))
 
+    def __str__(self) -> str:
+        """The limits that are given, with their units."""
+        given = {x: getattr(self, x) for x in UNITS if getattr(self, x) is not None}
+        rows = [(x, f"{_list_values(values)} {UNITS[x]}") for x, values in given.items()]
+        return line_up("Limits" if rows else "Limits: none", rows)
+
+    __repr__ = brief
+
     def _check_range(self, name: str) -> None:
         values = getattr(self, name)
         if values is None:
@@ -259,6 +268,12 @@ class Limits:
         if self.joint_deceleration is None or self.joint_acceleration is None:
             return True
         return bool(np.array_equal(self.joint_deceleration, self.joint_acceleration))
+
+
+def _list_values(values: npt.ArrayLike) -> str:
+    """The values of all joints; one if they are the same."""
+    listed = [digits(x) for x in np.atleast_1d(values)]
+    return listed[0] if len(set(listed)) == 1 else ", ".join(listed)
 
 
 def _endless_or_finite(name: str, values: FloatArray, dof: int, unit: str) -> FloatArray:

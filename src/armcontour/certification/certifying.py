@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.certification._approach import approaches
@@ -108,6 +109,7 @@ def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:
     Raises:
         InvalidInput: There is no goal, or a field has an unknown name.
     """
+    _checks.refuse_other("certify", job, Job, "as read_job gives it")
     known = Goal.__dataclass_fields__
     for name in overrides:
         if name not in known:

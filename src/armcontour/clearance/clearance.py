@@ -201,6 +201,11 @@ def check_clearance(
     Raises:
         InvalidInput: The shapes of the arm are not known, or something in the scene is wrong.
     """
+    if not isinstance(motion, Execution | JointPath):
+        _checks.refuse_other("check_clearance", motion, Trajectory, "as plan gives it")
+    _checks.refuse_other("check_clearance", arm, Arm, "such as load_arm('ur5e')")
+    if scene is not None:
+        _checks.refuse_other("check_clearance", scene, Scene)
     return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
 
 

@@ -81,6 +81,7 @@ def open_job(
     from armcontour.errors import InvalidInput
     from armcontour.io import read_job
     from armcontour.io.cell import cell_names, read_cell
+    from armcontour.io.drawings.read import find_reader
 
     overrides = read_overrides(x) if overrides is None else overrides
     if is_job(file):
@@ -89,6 +90,8 @@ def open_job(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
         return read_job(file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
+    # A robot description, say, is no drawing, and needs no cell.
+    find_reader(file)
     if x.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "

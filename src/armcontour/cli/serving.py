@@ -46,6 +46,7 @@ def _check(file: FilePath | None, x: StudioOptions) -> None:
     from armcontour._files import LARGE, read_bytes
     from armcontour.cli.opening import is_job
     from armcontour.errors import InvalidInput
+    from armcontour.io.drawings.read import find_reader
 
     if file is None:
         if x.cell is not None:
@@ -54,6 +55,8 @@ def _check(file: FilePath | None, x: StudioOptions) -> None:
     job = is_job(file)
     if job and x.cell is not None:
         raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
+    if not job:
+        find_reader(file)
     if not job and x.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "

@@ -58,12 +58,18 @@ def compensate(
             controller knows it, for example without a payload that was found later.
 
     Raises:
-        InvalidInput: A method or option is unknown, gains do not fit the joints or the interval,
-            the set-points need too much memory, or "inverse_dynamics" has no arm with masses or
-            a servo of first order.
+        InvalidInput: An argument has the wrong type, a method or option is unknown, gains do not
+            fit the joints or the interval, the set-points need too much memory, or
+            "inverse_dynamics" has no arm with masses or a servo of first order.
         CompensationError: Poles are not stable, the servo is of first order for pole placement, or
             set-points exceed the limits.
     """
+    _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
+    _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
+    if arm is not None:
+        _checks.refuse_other("compensate", arm, Arm, "such as load_arm('ur5e')")
+    if limits is not None:
+        _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
     _refuse_options(method, options)

@@ -23,7 +23,7 @@ from armcontour._sampling import (
     find_large,
     find_short_step,
 )
-from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.arms import Arm, Limits, SerialArm, choose_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_laws import Law, judge_law
@@ -241,9 +241,10 @@ def _check_one(
     resolution: Mapping[str, npt.ArrayLike] | None,
 ) -> Check:
     """Check all limits along one path, or without a path; arguments as in `check`."""
+    _checks.refuse_other("check", arm, Arm, "such as load_arm('ur5e')")
     dof = arm.dof
     _refuse_path(arm, path, deviation, missed, orientation_deviation)
-    bounds = (arm.limits if limits is None else limits).for_joints(dof)
+    bounds = choose_limits("check", arm, limits)
     tally = Tally(arm, bounds, path, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
@@ -357,7 +358,7 @@ def _check_parts(
     if callable(motion):
         # Without spans, `check` judges the law as a whole.
         motion = replace(cast("Any", motion), spans=())
-    bounds = arm.limits if limits is None else limits
+    bounds = choose_limits("check", arm, limits)
     joints = bounds.of_joints
     tool = bounds.of_tool
     whole = check(motion, arm, joints, **options)

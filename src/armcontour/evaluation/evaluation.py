@@ -14,7 +14,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, degrees, extremes, line_up, mm, place_and_time, several
-from armcontour.arms import Limits
+from armcontour.arms import Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.cornering_deviations import CornerDeviation
@@ -196,7 +196,7 @@ def evaluate(
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
-    bounds = (executed.arm.limits if limits is None else limits).for_joints(executed.arm.dof)
+    bounds = choose_limits("evaluate", executed.arm, limits)
     trajectory = executed.taught.trajectory
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
@@ -240,10 +240,7 @@ def _check_programs(
     Raises:
         InvalidInput: An argument has the wrong type.
     """
-    if not isinstance(executed, Execution):
-        raise InvalidInput(
-            f"evaluate needs an Execution, as execute gives it, not {type(executed).__name__}."
-        )
+    _checks.refuse_other("evaluate", executed, Execution, "as execute gives it")
     program = Program.of(path, "evaluate needs a Path or a Program")
     if objective is None:
         return program, None

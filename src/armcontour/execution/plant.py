@@ -37,6 +37,11 @@ class Plant(ABC):
             resolution: Largest time between two results [s].
         """
 
+    def __repr__(self) -> str:
+        """The class, and the arm if it has one."""
+        arm = getattr(self, "arm", None)
+        return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
+
     def memory(self, span: float, period: float, resolution: float) -> float:
         """Estimated memory of an execution [bytes].
 
@@ -73,8 +78,7 @@ def execute(
         raise InvalidInput(
             f"execute needs TaughtData, as compensate gives it, not {type(taught).__name__}."
         )
-    if not isinstance(plant, Plant):
-        raise InvalidInput(f"A plant is needed to execute on, not {type(plant).__name__}.")
+    _checks.refuse_other("execute", plant, Plant, "such as ServoPlant(arm, servo)")
     fine = _checks.positive("resolution", resolution, "s")
     span = (len(taught.q) - 1) * taught.period
     refuse_too_long(plant, span, taught.period, fine, memory, 0.0)

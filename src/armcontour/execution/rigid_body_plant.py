@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco, _stepping
@@ -143,6 +143,7 @@ class RigidBodyPlant(Locked, Plant):
                 f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
                 f"has {len(self.known_chain)}."
             )
+        _checks.refuse_other("A RigidBodyPlant", servo, ServoModel)
         self.servo = servo.for_joints(arm.dof)
         if self.servo.kv is None:
             raise InvalidInput(
@@ -160,7 +161,7 @@ class RigidBodyPlant(Locked, Plant):
         self.nominal_inertia = (
             _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
         )
-        own = (arm.limits if limits is None else limits).for_joints(arm.dof)
+        own = choose_limits("A RigidBodyPlant", arm, limits)
         self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.known_chain))
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
@@ -625,6 +626,7 @@ def _bodies(arm: Arm) -> Chain:
     Raises:
         InvalidInput: The arm has no masses, or another number of joints than its chain.
     """
+    _checks.refuse_other("A RigidBodyPlant", arm, Arm, "such as load_arm('ur5e')")
     chain = arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(

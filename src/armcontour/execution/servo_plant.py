@@ -6,7 +6,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution.plant import (
@@ -72,9 +72,11 @@ class ServoPlant(Locked, Plant):
         *,
         saturation: str | None = None,
     ) -> None:
+        _checks.refuse_other("A ServoPlant", arm, Arm, "such as load_arm('ur5e')")
+        _checks.refuse_other("A ServoPlant", servo, ServoModel)
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
-        own = (arm.limits if limits is None else limits).for_joints(arm.dof)
+        own = choose_limits("A ServoPlant", arm, limits)
         self.saturation = _saturation(saturation, servo.order, own, arm)
         self.torque_limit: FloatArray | None = None
         self.acceleration: FloatArray = np.full(arm.dof, np.inf)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._files import read_text
 from armcontour._progress import Progress
 from armcontour._yaml import load
@@ -64,7 +65,7 @@ def read_job(
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
-    place = FilePath(file)
+    place = _checks.read_place("read_job", file)
     return parse_job(
         job_text(place),
         source=place.name,

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_text
 from armcontour._text import show
@@ -97,7 +98,7 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    place = FilePath(file)
+    place = _checks.read_place("read_log", file)
     if is_ros_file(place):
         if columns is not None:
             raise InvalidInput(f"{place.name} is a file of ROS, which has no columns to name.")

@@ -118,7 +118,8 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {given:g}"
     if _expected(problem) is not None:
-        return f"must be {' or '.join(dict.fromkeys(expected))}, not {show(given)}"
+        but = "but is empty" if given is None else f"not {show(given)}"
+        return f"must be {' or '.join(dict.fromkeys(expected))}, {but}"
     if kind == "value_error":
         return str(facts["error"]).rstrip(".")
     return _lower(problem["msg"]).rstrip(".")
@@ -149,6 +150,9 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
             f"{name} is of the whole job, so write it beside runs; several values of it are "
             "compared by `armcontour batch`, or by pins in the Studio"
         )
+    if str(name)[:1].isdigit():
+        # {tolerance: 0,2 mm} has the keys tolerance and 2 mm.
+        return "a comma between braces ends a value, so write decimals with a point, such as 0.2 mm"
     near = difflib.get_close_matches(str(name), known, n=1)
     return f"did you mean {near[0]}?" if near else f"the keys there are {', '.join(known)}"
 

@@ -14,7 +14,14 @@ from armcontour._files import read_text
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.table import Table, are_places, differentiate, regular_times, tabulate
+from armcontour.io.exports.table import (
+    Table,
+    are_places,
+    differentiate,
+    refuse_long_period,
+    regular_times,
+    tabulate,
+)
 from armcontour.io.results import SUMMARY, verify_file
 from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
 from armcontour.motion import Samples, TimedEvent
@@ -87,8 +94,8 @@ class StoredRun:
             tool_motion: Whether the table has orientation and speed of the tool.
 
         Raises:
-            InvalidInput: The file is missing or was changed, the period is no multiple, or as in
-                `make_table`.
+            InvalidInput: The file is missing or was changed, the period is no multiple or longer
+                than the motion, or as in `make_table`.
         """
         step = self.period if period is None else period
         every = round(step / self.period)
@@ -104,6 +111,7 @@ class StoredRun:
         found = self._read("planned.csv")
         if found.dq is None or found.ddq is None:
             raise InvalidInput(f"{found.source} has no velocities and accelerations.")
+        refuse_long_period(step, float(found.t[-1]), f"{self.title} reference")
         rows = np.unique(np.append(np.arange(0, len(found.t), every), len(found.t) - 1))
         return tabulate(
             Samples(t=found.t[rows], q=found.q[rows], dq=found.dq[rows], ddq=found.ddq[rows]),

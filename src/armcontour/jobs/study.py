@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
 from armcontour._progress import Progress, Step, under
 from armcontour._threads import Beside
@@ -391,6 +392,7 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
     Raises:
         ArmContourError: The error of the first run that fails.
     """
+    _checks.refuse_other("run", job, Job, "as read_job gives it")
     plants: dict[str, RigidBodyPlant] = {}
     for x in job.runs:
         if x.experiment is not None:

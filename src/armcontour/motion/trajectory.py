@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import count_kinds, digits, line_up, several
+from armcontour._describing import brief, count_kinds, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion.joined import JoinedLaws
@@ -124,6 +124,8 @@ class Samples:
     q: FloatArray
     dq: FloatArray
     ddq: FloatArray
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "dq", "ddq"):

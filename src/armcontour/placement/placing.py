@@ -95,6 +95,7 @@ def place(
         NotRealizable: No place has a plan that keeps limits and margins.
         ExecutionError: The executor takes no work, has lost a worker, or its workers cannot work.
     """
+    _checks.refuse_other("place", job, Job, "as read_job gives it")
     if processes is not None:
         _checks.whole("processes", processes, 1, 1024)
         if executor is not None:

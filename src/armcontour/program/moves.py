@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -116,7 +116,11 @@ class Contour:
                     f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
                     f"is not within its length of {self.path.length:g} m."
                 )
-        for x in self.events:
+        if not isinstance(self.events, Iterable):
+            raise InvalidInput(f"events of the contour {self.name} must be a list of Events.")
+        events = tuple(self.events)
+        for x in events:
+            _checks.refuse_other(f"The contour {self.name}", x, Event)
             if x.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
                     f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
@@ -124,7 +128,7 @@ class Contour:
                     s=x.s,
                     allowed=self.path.length,
                 )
-        ordered = tuple(sorted(self.events, key=lambda x: x.s))
+        ordered = tuple(sorted(events, key=lambda x: x.s))
         object.__setattr__(self, "events", ordered)
 
     @property
@@ -239,6 +243,11 @@ class Program:
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.moves, Iterable):
+            raise InvalidInput(
+                "moves of a program must be a list of Contours, Rapids, Dwells and Events, not "
+                f"{type(self.moves).__name__}."
+            )
         object.__setattr__(self, "moves", tuple(self.moves))
         # They contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import LONGEST_NAME, FloatArray
 from armcontour._text import shorten
 from armcontour.errors import InvalidInput, locate_errors
@@ -35,11 +36,13 @@ from armcontour.program.scrap_side import waste_sides
 from armcontour.program.tabs import add_tabs
 
 
-def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None = None) -> Program:
+def prepare(
+    program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
+) -> Program:
     """The program with start points, leads, overlaps, approaches and events of the process.
 
     Args:
-        program: The program as it is drawn.
+        program: The program as it is drawn, or a path.
         process: Requirements of the process.
         lengths: Lengths of leads without a given length, one item per contour after `from_s`.
 
@@ -47,6 +50,8 @@ def prepare(program: Program, process: Process, lengths: Sequence[Leads] | None 
         InvalidInput: `from_s` is past the end of the program, a layer does not exist, a lead has no
             side, lengths of leads are missing, or a program in the plane has approach or retract.
     """
+    program = Program.of(program, "prepare needs a Path or a Program")
+    _checks.refuse_other("prepare", process, Process)
     _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
     if process.approach or process.retract:
         _refuse_plane(program)

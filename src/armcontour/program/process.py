@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -23,6 +23,7 @@ from armcontour._quantities import (
     Speed,
     Time,
 )
+from armcontour._text import show
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
@@ -165,6 +166,10 @@ class Weave:
         _checks.choice("shape", self.shape, WEAVES)
 
 
+# What parts of a process are made of.
+PARTS = {"lead_in": Lead, "lead_out": Lead, "switch": Switch, "tabs": Tabs, "weave": Weave}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
@@ -260,10 +265,13 @@ class Process:
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        for name, kind in PARTS.items():
+            if getattr(self, name) is not None:
+                _checks.refuse_other(f"{name} of a process", getattr(self, name), kind)
         for name in ("overlap", "approach", "retract", "from_s"):
             _checks.not_negative(name, getattr(self, name), "m")
         _checks.not_negative("dwell", self.dwell, "s")
-        object.__setattr__(self, "off_between", tuple(self.off_between))
+        self._make_tuple("off_between", str, "names of outputs")
         for x in self.off_between:
             _checks.check_name("name in off_between", x)
         _checks.choice("order", self.order, ORDERS)
@@ -278,8 +286,8 @@ class Process:
                 raise InvalidInput("begin must be one arc length or one point in m.")
             listed = begin.tolist()
             object.__setattr__(self, "begin", tuple(listed) if begin.ndim else listed)
-        object.__setattr__(self, "events", tuple(self.events))
-        object.__setattr__(self, "analog", tuple(self.analog))
+        self._make_tuple("events", Event, "Events")
+        self._make_tuple("analog", Analog, "Analogs")
         names = [x.name for x in self.analog]
         if len(set(names)) < len(names):
             raise InvalidInput("Two analog outputs have the same name.")
@@ -292,6 +300,19 @@ class Process:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
         self._make_layers()
 
+    def _make_tuple(self, name: str, kind: type, what: str) -> None:
+        """Make a tuple of a list.
+
+        Raises:
+            InvalidInput: No list of objects of that class; a text is none.
+        """
+        given = getattr(self, name)
+        listed = isinstance(given, Iterable) and not isinstance(given, str | Mapping)
+        found = tuple(given) if listed else (None,)
+        if not all(isinstance(x, kind) for x in found):
+            raise InvalidInput(f"{name} of a process must be a list of {what}, not {show(given)}.")
+        object.__setattr__(self, name, found)
+
     def _make_layers(self) -> None:
         """Make the processes of layers.
 
@@ -300,8 +321,11 @@ class Process:
         """
         known = [x.name for x in fields(LayerProcess)]
         made: dict[str, Process] = {}
+        for name in ("by_layer", "layers"):
+            _checks.refuse_other(f"{name} of a process", getattr(self, name), Mapping)
         for layer, given in self.by_layer.items():
             with locate_errors(f"by_layer.{layer}"):
+                _checks.refuse_other("A layer", given, Mapping)
                 for name in given:
                     _checks.choice("name of a value", name, tuple(known))
                 made[layer] = replace(self, by_layer={}, **given)

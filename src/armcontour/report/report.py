@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour import _staging
+from armcontour import _checks, _staging
 from armcontour.jobs import Job, Study
 from armcontour.program import Program
 from armcontour.report import sections
@@ -154,9 +154,10 @@ def write_report(study: Study, file: str | FilePath) -> None:
         file: The HTML file; an existing file is replaced.
 
     Raises:
-        InvalidInput: The file cannot be written.
+        InvalidInput: No study, or the file cannot be written.
     """
-    place = FilePath(file)
+    _checks.refuse_other("write_report", study, Study, "as run gives it")
+    place = _checks.read_place("write_report", file)
     page = render_report(study)
     try:
         _staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))

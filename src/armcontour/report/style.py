@@ -43,7 +43,9 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
 
 
 def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
-    """Times and curves reduced to about `most` points; every peak and gap (NaN) is kept.
+    """Times and curves reduced to about `most` points; peaks, gaps (NaN) and ends are kept.
+
+    Ends beside gaps are kept, too, so that every part of a curve begins and ends where it does.
 
     Args:
         t: Times, (n,).
@@ -58,7 +60,9 @@ def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[Fl
     kept = {0, n - 1}
     for curve in curves:
         gaps = np.isnan(curve)
-        kept |= set(np.flatnonzero(gaps).tolist())
+        at = np.flatnonzero(gaps)
+        beside = np.concatenate([at - 1, at, at + 1])
+        kept |= set(beside[(beside >= 0) & (beside < n)].tolist())
         for sign in (1, -1):
             # Gaps must not be chosen as peaks.
             peaks = np.where(gaps, -np.inf, sign * curve)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import line_up, several
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
@@ -157,9 +158,13 @@ def explain(
         constraints: The further constraints that the plan was made for.
 
     Raises:
-        InvalidInput: The plan was made by another method.
+        InvalidInput: The plan was made by another method, or is none.
     """
-    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    _checks.refuse_other("explain", trajectory, Trajectory, "as plan gives it")
+    # As for `plan`, what stands for an arm needs a number of joints only.
+    if not hasattr(arm, "dof"):
+        _checks.refuse_other("explain", arm, Arm, "such as load_arm('ur5e')")
+    bounds = choose_limits("explain", arm, limits)
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:

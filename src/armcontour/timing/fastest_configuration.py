@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.arms import Arm, Limits, SerialArm, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError, Unreachable
 from armcontour.geometry import Path
@@ -86,7 +86,7 @@ def trace_all_fastest(
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+    bounds = choose_limits("fastest_configurations", arm, limits)
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks, _memory
 from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
@@ -156,7 +156,7 @@ def _plan(
     """What `plan` gives, and what the joints follow; `tracing` is told of the progress of that."""
     _checks.choice("method", method, PLANNING_METHODS)
     arm = _arm_of(path, arm, limits)
-    bounds = _bounds(arm, limits)
+    bounds = choose_limits("plan", arm, limits)
     refuse_unkept_jerk(method, bounds)
     _refuse_options(method, options, arm, memory)
     timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
@@ -288,20 +288,6 @@ def _arm_of(
             "path without a tool path can be planned with limits alone."
         )
     return arm
-
-
-def _bounds(arm: Arm, limits: Limits | None) -> Limits:
-    """The limits of a plan, one value per joint.
-
-    Raises:
-        InvalidInput: `limits` are no limits.
-    """
-    if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInput(
-            "plan needs Limits, such as arm.limits.replace(speed=0.1), not "
-            f"{type(limits).__name__}."
-        )
-    return (arm.limits if limits is None else limits).for_joints(arm.dof)
 
 
 def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: float) -> None:

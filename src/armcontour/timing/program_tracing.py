@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, Limits, PlanarTwoLink
+from armcontour.arms import Arm, Limits, PlanarTwoLink, choose_limits
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path
@@ -145,7 +145,7 @@ class _Tracer:
         start: npt.ArrayLike | None = None,
     ) -> _Tracer:
         """The tracer of a program; arguments as in `trace_program`."""
-        bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
+        bounds = choose_limits("trace_program", arm, limits)
         return cls(
             program.single_path,
             program.moves,

@@ -9,7 +9,8 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Orientation, Path
+from armcontour.geometry import Orientation, Path, RoundedPath
+from armcontour.geometry.rounding import OUT_OF_PLANE
 from armcontour.tracing import _path_points
 from armcontour.tracing.knots import Knots
 
@@ -75,6 +76,11 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
     helps = "round a sharp corner: round the corner, with an angular tolerance"
+    if _bends_out_of_plane(path, s):
+        helps = (
+            "round a corner that is not rounded, as its two segments do not lie in one plane: let "
+            "them lie in one, or join them by an arc that touches both"
+        )
     why = f", as it follows the tangent {helps}" if orientation.follows else ": make it turn evenly"
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "
@@ -82,6 +88,14 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
         s=s,
         point=path(s).tolist(),
     )
+
+
+def _bends_out_of_plane(path: Path, s: float) -> bool:
+    """Whether a corner at an arc length [m] was left sharp since its segments are in no plane."""
+    if not isinstance(path, RoundedPath) or not len(path.corners):
+        return False
+    nearest = int(np.argmin(np.linalg.norm(path.corners.point - path(s), axis=1)))
+    return bool(path.corners.reason[nearest] == OUT_OF_PLANE)
 
 
 def what_helps(path: Path | None) -> str:

@@ -71,6 +71,20 @@ def test_the_uncompensated_reference_is_exported_every_period(
             )
 
 
+def test_a_period_beyond_the_motion_is_refused(
+    conventional: ac.Trajectory, tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    # Somebody who means milliseconds.
+    words = f"The period of 20 s is longer than the motion of {conventional.duration:.6g} s"
+    refuses(
+        lambda: export(conventional, tmp_path / "a.csv", period=20),
+        InvalidInput,
+        words,
+        allowed=conventional.duration,
+    )
+    export(conventional, tmp_path / "a.csv", period=conventional.duration)
+
+
 def test_refuses_what_does_not_fit_together(
     six: ac.TaughtData, tmp_path: FilePath, refuses: Callable[..., None]
 ) -> None:
@@ -83,6 +97,7 @@ def test_refuses_what_does_not_fit_together(
         ("a.csv", {"outputs": {"tool": 1}}, "Outputs are for urscript and template"),
         ("a.csv", {"period": 0.1}, "its own interval"),
         ("no/a.csv", {}, "No such file or directory"),
+        ("a.script", {"outputs": ["tool"]}, "outputs must give the output of each event"),
     ]
     for file, options, words in cases:
         refuses(lambda f=file, o=options: export(six, tmp_path / f, **o), InvalidInput, words)

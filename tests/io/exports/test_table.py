@@ -168,7 +168,7 @@ def test_refuses_what_cannot_be_a_table(
         (data, {"joint_names": ["a", "b\nc"]}, "one line of text"),
         (data, {"joint_names": ["a", "b" * 81]}, "81 characters, more than 80"),
         (data, {"derivatives": 3}, "from 0 to 2"),
-        ([1, 2], {}, "not a list"),
+        ([1, 2], {}, "not list"),
         (taught(np.zeros((3, 2)), events=early(-0.05)), {}, "0.05 s before the first set-point"),
     ]
     for what, options, words in cases:

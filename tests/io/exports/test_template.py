@@ -108,24 +108,50 @@ def test_ours_refuse_arms_of_other_joints_and_values_on_digital_outputs(
     refuses(
         lambda: made(table(6), tmp_path, name, outputs={"tool": bad}),
         InvalidInput,
-        f"controller are {'numbers from 1' if name == 'kuka' else 'signals by their names'}",
+        f"controller are {'whole numbers from 1' if name == 'kuka' else 'signals by their names'}",
     )
 
 
-@pytest.mark.parametrize(("name", "most"), [("kuka", 24), ("abb", 32)])
-def test_ours_cut_names_that_are_too_long(
-    table: Callable[..., Table], tmp_path: FilePath, name: str, most: int
+def test_an_abb_module_is_cut_if_its_name_is_too_long(
+    table: Callable[..., Table], tmp_path: FilePath
 ) -> None:
     given = dataclasses.replace(table(6), name="a" * 33)
-    text = made(given, tmp_path, name, stem="a" * 33)
-    assert re.search(rf"(DEF|MODULE) a{{{most}}}\b", text)
+    assert re.search(r"MODULE a{32}\b", made(given, tmp_path, "abb"))
 
 
 def test_a_kuka_program_is_called_like_its_file(
     table: Callable[..., Table], tmp_path: FilePath
 ) -> None:
-    text = made(table(6), tmp_path, "kuka", stem="7 Löcher")
-    assert "\nDEF _7_L_cher( )\n" in text and "\n; part 7: " in text
+    text = made(table(6), tmp_path, "kuka", stem="a_7" + 21 * "b")
+    assert f"\nDEF a_7{21 * 'b'}( )\n" in text and "\n; part 7: " in text
+
+
+@pytest.mark.parametrize("stem", ["7 Löcher", "7_holes", "a-b", 25 * "a", "def", "EndSpline", "i"])
+def test_a_file_whose_name_krl_does_not_take_is_refused(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None], stem: str
+) -> None:
+    words = f"KRL takes no program {stem}"
+    refuses(lambda: made(table(6), tmp_path, "kuka", stem=stem), InvalidInput, words)
+
+
+@pytest.mark.parametrize("output", [1.5, True, 0, -1, "1] = TRUE", None])
+def test_a_kuka_output_is_a_whole_number(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None], output: Any
+) -> None:
+    words = f"whole numbers from 1, not {output}"
+    refuses(lambda: made(table(6), tmp_path, "kuka", outputs={"tool": output}), InvalidInput, words)
+    assert "$OUT[3] =" in made(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
+
+
+@pytest.mark.parametrize("output", ["do Tool", "do;\nStop", "7th", "_do", "", "EndIf", 33 * "d"])
+def test_an_abb_output_is_a_name_that_rapid_takes(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None], output: str
+) -> None:
+    refuses(
+        lambda: made(table(6), tmp_path, "abb", outputs={"tool": output}),
+        InvalidInput,
+        "RAPID takes no signal of the name",
+    )
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def read_path(
     Raises:
         InvalidInput: The file cannot be read; the message names the line, the element or the row.
     """
-    location, suffix = _known_file(file)
+    location, suffix = find_reader(file)
     reading = Reading(
         unit=_unit(units),
         chord_tolerance=chord_tolerance,
@@ -147,8 +147,11 @@ def read_path(
     return program
 
 
-def _known_file(file: str | FilePath) -> tuple[FilePath, str]:
+def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
     """The path and the extension of a file that has a reader.
+
+    Args:
+        file: The file.
 
     Raises:
         InvalidInput: The argument is not the path of a file, or no reader has the extension.

@@ -228,6 +228,6 @@ def _placed(shape: Shape, outline: Outline) -> Outline:
         reach = float(np.abs(placed.reach).max())
     if not reach <= FARTHEST:
         shape.element.refuse(
-            f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: is the unit right?"
+            f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: give another unit"
         )
     return placed

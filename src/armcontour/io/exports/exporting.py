@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._text import show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
@@ -86,7 +88,7 @@ def export(
             event, a library is missing, the template has an error, the format cannot hold the
             data, or the file cannot be written.
     """
-    destination = FilePath(file)
+    destination = _checks.read_place("export", file)
     kind = chosen_format(destination, format, template)
     table = make_table(
         data,
@@ -98,9 +100,9 @@ def export(
         tool_motion=tool_motion,
         analog=analog,
     )
-    refuse_unknown_outputs(
-        outputs or {}, (x.name for x in table.events), option="outputs", owner=repr(table.name)
-    )
+    if outputs is not None:
+        names = (x.name for x in table.events)
+        refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
     put(
         destination,
         lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
@@ -120,8 +122,13 @@ def refuse_unknown_outputs(
         owner: Name of the program with the events, for the message.
 
     Raises:
-        InvalidInput: An output is for an unknown event.
+        InvalidInput: No mapping, or an output is for an unknown event.
     """
+    if not isinstance(outputs, Mapping):
+        raise InvalidInput(
+            f"{option} must give the output of each event by its name, such as {{'tool': 0}}, not "
+            f"{show(outputs)}."
+        )
     known = sorted(set(events))
     for name in outputs:
         if name not in known:
@@ -187,8 +194,8 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
         kind = next((x for x, end in FORMATS.items() if end and end == file.suffix.lower()), None)
         if kind is None:
             raise InvalidInput(
-                f"The ending of {file.name} is not that of a format: give one of the formats "
-                f"{listed}."
+                f"The ending of {file.name or file} is not that of a format: give one of the "
+                f"formats {listed}, or a template, such as kuka."
             )
     if kind not in FORMATS:
         raise InvalidInput(f"There is no format {kind!r}: the formats are {listed}.")

@@ -22,6 +22,8 @@ from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
 ON_THE_POINT = 1e-9
 # Set-points this near to their plan are places of it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
+# A shorter period may be longer than a tiny motion: it is a command interval [s].
+LONG_PERIOD = 0.1
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Rows of which the motion of the tool is computed at once.
@@ -132,7 +134,7 @@ class Table:
         given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         given += [("name of an analog output", x) for x in self.analog]
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
-            if not text.strip() or not text.isprintable():
+            if not isinstance(text, str) or not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
             if what != "name":
                 # The name of the table is by default that of a file, which may be longer.
@@ -208,7 +210,7 @@ def make_table(
     """
     if not isinstance(data, TaughtData | Trajectory):
         raise InvalidInput(
-            f"Only taught data and trajectories can be exported, not a {type(data).__name__}."
+            f"Only taught data and trajectories can be exported, not {type(data).__name__}."
         )
     if isinstance(data, TaughtData):
         samples, step = _set_points(data, period, derivatives), data.period
@@ -250,6 +252,8 @@ def tabulate(
     """
     _checks.whole("derivatives", derivatives, 0, 2)
     dof = samples.q.shape[1]
+    if arm is not None:
+        _checks.refuse_other("export", arm, Arm, "such as load_arm('ur5e')")
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     if arm is None and tool_motion:
@@ -293,15 +297,37 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
+def refuse_long_period(period: float, duration: float, name: str) -> None:
+    """Refuse a period that leaves nothing of a motion but its ends.
+
+    Args:
+        period: The period [s].
+        duration: The duration of the motion [s].
+        name: Name of the program, for the message.
+
+    Raises:
+        InvalidInput: The period is longer than the motion, and than any command interval.
+    """
+    if period > max(duration, LONG_PERIOD):
+        raise InvalidInput(
+            f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"{name!r} would be left but its ends; give a shorter period.",
+            needed=period,
+            allowed=duration,
+        )
+
+
 def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
     """The period at which a trajectory is sampled [s].
 
     Raises:
-        InvalidInput: The period is missing, not above zero, or too short for the duration.
+        InvalidInput: The period is missing, not above zero, longer than the motion, or too short
+            for its duration.
     """
     if period is None:
         raise InvalidInput("A trajectory is exported at regular intervals: give a period [s].")
     step = _checks.positive("period", period, "s")
+    refuse_long_period(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "

@@ -190,7 +190,7 @@ def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dic
         "start_time": table.start_time,
         "points": points,
         "events": tuple(x for point in points for x in point.events),
-        "outputs": dict(outputs),
+        "outputs": {x: int(n) if isinstance(n, np.integer) else n for x, n in outputs.items()},
     }
 
 

@@ -18,9 +18,8 @@ from armcontour.timing.explanation import BETWEEN
 MOST_NOTES = 8
 # Patterns of bars, when there are more limits than colours.
 PATTERNS = ("", "/", "x", ".")
-# Largest number of visible bars, and of bars with edges.
+# Largest number of visible bars.
 MOST_BARS = 1200
-MOST_EDGED = 200
 # Relative difference below which assigned velocities are equal.
 SAME_SPEED = 1e-9
 
@@ -128,8 +127,8 @@ def _bar(name: str, k: int, bars: list[tuple[float, ...]]) -> Any:
         marker={
             "color": colour,
             "pattern": {"shape": PATTERNS[k // len(RUN_COLOURS) % len(PATTERNS)]},
-            # Edges would cover many thin bars.
-            "line": {"width": 0 if len(bars) > MOST_EDGED else 0.5},
+            # Edges would cover thin bars, also of few.
+            "line": {"width": 0},
         },
         customdata=bars,
         hovertemplate=(

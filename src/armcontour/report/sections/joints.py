@@ -225,7 +225,7 @@ def _table(name: str, result: RunResult) -> Table:
         amounts.append((plan.peak, limits.joint_torque))
     rows = []
     for j, joint in enumerate(arm.joint_names):
-        own = f"{_angle(low[j])} to {_angle(high[j])}"
+        own = _ends(low[j], high[j])
         used = f"{done.q[:, j].min():.3f} to {done.q[:, j].max():.3f}"
         rows.append((joint, own, used, *(_share(x, limit, j) for x, limit in amounts)))
     return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
@@ -241,9 +241,10 @@ def _worst_accelerations(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, F
     return np.where(braked, -down, up), np.where(braked, -low, high)
 
 
-def _angle(value: float) -> str:
-    """An end of a joint range as text."""
-    return f"{value:.3f}" if np.isfinite(value) else "free"
+def _ends(low: float, high: float) -> str:
+    """A joint range as text."""
+    ends = [f"{x:.3f}" if np.isfinite(x) else "free" for x in (low, high)]
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:

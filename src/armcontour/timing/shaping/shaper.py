@@ -11,11 +11,11 @@ from typing import cast, overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _memory
+from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour._processes import map_in_processes
 from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, Limits, PlanarTwoLink
+from armcontour.arms import Arm, Limits, PlanarTwoLink, choose_limits
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import SHAPED
@@ -118,7 +118,9 @@ def shape(
         NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
             which would stop the tool where the curvature of a shaped path jumps.
     """
-    refuse_unkept_jerk(Method.SHAPED, arm.limits if limits is None else limits)
+    _checks.refuse_other("shape", arm, Arm, "such as load_arm('ur5e')")
+    bounds = choose_limits("shape", arm, limits)
+    refuse_unkept_jerk(Method.SHAPED, bounds)
     wishes = Wishes(
         tolerance=tolerance,
         line_tolerance=line_tolerance,
@@ -127,7 +129,6 @@ def shape(
         iterations=iterations,
     )
     program = Program.of(path, "shape needs a Path or a Program")
-    bounds = (arm.limits if limits is None else limits).for_joints(arm.dof)
     shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
     found = shaping.shape(program, start, progress, named=program is path)
     # Whoever gives a path gets a path.
