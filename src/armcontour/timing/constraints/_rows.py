@@ -41,6 +41,8 @@ from armcontour.timing._block import (
     B,
     U,
     X,
+    take_rows,
+    take_terms,
 )
 
 # Relative rounding error of x in differences of x.
@@ -180,25 +182,6 @@ def derivatives(
 
 
 @compiled(inner=True)
-def _take_joints(first: FloatArray, second: FloatArray, begin: int, ends: FloatArray) -> None:
-    """Write the derivatives of all joints on a block into A0, A1, B0, B1, as `derivatives`."""
-    for m in range(B):
-        i = min(begin + m, first.shape[1] - 1)
-        for j in range(first.shape[2]):
-            ends[j, A0 + m], ends[j, A1 + m] = first[0, i, j], first[1, i, j]
-            ends[j, B0 + m], ends[j, B1 + m] = second[0, i, j], second[1, i, j]
-
-
-@compiled(inner=True)
-def _take_bounds(third: FloatArray, fourth: FloatArray, begin: int, own: FloatArray) -> None:
-    """Write the bounds of higher derivatives of all joints on a block into THIRD and FOURTH."""
-    for m in range(B):
-        i = min(begin + m, third.shape[0] - 1)
-        for j in range(third.shape[1]):
-            own[j, THIRD + m], own[j, FOURTH + m] = third[i, j], fourth[i, j]
-
-
-@compiled(inner=True)
 def start_margins(of: FloatArray) -> None:
     """Write SHARE and ROUNDED, and ceilings without any joint, from WIDTH and X."""
     for m in range(B):
@@ -243,8 +226,9 @@ def acceleration_bulge(
     of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
     for begin in range(0, n, B):
         _take_motion(width, x, u, skew, begin, of)
-        _take_joints(first, second, begin, ends)
-        _take_bounds(third, fourth, begin, own)
+        take_terms(first, second, begin, ends)
+        take_rows(third, begin, own, THIRD)
+        take_rows(fourth, begin, own, FOURTH)
         for j in range(dof):
             write_bulge(of, ends, own, j)
         for m in range(min(B, n - begin)):
@@ -294,7 +278,7 @@ def path_acceleration_bound(
     for begin in range(0, n, B):
         for m in range(B):
             of[X + m], of[U + m] = x[min(begin + m, n - 1)], math.inf
-        _take_joints(first, second, begin, ends)
+        take_terms(first, second, begin, ends)
         for end in range(2):
             for j in range(dof):
                 lower_u(of, ends, j, end, max(high[j], -low[j]))
@@ -325,7 +309,8 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
     n, dof = first.shape[1], first.shape[2]
     ceiling, of, ends = np.empty((2, n)), np.empty(INTERVAL), np.empty((dof, ENDS))
     for begin in range(0, n, B):
-        _take_joints(first, first, begin, ends)
+        take_rows(first[0], begin, ends, A0)
+        take_rows(first[1], begin, ends, A1)
         for m in range(2 * B):
             of[LOW_START + m] = 0.0
         for j in range(dof):
@@ -423,8 +408,8 @@ def velocity_ceiling(
     of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
     for begin in range(0, n, B):
         _take_motion(width, x, u, skew, begin, of)
-        _take_joints(first, second, begin, ends)
-        _take_bounds(third, third, begin, own)
+        take_terms(first, second, begin, ends)
+        take_rows(third, begin, own, THIRD)
         for j in range(dof):
             lower_by_velocity(of, ends, own, j, limit[j])
         write_lost(of)
