@@ -214,6 +214,8 @@ class Orientation:
     @property
     def jumps(self) -> FloatArray:
         """Angle by which the orientation jumps at every inner break [rad], (n - 1,)."""
+        if self.fixed and (self.starts[1:] == self.starts[:-1]).all():
+            return np.zeros(len(self) - 1)
         i = np.arange(len(self) - 1)
         before = self.on_piece(i, np.diff(self.breaks)[:-1])
         after = self.on_piece(i + 1, np.zeros(len(i)))

@@ -97,7 +97,7 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
         allowed: Largest angle between the orientation and its value at the vertex [rad].
     """
     orientation = path.orientation
-    if orientation is None or orientation.follows:
+    if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
     found = _largest_blend(orientation, vertex, allowed)
     return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, found)
@@ -264,6 +264,8 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     Returns:
         Values of k [m], (k,), infinite at vertices where the rate does not jump.
     """
+    if sharp.fixed:
+        return np.full(len(vertex), np.inf)
     a, b = sharp.first[vertex], sharp.first[vertex + 1]
     step = b - a
     size = np.linalg.norm(step, axis=1)
