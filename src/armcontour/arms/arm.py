@@ -88,7 +88,7 @@ class Arm(Locked, ABC):
         return len(self.joint_names)
 
     def with_limits(self, limits: Limits) -> Self:
-        """A copy of the arm with other limits.
+        """The arm with other limits.
 
         Args:
             limits: The new limits, one value for all joints or one per joint.
@@ -96,7 +96,8 @@ class Arm(Locked, ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
-        return self._copy(limits=limits.for_joints(self.dof))
+        own = limits.for_joints(self.dof)
+        return self if own is self.limits else self._copy(limits=own)
 
     def with_name(self, name: str) -> Self:
         """The same arm under another name.

@@ -196,7 +196,8 @@ class Limits:
     @property
     def without_jerk(self) -> Limits:
         """The limits without those of jerk."""
-        return self._with(dict.fromkeys(JERK_LIMITS))
+        given = any(getattr(self, name) is not None for name in JERK_LIMITS)
+        return self._with(dict.fromkeys(JERK_LIMITS)) if given else self
 
     @property
     def of_tool(self) -> Limits:

@@ -30,6 +30,7 @@ from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
+    NOWHERE,
     find_kinks,
     follow_rounded,
     largest_blend,
@@ -59,8 +60,6 @@ NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
 NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
-# No vertices.
-NOWHERE = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -473,12 +472,8 @@ def _rounded_corners(
     radius = np.where(tangent > 0, np.where(shrunk, tangent / stretch, wishes.radius), 0.0)
     length, error = radius * wishes.long, wishes.curve.error(radius, half)
     drawn = bent & (tangent > 0)
-    blends = make_blends(
-        path.segments[corner[drawn]],
-        path.segments[corner[drawn] + 1],
-        tangent[drawn],
-        smooth[drawn],
-    )
+    sides = path.segments[corner[drawn]], path.segments[corner[drawn] + 1]
+    blends = make_blends(*sides, tangent[drawn], smooth[drawn])
     radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
     full = blends.error >= wishes.error[drawn] * (1 - FULL)
     shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
@@ -693,7 +688,8 @@ def _rounded_orientation(
         cut[which + 1] = tangent
         found = follow_rounded(table, path, source, cut, angle, smooth=smooth)
         return found, np.zeros(len(which))
-    return round_orientation(path, which, tangent, length, smooth=smooth)
+    whole = table.breaks[-1]
+    return round_orientation(path, which, tangent, length, whole, smooth=smooth)
 
 
 def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:

@@ -28,7 +28,7 @@ from armcontour.timing.grid import Grid
 # Constraints whose rows come first stand first.
 ROWS = (JointAcceleration, JointTorque)
 CEILINGS = (JointVelocity, ToolSpeed, CentripetalAcceleration)
-NONE = np.empty(0)
+NONE, NOWHERE = np.empty(0), np.empty(0, dtype=np.intp)
 NO_LINKS, NO_CEILING = np.empty((0, 24)), np.empty((2, 0))
 NO_DISCS = Discs(NO_CEILING, NONE, NONE, np.empty(0, dtype=np.bool_))
 
@@ -74,7 +74,7 @@ class AllLimits:
         most = velocity.limit if isinstance(velocity, JointVelocity) else np.full(dof, np.inf)
         return cls(
             # Kernels are compiled for arrays that may be written.
-            joints=Joints(*(np.require(x, requirements="W") for x in (most, *bounds, *own))),
+            joints=Joints(*(x if x.flags.writeable else x.copy() for x in (most, *bounds, *own))),
             fixed=tuple(
                 x for x in found.values() if isinstance(x, ToolSpeed | CentripetalAcceleration)
             ),
@@ -115,11 +115,26 @@ class AllLimits:
 
     def _on(self, grid: Grid) -> Places:
         """A grid with the limits of the tool on it."""
-        ceilings = [x.fixed_ceiling(grid) for x in self.fixed]
-        return Places(
-            grid.s,
-            grid.piece,
-            np.searchsorted(grid.s, grid.joint_path.stops),
-            np.min(ceilings, axis=0) if ceilings else NO_CEILING,
-            *(NO_DISCS if self.disc is None else self.disc.on(grid)),
-        )
+        fixed, stops = fixed_on(self.fixed, grid)
+        discs = NO_DISCS if self.disc is None else self.disc.on(grid)
+        return Places(grid.s, grid.piece, stops, fixed, *discs)
+
+
+def fixed_on(
+    fixed: Sequence[ToolSpeed | CentripetalAcceleration], grid: Grid
+) -> tuple[FloatArray, IntArray]:
+    """The lowest of fixed ceilings at the ends of intervals, and the points of stops.
+
+    Args:
+        fixed: The constraints that are such ceilings.
+        grid: The grid.
+
+    Returns:
+        The ceilings of x, (2, n), or (2, 0) for none; and the indices of the points.
+    """
+    found = [x.fixed_ceiling(grid) for x in fixed]
+    stops = grid.joint_path.stops
+    at = np.searchsorted(grid.s, stops) if len(stops) else NOWHERE
+    if len(found) < 2:
+        return np.ascontiguousarray(found[0]) if found else NO_CEILING, at
+    return np.min(found, axis=0), at
