@@ -471,12 +471,15 @@ def _rounded_corners(
     shrunk = (tangent < wishes.radius * stretch * (1 - 1e-12)) & (wanted > 0)
     radius = np.where(tangent > 0, np.where(shrunk, tangent / stretch, wishes.radius), 0.0)
     length, error = radius * wishes.long, wishes.curve.error(radius, half)
-    drawn = bent & (tangent > 0)
-    sides = path.segments[corner[drawn]], path.segments[corner[drawn] + 1]
-    blends = make_blends(*sides, tangent[drawn], smooth[drawn])
-    radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
-    full = blends.error >= wishes.error[drawn] * (1 - FULL)
-    shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
+    drawn = np.flatnonzero(bent & (tangent > 0))
+    before = after = path.segments[:0]
+    if len(drawn):
+        before, after = path.segments[corner[drawn]], path.segments[corner[drawn] + 1]
+    blends = make_blends(before, after, tangent[drawn], smooth[drawn])
+    if len(drawn):
+        radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
+        full = blends.error >= wishes.error[drawn] * (1 - FULL)
+        shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
     return _Found(
         tangent=tangent,
         radius=radius,

@@ -488,7 +488,7 @@ def plan_in_brackets(
             place_block(breaks, fine.piece, s, begin, block)
             known = take_coefficients(coefficients, fine.piece, begin, known, c)
             for j in range(dof):
-                write_derivatives(block, c, j, ends, j, own)
+                write_derivatives(block, c, j, ends, own)
             for m in range(B):
                 i = min(begin + m, n - 1)
                 block[X + m], block[SKEW + m], block[SHIFT + m] = largest[i], skew[i], shifts[i]

@@ -60,6 +60,7 @@ from armcontour.timing.constraints._rows import (
     write_bulge,
     write_derivatives,
     write_lost,
+    write_slopes,
 )
 
 FOUND, TOO_MUCH, LEFT = 0, 1, 2
@@ -178,7 +179,7 @@ def write_plainly(
         of[LOW_START + m] = 0.0
     for j in range(len(own)):
         row = b * len(own) + j
-        write_derivatives(of, c, j, ends, row, own)
+        write_slopes(of, c, j, ends, row)
         raise_shares(of, ends, row, velocity[j])
         if j < rows:
             write_rows(of, ends, row, own, j, packed, b, j, packed.shape[1] // 2 + j)
@@ -386,7 +387,7 @@ def plan_in_one_go(
             place_block(breaks, piece, s, begin, block)
             known = take_coefficients(coefficients, piece, begin, known, c)
             for j in range(dof):
-                write_derivatives(block, c, j, ends, j, own)
+                write_derivatives(block, c, j, ends, own)
             for m in range(B):
                 i = min(begin + m, n - 1)
                 block[X + m], block[SKEW + m], block[SHIFT + m] = largest[i], skew[i], shifts[i]

@@ -92,11 +92,15 @@ def rises(
     """
     n, rows = middle.shape
     bend = np.empty((n, rows))
+    # One row after the other, for vector instructions.
+    starts, stops = ends[0].reshape(-1), ends[1].reshape(-1)
+    middles, bends = middle.reshape(-1), bend.reshape(-1)
+    for m in range(len(bends)):
+        bends[m] = safety * abs(middles[m] - (starts[m] + stops[m]) / 2)
     for i in range(n):
-        square = width[i] ** 2
+        inverse = 1 / width[i] ** 2
         for k in range(rows):
-            chord = (ends[0, i, k] + ends[1, i, k]) / 2
-            bend[i, k] = safety * abs(middle[i, k] - chord) / square
+            bend[i, k] *= inverse
     for i in range(n):
         square = width[i] ** 2
         before = i - 1 if i > 0 and piece[i - 1] == piece[i] else i
