@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
@@ -195,7 +194,8 @@ class Arm(Locked, ABC):
         return {name: x for name, x in vars(self).items() if name != "dynamics"}
 
     def _copy(self, **changes: Any) -> Self:
-        other = copy.copy(self)
+        other = object.__new__(type(self))
+        vars(other).update(vars(self))
         if "_read_shapes" in changes:
             vars(other).pop("shapes", None)
         if "chain" in changes:

@@ -214,7 +214,8 @@ class Orientation:
     @property
     def constant(self) -> bool:
         """Whether the tool is held in one way along the whole path."""
-        return self.fixed and bool((self.starts[1:] == self.starts[:-1]).all())
+        alone = len(self.starts) == 1
+        return self.fixed and (alone or bool((self.starts[1:] == self.starts[:-1]).all()))
 
     @property
     def jumps(self) -> FloatArray:
