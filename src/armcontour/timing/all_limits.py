@@ -9,9 +9,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion import JointPath
-from armcontour.timing._all_limits import Joints, Places, Rules, plan_in_brackets, plan_roughly
+from armcontour.timing._all_limits import Joints, Places, Rules, plan_both
 from armcontour.timing._block import ENDS, B
-from armcontour.timing._joint_limits import LEFT
 from armcontour.timing.constraints import (
     CentripetalAcceleration,
     Constraint,
@@ -21,7 +20,6 @@ from armcontour.timing.constraints import (
     ToolAcceleration,
     ToolSpeed,
 )
-from armcontour.timing.constraints._torque import terms_on_grid
 from armcontour.timing.constraints.tool import Discs
 from armcontour.timing.grid import Grid
 
@@ -94,7 +92,7 @@ class AllLimits:
             rules: The rules.
 
         Returns:
-            What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
+            What `plan_both` returns.
         """
         n, joints, own = len(grid), self.joints, (path.breaks, path.coefficients)
         lines = len(joints.torque)
@@ -105,13 +103,8 @@ class AllLimits:
         terms = memory[: 6 * n * lines].reshape(3, 2, n if lines else 0, lines)
         middles = memory[6 * n * lines : 9 * n * lines].reshape(3, n if lines else 0, lines)
         packed = memory[9 * n * lines :].reshape(blocks, 2 * rows, ENDS)
-        if lines:
-            terms_on_grid(joints.links, joints.gravity, *own, grid.piece, grid.s, terms, middles)
-        x, slope, sound = plan_roughly(*own, self._on(coarse), of, joints, rules, terms)
-        if not sound:
-            return x, slope, slope, LEFT
-        on = self._on(grid)
-        return plan_in_brackets(*own, on, of, joints, rules, x, slope, terms, middles, packed)
+        grids = self._on(coarse), self._on(grid)
+        return plan_both(*own, *grids, of, joints, rules, terms, middles, packed)
 
     def _on(self, grid: Grid) -> Places:
         """A grid with the limits of the tool on it."""
