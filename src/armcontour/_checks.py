@@ -307,7 +307,7 @@ def per_vertex(
         )
     if array.size and (array < 0).any():
         raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
-    return np.broadcast_to(array, (vertices,)).copy()
+    return np.full(vertices, array)
 
 
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:

@@ -117,3 +117,9 @@ def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made,
         ac.InvalidInput,
         "viscous of a chain must not be negative",
     )
+
+
+def test_its_own_limits_make_no_other_arm_and_other_limits_keep_the_dynamics(made):
+    assert made.with_limits(made.limits) is made
+    dynamics = made.dynamics
+    assert made.with_limits(made.limits.replace(joint_velocity=0.5)).dynamics is dynamics

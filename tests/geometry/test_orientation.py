@@ -318,3 +318,12 @@ def test_breaks_of_the_orientation_are_those_of_the_path_to_the_last_digit():
     near = np.abs(apart[:, None] - rounded.breaks).min(axis=1)
     assert len(near) == 0 or near.min() > 1e-9
     assert rounded.orientation.breaks[-1] == rounded.length
+
+
+@pytest.mark.parametrize("axis_only", [False, True])
+def test_a_tool_held_in_one_way_is_constant_and_one_held_in_two_ways_jumps(axis_only):
+    one = PATH.oriented(DOWN).orientation
+    two = dataclasses.replace(one, starts=np.stack([DOWN, DOWN, *turns(2)]), axis_only=axis_only)
+    assert one.constant and not one.jumps.any()
+    assert two.fixed and not two.constant
+    assert two.jumps[0] == 0.0 and (two.jumps[1:] > 0.1).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
@@ -107,7 +106,7 @@ class Arm(Locked, ABC):
         return len(self.joint_names)
 
     def with_limits(self, limits: Limits) -> Self:
-        """A copy of the arm with other limits.
+        """The arm with other limits.
 
         Args:
             limits: The new limits, one value for all joints or one per joint.
@@ -115,7 +114,8 @@ class Arm(Locked, ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
-        return self._copy(limits=limits.for_joints(self.dof))
+        own = limits.for_joints(self.dof)
+        return self if own is self.limits else self._copy(limits=own)
 
     def with_name(self, name: str) -> Self:
         """The same arm under another name.
@@ -213,7 +213,8 @@ class Arm(Locked, ABC):
         return {name: x for name, x in vars(self).items() if name != "dynamics"}
 
     def _copy(self, **changes: Any) -> Self:
-        other = copy.copy(self)
+        other = object.__new__(type(self))
+        vars(other).update(vars(self))
         if "_read_shapes" in changes:
             vars(other).pop("shapes", None)
         if "chain" in changes:

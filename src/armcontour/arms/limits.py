@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,8 +46,9 @@ TOOL_LIMITS = {
 }
 # Limits of jerk, which only the method optimal keeps.
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
-# The unit of every field of `Limits`.
-UNITS = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad") | TOOL_LIMITS
+# The unit of every field of `Limits` with one value for all joints or one per joint, and of all.
+JOINT_VALUES = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad")
+UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,11 +183,18 @@ class Limits:
                 raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(known)}.")
         return dataclasses.replace(self, **changes)
 
+    def _with(self, changes: Mapping[str, FloatArray | None]) -> Limits:
+        """The same limits with some lifted, or replaced by others that need no check."""
+        found = object.__new__(Limits)
+        for name in UNITS:
+            object.__setattr__(found, name, changes.get(name, getattr(self, name)))
+        return found
+
     @property
     def of_joints(self) -> Limits:
         """The limits and ranges of the joints, without the limits of the tool."""
         given = any(getattr(self, name) is not None for name in TOOL_LIMITS)
-        return self.replace(**dict.fromkeys(TOOL_LIMITS, None)) if given else self
+        return self._with(dict.fromkeys(TOOL_LIMITS)) if given else self
 
     @property
     def jerk_limits(self) -> tuple[str, ...]:
@@ -196,12 +205,13 @@ class Limits:
     @property
     def without_jerk(self) -> Limits:
         """The limits without those of jerk."""
-        return self.replace(**dict.fromkeys(JERK_LIMITS))
+        given = any(getattr(self, name) is not None for name in JERK_LIMITS)
+        return self._with(dict.fromkeys(JERK_LIMITS)) if given else self
 
     @property
     def of_tool(self) -> Limits:
         """The limits of the tool, without the limits and ranges of the joints."""
-        return self.replace(**dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE), None))
+        return self._with(dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE)))
 
     def for_joints(self, dof: int) -> Limits:
         """The same limits with one value per joint.
@@ -212,20 +222,17 @@ class Limits:
         Raises:
             InvalidInput: A wrong number of values.
         """
-        changes = {
-            name: _endless_or_finite(name, values, dof, unit)
-            for name, unit in JOINT_LIMITS.items()
-            if (values := getattr(self, name)) is not None and values.shape != (dof,)
-        }
-        for name in JOINT_RANGE:
+        changes: dict[str, FloatArray | None] = {}
+        for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)
-            if values is not None and values.shape != (dof,):
-                if values.ndim and values.shape != (dof,):
-                    _checks.per_joint(
-                        name, np.nan_to_num(values, posinf=0.0, neginf=0.0), dof, "rad"
-                    )
-                changes[name] = np.full(dof, values)
-        return self.replace(**changes) if changes else self
+            if values is None or values.shape == (dof,):
+                continue
+            if values.ndim:
+                # Infinite values are no limits, and their number is refused.
+                _checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
+            one_each = changes[name] = np.full(dof, values)
+            one_each.setflags(write=False)
+        return self._with(changes) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's acceleration, infinite without one.
@@ -245,12 +252,10 @@ class Limits:
         Args:
             dof: Number of joints.
         """
-        lower, upper = np.full((2, dof), np.array([[-np.inf], [np.inf]]))
-        if self.joint_lower is not None:
-            lower[:] = self.joint_lower
-        if self.joint_upper is not None:
-            upper[:] = self.joint_upper
-        return lower, upper
+        found = np.empty((2, dof))
+        found[0] = -np.inf if self.joint_lower is None else self.joint_lower
+        found[1] = np.inf if self.joint_upper is None else self.joint_upper
+        return found[0], found[1]
 
     def middle(self, dof: int) -> FloatArray:
         """Middle of every joint's range [rad]; for an open range the position closest to 0.
@@ -274,16 +279,6 @@ def _list_values(values: npt.ArrayLike) -> str:
     """The values of all joints; one if they are the same."""
     listed = [digits(x) for x in np.atleast_1d(values)]
     return listed[0] if len(set(listed)) == 1 else ", ".join(listed)
-
-
-def _endless_or_finite(name: str, values: FloatArray, dof: int, unit: str) -> FloatArray:
-    """One value per joint, (dof,); infinite ones, which limits of jerk may have, are kept.
-
-    Raises:
-        InvalidInput: A wrong number of values.
-    """
-    found = _checks.per_joint(name, np.nan_to_num(values, posinf=1.0), dof, unit)
-    return np.where(np.isinf(values), np.inf, found)
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:

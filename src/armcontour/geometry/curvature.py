@@ -228,7 +228,7 @@ def _replace(
         orientation = follow_rounded(table, path, source, cut[:-1], 0.0, smooth=True)
     elif orientation is not None:
         around = sides[0] + sides[1]
-        orientation, _ = round_orientation(path, vertex, w, around, smooth=True)
+        orientation, _ = round_orientation(path, vertex, w, around, table.breaks[-1], smooth=True)
     at = np.interp(path.breaks[path.waypoints], *places.T)
     changed: dict[str, Any] = {
         "segments": table,

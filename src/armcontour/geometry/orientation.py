@@ -212,8 +212,16 @@ class Orientation:
         return np.asarray(rate), np.asarray(change)
 
     @property
+    def constant(self) -> bool:
+        """Whether the tool is held in one way along the whole path."""
+        alone = len(self.starts) == 1
+        return self.fixed and (alone or bool((self.starts[1:] == self.starts[:-1]).all()))
+
+    @property
     def jumps(self) -> FloatArray:
         """Angle by which the orientation jumps at every inner break [rad], (n - 1,)."""
+        if self.constant:
+            return np.zeros(len(self) - 1)
         i = np.arange(len(self) - 1)
         before = self.on_piece(i, np.diff(self.breaks)[:-1])
         after = self.on_piece(i + 1, np.zeros(len(i)))

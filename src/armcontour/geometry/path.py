@@ -339,7 +339,9 @@ class Path:
         """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
         inner = self.breaks[1:-1].copy()
         corners = inner[self.turns > TANGENT_TOLERANCE] if len(inner) else inner
-        return corners if self.orientation is None else np.union1d(corners, self.orientation.stops)
+        if self.orientation is None or not len(more := self.orientation.stops):
+            return corners
+        return np.union1d(corners, more)
 
     @property
     def vertices(self) -> FloatArray:
@@ -355,7 +357,8 @@ class Path:
         """
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        if np.array_equal(orientation.breaks, self.breaks):
+        whole = len(orientation) == 1 and orientation.breaks[1] == self.length
+        if whole or np.array_equal(orientation.breaks, self.breaks):
             return orientation
         slack = SAME_BREAK * (1 + self.length)
         if abs(orientation.breaks[-1] - self.length) > slack * len(self):

@@ -33,6 +33,8 @@ from armcontour.geometry.segments import Segments
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is left out [m].
 SLIVER = 1e-12
+# No vertices.
+NOWHERE = np.empty(0, dtype=np.intp)
 
 
 def find_kinks(path: Path) -> IntArray:
@@ -45,14 +47,14 @@ def find_kinks(path: Path) -> IntArray:
     """
     orientation = path.orientation
     if orientation is None or orientation.follows:
-        return np.zeros(0, dtype=np.intp)
+        return NOWHERE
     fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
-    if not fits or orientation.second.any():
+    if not fits or (not orientation.fixed and orientation.second.any()):
         raise InvalidInput(
             "The corners of this path, or its orientation, were rounded before: round the "
             "objective path."
         )
-    return np.flatnonzero(orientation.kinks > 0)
+    return NOWHERE if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
 
 
 def middle_of(smooth: bool) -> float:
@@ -97,7 +99,7 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
         allowed: Largest angle between the orientation and its value at the vertex [rad].
     """
     orientation = path.orientation
-    if orientation is None or orientation.follows:
+    if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
     found = _largest_blend(orientation, vertex, allowed)
     return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, found)
@@ -108,6 +110,7 @@ def round_orientation(
     vertex: IntArray,
     tangent: FloatArray,
     length: FloatArray,
+    whole: float,
     *,
     smooth: bool = False,
 ) -> tuple[Orientation, FloatArray]:
@@ -118,6 +121,7 @@ def round_orientation(
         vertex: Indices of the rounded vertices, (k,).
         tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
         length: Length of what replaces each vertex [m], (k,).
+        whole: Length of the rounded path [m].
         smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
@@ -130,7 +134,7 @@ def round_orientation(
     lengths, n = objective.lengths, len(objective)
     if not own.first.any() and not (own.jumps > SAME_ORIENTATION).any():
         one = Orientation.even(
-            np.array([lengths.sum() - (2 * tangent - length).sum()]),
+            np.array([whole]),
             own.starts[:1],
             np.zeros((1, 3)),
             axis_only=own.axis_only,
@@ -264,6 +268,8 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     Returns:
         Values of k [m], (k,), infinite at vertices where the rate does not jump.
     """
+    if sharp.fixed:
+        return np.full(len(vertex), np.inf)
     a, b = sharp.first[vertex], sharp.first[vertex + 1]
     step = b - a
     size = np.linalg.norm(step, axis=1)

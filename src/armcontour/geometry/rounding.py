@@ -26,10 +26,11 @@ from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
 from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
-from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
+    NOWHERE,
     find_kinks,
     follow_rounded,
     largest_blend,
@@ -59,8 +60,6 @@ NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
 NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
-# No vertices.
-NOWHERE = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -421,12 +420,37 @@ def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> Round
     """
     tangents, wanted, smooth = _tangent_lengths(path, wishes, kinked, angle)
     found = _rounded_corners(path, wishes, tangents[: len(wishes.corner)], wanted, smooth)
-    rounded, source = _assemble(path, wishes, found, _stop_reasons(path, wishes, found, angle))
+    table, source, ends = _replace_corners(path, wishes, found)
     which = np.concatenate([wishes.corner, kinked])
     lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
     tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
     even = wishes.curve.smooth
-    return _add_orientation(rounded, source, which, tangents, lengths, angle, smooth=even)
+    orientation, off = _rounded_orientation(
+        path, table, source, which, tangents, lengths, angle, smooth=even
+    )
+    corner = wishes.corner
+    return RoundedPath(
+        segments=table,
+        merged=path.merged,
+        # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
+        waypoints=EVERY_VERTEX if (found.radius > 0).any() else path.waypoints,
+        orientation=orientation,
+        objective=path,
+        corners=Corners(
+            vertex=corner + 1,
+            point=path.starts[corner + 1],
+            turn=2 * wishes.half,
+            radius=found.radius,
+            error=found.error,
+            tangent=found.tangent,
+            start=ends - found.length,
+            end=ends,
+            shrunk=found.shrunk,
+            speed=np.sqrt(wishes.acceleration * found.radius),
+            angular_error=off[: len(corner)],
+            reason=_stop_reasons(path, wishes, found, angle),
+        ),
+    )
 
 
 def _rounded_corners(
@@ -447,16 +471,15 @@ def _rounded_corners(
     shrunk = (tangent < wishes.radius * stretch * (1 - 1e-12)) & (wanted > 0)
     radius = np.where(tangent > 0, np.where(shrunk, tangent / stretch, wishes.radius), 0.0)
     length, error = radius * wishes.long, wishes.curve.error(radius, half)
-    drawn = bent & (tangent > 0)
-    blends = make_blends(
-        path.segments[corner[drawn]],
-        path.segments[corner[drawn] + 1],
-        tangent[drawn],
-        smooth[drawn],
-    )
-    radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
-    full = blends.error >= wishes.error[drawn] * (1 - FULL)
-    shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
+    drawn = np.flatnonzero(bent & (tangent > 0))
+    before = after = path.segments[:0]
+    if len(drawn):
+        before, after = path.segments[corner[drawn]], path.segments[corner[drawn] + 1]
+    blends = make_blends(before, after, tangent[drawn], smooth[drawn])
+    if len(drawn):
+        radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
+        full = blends.error >= wishes.error[drawn] * (1 - FULL)
+        shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
     return _Found(
         tangent=tangent,
         radius=radius,
@@ -502,36 +525,6 @@ def _in_plane(path: Path, corner: IntArray) -> BoolArray:
     ]
     off = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
     return np.asarray(np.max(off, axis=0) <= SAME_PLANE)
-
-
-def _assemble(
-    path: Path, wishes: _Wishes, found: _Found, reasons: npt.NDArray[np.object_]
-) -> tuple[RoundedPath, IntArray]:
-    """The rounded path without orientation, and the objective segment of each of its segments."""
-    table, source, ends = _replace_corners(path, wishes, found)
-    corner = wishes.corner
-    rounded = RoundedPath(
-        segments=table,
-        merged=path.merged,
-        # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
-        waypoints=EVERY_VERTEX if (found.radius > 0).any() else path.waypoints,
-        objective=path,
-        corners=Corners(
-            vertex=corner + 1,
-            point=path.starts[corner + 1],
-            turn=2 * wishes.half,
-            radius=found.radius,
-            error=found.error,
-            tangent=found.tangent,
-            start=ends - found.length,
-            end=ends,
-            shrunk=found.shrunk,
-            speed=np.sqrt(wishes.acceleration * found.radius),
-            angular_error=np.zeros(len(corner)),
-            reason=reasons,
-        ),
-    )
-    return rounded, source
 
 
 def _tangent_lengths(
@@ -668,8 +661,9 @@ def _wishes(
     )
 
 
-def _add_orientation(
-    rounded: RoundedPath,
+def _rounded_orientation(
+    path: Path,
+    table: Segments,
     source: IntArray,
     which: IntArray,
     tangent: FloatArray,
@@ -677,29 +671,28 @@ def _add_orientation(
     angle: float,
     *,
     smooth: bool,
-) -> RoundedPath:
-    """The rounded path with the rounded orientation of its objective path.
+) -> tuple[Orientation | None, FloatArray]:
+    """The rounded orientation, and its angular errors in the middles of what is replaced [rad].
 
     Args:
-        rounded: The rounded path without orientation.
-        source: Index of the objective segment of each segment, from `_assemble`.
+        path: The objective path.
+        table: The segments of the rounded path.
+        source: Index of the objective segment of each of them, from `_replace_corners`.
         which: Segments after which there is a corner, then those after which there is a kink, (k,).
         tangent: Tangent length of each of these vertices [m], (k,).
         length: Length of what replaces them [m], (k,).
         angle: Angular tolerance [rad].
         smooth: Whether the derivative of the angular rate must not jump.
     """
-    path = rounded.objective
     if path.orientation is None:
-        return rounded
+        return None, np.zeros(len(which))
     if path.orientation.follows:
         cut = np.zeros(len(path))
         cut[which + 1] = tangent
-        orientation = follow_rounded(rounded.segments, path, source, cut, angle, smooth=smooth)
-        return dataclasses.replace(rounded, orientation=orientation)
-    orientation, off = round_orientation(path, which, tangent, length, smooth=smooth)
-    corners = dataclasses.replace(rounded.corners, angular_error=off[: len(rounded.corners)])
-    return dataclasses.replace(rounded, orientation=orientation, corners=corners)
+        found = follow_rounded(table, path, source, cut, angle, smooth=smooth)
+        return found, np.zeros(len(which))
+    whole = table.breaks[-1]
+    return round_orientation(path, which, tangent, length, whole, smooth=smooth)
 
 
 def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
@@ -757,5 +750,6 @@ def _replace_corners(
     drawn = Segments.join([curves, found.blends.rows] if len(blended) else [curves])
     after = np.concatenate([before[row], blended[found.blends.of]])
     table, source, _ = replace_vertices(path.segments, cut, drawn, after)
+    table = table.check()
     ends = np.append(0.0, np.cumsum(table.lengths))[np.searchsorted(source, corner, side="right")]
     return table, source, ends

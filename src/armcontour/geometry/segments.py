@@ -232,8 +232,10 @@ class Segments:
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
         """What `at` gives for lines and arcs."""
         k = self.curvatures[i]
-        if order == 0 and not np.any(k):
-            return np.asarray(self.starts[i] + u[..., None] * self.tangents[i])
+        if order < 2 and not np.any(k):
+            along = u if order == 0 else np.ones_like(u)
+            line = along[..., None] * self.tangents[i]
+            return np.asarray(self.starts[i] + line if order == 0 else line)
         angle = k * u
         if order == 0:
             half = angle / 2

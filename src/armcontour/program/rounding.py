@@ -69,26 +69,24 @@ def round_corners(
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
             the orientation needs an angular tolerance and there is none.
     """
+
+    def rounded(path: Path) -> RoundedPath:
+        return round_path(
+            path,
+            tolerance=tolerance(path) if callable(tolerance) else tolerance,
+            speed=speed,
+            acceleration=acceleration,
+            angular_tolerance=angular_tolerance,
+            continuity=continuity,
+        )
+
+    if isinstance(path, Path):
+        return rounded(path)
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
-        put_on_path(
-            x,
-            round_path(
-                x.path,
-                tolerance=tolerance(x.path) if callable(tolerance) else tolerance,
-                speed=speed,
-                acceleration=acceleration,
-                angular_tolerance=angular_tolerance,
-                continuity=continuity,
-            ),
-        )
-        if isinstance(x, Contour)
-        else x
-        for x in program.moves
+        put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
-    rounded = dataclasses.replace(program, moves=tuple(moves))
-    # Whoever gives a path gets a path.
-    return rounded if program is path else rounded.path
+    return dataclasses.replace(program, moves=tuple(moves))
 
 
 @overload

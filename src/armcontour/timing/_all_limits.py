@@ -1,4 +1,4 @@
-"""Plans with the library's own limits in two compiled calls, one for each pass of the planner.
+"""Plans with the library's own limits: both passes of the planner in one compiled call.
 
 The same steps as in `optimal.py`, in the same order, with the same kernels. What is out of the
 ordinary is left to it, and so are all refusals.
@@ -14,24 +14,57 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
 from armcontour.motion._intervals import law_of_squares
-from armcontour.timing._block import ENDS, count_blocks, filled, widths_of
-from armcontour.timing._bracket import bound_u, bound_x, gain_left, judge, spread
-from armcontour.timing._joint_limits import FOUND, LEFT, TOO_MUCH, at_points, reach_ends
+from armcontour.timing._block import (
+    ABOVE,
+    ENDS,
+    HIGH0,
+    HIGH1,
+    INTERVAL,
+    LOST,
+    LOW0,
+    LOW1,
+    MARGIN,
+    OWN,
+    RISES,
+    SHIFT,
+    SKEW,
+    B,
+    U,
+    X,
+    count_blocks,
+    filled,
+    take_terms,
+    widths_of,
+)
+from armcontour.timing._bracket import bound_x, gain_left, judge, spread, turn
+from armcontour.timing._joint_limits import (
+    FOUND,
+    LEFT,
+    TOO_MUCH,
+    at_points,
+    bound_by_joints,
+    free_uses,
+    put_ceiling,
+    reach_ends,
+    steer_along_joints,
+    write_joints,
+    write_plainly,
+)
 from armcontour.timing._reach import (
-    BELOW_CEILING,
-    BINDING,
     pack,
+    raise_lost,
     skew_along_discs,
     skew_along_rows,
+    take_bounds,
+    write_rows,
 )
 from armcontour.timing.constraints._rows import (
-    acceleration_bulge,
     derivatives,
-    path_acceleration_bound,
-    velocity_ceiling,
-    velocity_ceiling_at_ends,
+    place_block,
+    take_coefficients,
+    write_derivatives,
 )
-from armcontour.timing.constraints._sampled import bulges, rises
+from armcontour.timing.constraints._sampled import rises, take_rises, write_sampled_bulge
 from armcontour.timing.constraints._tool import shrink_discs
 from armcontour.timing.constraints._torque import (
     at_rest,
@@ -39,6 +72,7 @@ from armcontour.timing.constraints._torque import (
     friction_on_grid,
     largest_u,
     rub,
+    terms_on_grid,
 )
 
 
@@ -156,9 +190,14 @@ class Torques(NamedTuple):
 
 @compiled(inner=True, allocates=True)
 def _torques(
-    joints: Joints, width: FloatArray, first: FloatArray, third: FloatArray, terms: FloatArray
+    joints: Joints,
+    coefficients: FloatArray,
+    breaks: FloatArray,
+    places: Places,
+    width: FloatArray,
+    terms: FloatArray,
 ) -> Torques:
-    """The torques on a grid, of the coefficients at its ends, (3, 2, n, dof)."""
+    """The torques on a grid along a joint path, of the coefficients at its ends, (3, 2, n, dof)."""
     dof = len(joints.torque)
     a, b, c = terms[0], terms[1], terms[2]
     low, high, kept = at_rest(c, joints.torque)
@@ -168,6 +207,9 @@ def _torques(
         rubs |= viscous or joints.coulomb[j] != 0.0
     drag, within = np.empty((2, n if rubs else 0, dof)), np.empty((5, n if rubs else 0, dof))
     if kept and rubs:
+        path = np.empty((6, n, dof))
+        first, third = path[0:2], path[4]
+        derivatives(coefficients, breaks, places.piece, places.s, first, path[2:4], third, path[5])
         friction_on_grid(width, first, third, joints.viscous, joints.coulomb, drag, within)
         kept = rub(c, within[3], within[4], joints.torque, low, high)
     if not viscous:
@@ -201,24 +243,6 @@ def _drag(
     return a, b, low, high, along, aside
 
 
-@compiled(inner=True)
-def _lower(ends: FloatArray, fixed: FloatArray, shifts: FloatArray) -> None:
-    """Lower ceilings, (2, n), to fixed ones, and by how far x lies above its chord.
-
-    Args:
-        ends: The ceilings at the starts and ends, changed in place, (2, n).
-        fixed: Fixed ceilings, (2, n), or (2, 0) for none.
-        shifts: Slope of u over s times width², (n,).
-    """
-    for end in range(2):
-        for i in range(ends.shape[1]):
-            lowest = ends[end, i]
-            if fixed.shape[1] and fixed[end, i] < lowest:
-                lowest = fixed[end, i]
-            # Where u falls, x lies above its chord by up to |skew| width² / 4.
-            ends[end, i] = lowest + shifts[i] / 4 if shifts[i] < 0.0 else lowest
-
-
 @compiled(inner=True, allocates=True)
 def _coarse_terms(terms: FloatArray, of: IntArray, coarse: int) -> FloatArray:
     """The coefficients at the ends of coarse intervals, of those at the ends of all intervals.
@@ -241,7 +265,32 @@ def _coarse_terms(terms: FloatArray, of: IntArray, coarse: int) -> FloatArray:
     return found
 
 
-@compiled()
+@compiled(inner=True, allocates=True)
+def _make_room(packed: FloatArray, kept: int, more: int) -> FloatArray:
+    """The first rows of each end, as `pack` writes them, with memory for others after them."""
+    blocks, every = packed.shape[0], packed.shape[1] // 2
+    found = np.empty((blocks, 2 * (kept + more), ENDS))
+    for b in range(blocks):
+        for k in range(kept):
+            for m in range(ENDS):
+                found[b, k, m] = packed[b, k, m]
+                found[b, kept + more + k, m] = packed[b, every + k, m]
+    return found
+
+
+@compiled(inner=True, allocates=True)
+def _bounds_of(joints: Joints, dof: int) -> FloatArray:
+    """Bounds of the joints on a block, (dof, 7 B), of acceleration as far as there are any."""
+    own, rows = np.empty((dof, OWN)), len(joints.low)
+    for j in range(dof):
+        for m in range(B):
+            own[j, MARGIN + m] = 0.0
+            own[j, LOW0 + m] = own[j, LOW1 + m] = joints.low[j] if rows else -math.inf
+            own[j, HIGH0 + m] = own[j, HIGH1 + m] = joints.high[j] if rows else math.inf
+    return own
+
+
+@compiled(inner=True, allocates=True)
 def plan_roughly(
     breaks: FloatArray,
     coefficients: FloatArray,
@@ -267,31 +316,29 @@ def plan_roughly(
         ds² at the points of the coarse grid, slopes of dds, and whether there is a plan.
     """
     n, dof = len(places.piece), coefficients.shape[2]
-    width, path = widths_of(places.s), np.empty((6, n, dof))
-    first, second, third, fourth = path[0:2], path[2:4], path[4], path[5]
-    derivatives(coefficients, breaks, places.piece, places.s, first, second, third, fourth)
-    torques = _torques(joints, width, first, third, _coarse_terms(terms, of, n))
+    rows, lines, blocks = len(joints.low), len(joints.torque), count_blocks(n)
+    width, none, lost, skew = widths_of(places.s), filled(n, 0.0), filled(n, 0.0), filled(n, 0.0)
+    torques = _torques(joints, coefficients, breaks, places, width, _coarse_terms(terms, of, n))
     if not torques.kept:
         return width, width, False
-    ends = velocity_ceiling_at_ends(first, joints.velocity)
-    none, lost, skew = filled(n, 0.0), filled(n, 0.0), filled(n, 0.0)
-    no_margin = np.empty((n, 2 * dof))
-    for i in range(n):
-        for j in range(2 * dof):
-            no_margin[i, j] = 0.0
-    _lower(ends, places.fixed, none)
-    ceiling = at_points(ends, places.stops)
-    low, high = joints.low.reshape(1, 1, -1), joints.high.reshape(1, 1, -1)
-    rows, lines = len(joints.low), len(joints.torque)
-    packed = np.empty((count_blocks(n), 2 * (rows + lines), ENDS))
+    block, c, own = np.empty(INTERVAL), np.empty((dof, 5 * B)), _bounds_of(joints, dof)
+    ends, highest, known = np.empty((blocks * dof, ENDS)), np.empty((2, n)), -1
+    packed = np.empty((blocks, 2 * (rows + lines), ENDS))
+    for m in range(B):
+        block[SHIFT + m] = block[ABOVE + m] = 0.0
+    for begin in range(0, n, B):
+        place_block(breaks, places.piece, places.s, begin, block)
+        known = take_coefficients(coefficients, places.piece, begin, known, c)
+        write_plainly(block, c, own, rows, joints.velocity, ends, packed, begin // B)
+        put_ceiling(block, places.fixed, begin, highest)
+    ceiling = at_points(highest, places.stops)
     a, b, floor, top = torques.a, torques.b, torques.low, torques.high
     discs = places.curvature, places.radius
     about = none
     for k in range(rules.tangents + 1):
-        if rows:
-            pack(width, none, first, second, low, high, no_margin, 0, packed, lost)
         if lines:
-            pack(width, none, a, b, floor, top, no_margin, rows, packed, lost)
+            margin = filled(n * a.shape[2], 0.0).reshape(n, a.shape[2])
+            pack(width, none, a, b, floor, top, margin, rows, packed, lost)
         x, sound = reach_ends(width, packed, ceiling, *discs, none, rules.start, rules.end)
         if not sound:
             return x, skew, False
@@ -306,14 +353,10 @@ def plan_roughly(
             break
         a, b, floor, top, _, _ = _drag(torques, about, about, False)
         if k == 0:
-            packed = np.empty((count_blocks(n), 2 * (rows + 2 * lines), ENDS))
-    used = np.empty(n)
-    for i in range(n):
-        free = 0.0 < x[i] <= ceiling[i] * BELOW_CEILING
-        free = free and 0.0 < x[i + 1] <= ceiling[i + 1] * BELOW_CEILING
-        used[i] = BINDING if free else math.inf
+            packed = _make_room(packed, rows, 2 * lines)
+    used = free_uses(x, ceiling)
     if rows:
-        skew_along_rows(width, first, second, low, high, x, used, skew)
+        steer_along_joints(width, ends, own, x, used, skew)
     if lines:
         skew_along_rows(width, a, b, floor, top, x, used, skew)
     if len(places.radius):
@@ -322,76 +365,65 @@ def plan_roughly(
 
 
 @compiled(inner=True, allocates=True)
-def _largest_u(
-    first: FloatArray,
-    second: FloatArray,
-    places: Places,
-    joints: Joints,
-    torques: Torques,
-    x: FloatArray,
-) -> FloatArray:
-    """Largest |u| on every interval that all limits allow for the largest x, (n,)."""
-    allowed = filled(len(x), math.inf)
-    if len(joints.low):
-        allowed = path_acceleration_bound(first, second, joints.low, joints.high, x)
+def _largest_u(places: Places, joints: Joints, torques: Torques, x: FloatArray) -> FloatArray:
+    """Largest |u| on every interval that torques and discs allow for the largest x, (n,)."""
     if len(joints.torque):
         t = torques
-        found = largest_u(t.a, t.b, t.c, t.drag, joints.torque, joints.coulomb, x)
-        for i in range(len(x)):
-            allowed[i] = min(allowed[i], found[i])
+        allowed = largest_u(t.a, t.b, t.c, t.drag, joints.torque, joints.coulomb, x)
+    else:
+        allowed = filled(len(x), math.inf)
     for i in range(len(places.radius)):
         allowed[i] = min(allowed[i], places.radius[i])
     return allowed
 
 
-@compiled(inner=True, allocates=True)
-def _repack_torques(
-    width: FloatArray,
-    torques: Torques,
-    bends: FloatArray,
-    x: FloatArray,
-    least: FloatArray,
-    u: FloatArray,
-    skew: FloatArray,
-    shifts: FloatArray,
-    at: int,
-    margin: FloatArray,
-    packed: FloatArray,
-    lost: FloatArray,
-) -> None:
-    """Pack the torque rows with margins for the bounds of x and u.
+class Lines(NamedTuple):
+    """Rows of torque with what margins need, of all intervals.
 
     Args:
-        width: Lengths of the intervals, (n,).
+        a: Coefficients of u at the starts and ends, (2, n, rows).
+        b: Coefficients of x there.
+        low: Lower bounds there.
+        high: Upper bounds there.
+        rise_a: Bounds of the distances of a from its chord, (n, rows).
+        rise_b: The same of b.
+        rise_c: The same of what depends on the place only.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    low: FloatArray
+    high: FloatArray
+    rise_a: FloatArray
+    rise_b: FloatArray
+    rise_c: FloatArray
+
+
+@compiled(inner=True, allocates=True)
+def _lines(torques: Torques, bends: FloatArray, least: FloatArray, most: FloatArray) -> Lines:
+    """The torque rows for brackets from `least` to `most`, (n,), with lines for viscous friction.
+
+    Args:
         torques: The torques.
         bends: Bounds of the distances of a, b and c from their chords, (3, n, dof).
-        x: Largest x, (n,).
         least: Smallest x, (n,).
-        u: Largest |u|, (n,).
-        skew: Slope of u over s, (n,).
-        shifts: The same times width², (n,).
-        at: Number of rows before these.
-        margin: Memory for the margins, (n, rows).
-        packed: As in `pack`.
-        lost: As in `pack`.
+        most: Largest x, (n,).
     """
     n, dof = bends.shape[1], bends.shape[2]
-    a, b, low, high = torques.a, torques.b, torques.low, torques.high
-    of_a, of_b, of_c = bends[0], bends[1], bends[2]
-    if torques.drag.shape[1]:
-        a, b, low, high, along, aside = _drag(torques, least, x, True)
-        twice = np.empty((3, n, 2 * dof))
-        for i in range(n):
-            for k in range(2 * dof):
-                j = k % dof
-                twice[0, i, k], twice[1, i, k] = bends[0, i, j], bends[1, i, j] + along[i, k]
-                twice[2, i, k] = bends[2, i, j] + aside[i, k]
-        of_a, of_b, of_c = twice[0], twice[1], twice[2]
-    bulges(width, a, b, of_a, of_b, of_c, x, u, skew, margin)
-    pack(width, shifts, a, b, low, high, margin, at, packed, lost)
+    if not torques.drag.shape[1]:
+        own = torques.a, torques.b, torques.low, torques.high
+        return Lines(*own, bends[0], bends[1], bends[2])
+    a, b, low, high, along, aside = _drag(torques, least, most, True)
+    twice = np.empty((3, n, 2 * dof))
+    for i in range(n):
+        for k in range(2 * dof):
+            j = k % dof
+            twice[0, i, k], twice[1, i, k] = bends[0, i, j], bends[1, i, j] + along[i, k]
+            twice[2, i, k] = bends[2, i, j] + aside[i, k]
+    return Lines(a, b, low, high, twice[0], twice[1], twice[2])
 
 
-@compiled()
+@compiled(inner=True, allocates=True)
 def plan_in_brackets(
     breaks: FloatArray,
     coefficients: FloatArray,
@@ -426,19 +458,18 @@ def plan_in_brackets(
     """
     n, dof, lines = len(fine.piece), coefficients.shape[2], len(joints.torque)
     s, width, lost = fine.s, widths_of(fine.s), filled(n, 0.0)
-    path = np.empty((6, n, dof))
-    first, second, third, fourth = path[0:2], path[2:4], path[4], path[5]
-    derivatives(coefficients, breaks, fine.piece, s, first, second, third, fourth)
-    torques = _torques(joints, width, first, third, terms)
+    torques = _torques(joints, coefficients, breaks, fine, width, terms)
     if not torques.kept:
         return x, slope, lost, LEFT
     bends = np.empty((3, n, lines))
     for term in range(3 if lines else 0):
         rises(width, fine.piece, terms[term], middles[term], rules.safety, bends[term])
-    rows, bracketed = len(joints.low), lines > 0
-    low, high = joints.low.reshape(1, 1, -1), joints.high.reshape(1, 1, -1)
-    more = 2 * lines if torques.drag.shape[1] else lines
-    margin, bulge = np.empty((n, more)), np.empty((n, rows))
+    rows, bracketed, every = len(joints.low), lines > 0, packed.shape[1] // 2
+    block, c, own, known = np.empty(INTERVAL), np.empty((dof, 5 * B)), _bounds_of(joints, dof), -1
+    ends, shifts, u, highest = np.empty((dof, ENDS)), np.empty(n), np.empty(n), np.empty((2, n))
+    # Of the torques on a block.
+    own_t, ends_t = np.empty((every - rows, OWN)), np.empty((every - rows, ENDS))
+    rises_t = np.empty((every - rows, RISES))
     most, least, slope = spread(x, slope, of)
     ratio, radius = filled(n, rules.headroom), np.empty(len(fine.radius))
     steady, dips, left = np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
@@ -447,21 +478,48 @@ def plan_in_brackets(
     # The law that is found, which may not be the fastest yet, and its duration.
     best, best_skew, duration, moves = x, slope, math.inf, 0
     for _ in range(rules.tries):
-        skew, shifts, unbounded = np.empty(n), np.empty(n), False
+        skew = np.empty(n)
         for i in range(n):
             skew[i] = 0.0 if steady[i] else slope[i]
             shifts[i] = skew[i] * width[i] ** 2
         largest, smallest = bound_x(most, least, ratio, skew, width)
-        allowed = _largest_u(first, second, fine, joints, torques, largest)
-        for i in range(n):
-            unbounded |= allowed[i] == math.inf
-        if unbounded:
-            return x, skew, lost, LEFT
-        u = bound_u(allowed, largest, smallest, skew, width, bracketed)
-        ends, lost = velocity_ceiling(
-            width, first, second, third, joints.velocity, largest, u, skew
-        )
-        _lower(ends, fine.fixed, shifts)
+        allowed = _largest_u(fine, joints, torques, largest)
+        rows_t = _lines(torques, bends, smallest, largest)
+        for begin in range(0, n, B):
+            place_block(breaks, fine.piece, s, begin, block)
+            known = take_coefficients(coefficients, fine.piece, begin, known, c)
+            for j in range(dof):
+                write_derivatives(block, c, j, ends, own)
+            for m in range(B):
+                i = min(begin + m, n - 1)
+                block[X + m], block[SKEW + m], block[SHIFT + m] = largest[i], skew[i], shifts[i]
+            bound_by_joints(block, ends, own, rows)
+            unbounded = 0
+            for m in range(B):
+                i = min(begin + m, n - 1)
+                found = min(block[U + m], allowed[i])
+                unbounded |= int(found == math.inf)
+                change = turn(skew[i], width[i])
+                found += change
+                if bracketed:
+                    across = (largest[i] - smallest[i]) / (2 * width[i])
+                    found = min(found, across + 1.5 * change)
+                block[U + m] = u[i] = found
+            if unbounded:
+                return x, skew, lost, LEFT
+            write_joints(block, ends, own, rows, joints.velocity, packed, begin // B)
+            put_ceiling(block, fine.fixed, begin, highest)
+            if lines:
+                take_terms(rows_t.a, rows_t.b, begin, ends_t)
+                take_bounds(rows_t.low, rows_t.high, begin, own_t)
+                take_rises(rows_t.rise_a, rows_t.rise_b, rows_t.rise_c, begin, rises_t)
+            for k in range(len(own_t)):
+                write_sampled_bulge(block, ends_t, rises_t, own_t, k)
+                at = rows + k
+                write_rows(block, ends_t, k, own_t, k, packed, begin // B, at, every + at)
+                raise_lost(block, ends_t, own_t, k)
+            for m in range(min(B, n - begin)):
+                lost[begin + m] = block[LOST + m]
         if len(radius):
             shrink_discs(
                 width,
@@ -477,24 +535,6 @@ def plan_in_brackets(
             for i in range(n):
                 if abs(skew[i]) * width[i] / 2 > radius[i]:
                     lost[i] = max(lost[i], 1.0)
-        if rows:
-            acceleration_bulge(width, first, second, third, fourth, largest, u, skew, bulge)
-            pack(width, shifts, first, second, low, high, bulge, 0, packed, lost)
-        if lines:
-            _repack_torques(
-                width,
-                torques,
-                bends,
-                largest,
-                smallest,
-                u,
-                skew,
-                shifts,
-                rows,
-                margin,
-                packed,
-                lost,
-            )
         too_much = changed = False
         for i in range(n):
             if lost[i] > rules.most:
@@ -506,7 +546,7 @@ def plan_in_brackets(
             if not changed:
                 return best, best_skew, lost, FOUND if duration < math.inf else TOO_MUCH
             continue
-        ceiling = at_points(ends, fine.stops)
+        ceiling = at_points(highest, fine.stops)
         discs = fine.curvature, radius
         x, sound = reach_ends(width, packed, ceiling, *discs, shifts, rules.start, rules.end)
         if not sound:
@@ -549,3 +589,44 @@ def plan_in_brackets(
     for i in range(n):
         lost[i] = max(lost[i], rules.most)
     return x, slope, lost, TOO_MUCH
+
+
+@compiled()
+def plan_both(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    coarse: Places,
+    fine: Places,
+    of: IntArray,
+    joints: Joints,
+    rules: Rules,
+    terms: FloatArray,
+    middles: FloatArray,
+    packed: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Plan on a coarse grid, and then with margins on the grid itself.
+
+    Args:
+        breaks: Of the joint path, (pieces + 1,).
+        coefficients: Of the joint path, (pieces, 6, dof).
+        coarse: The grid of the first pass.
+        fine: The grid.
+        of: The coarse interval of each interval, (n,).
+        joints: The arm and the limits of its joints.
+        rules: The rules.
+        terms: Memory for the torques, as `terms_on_grid` takes it for ends.
+        middles: The same for middles.
+        packed: Memory for the rows, as `pack` takes it.
+
+    Returns:
+        What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
+    """
+    if len(joints.torque):
+        own = joints.links, joints.gravity
+        terms_on_grid(*own, breaks, coefficients, fine.piece, fine.s, terms, middles)
+    x, slope, sound = plan_roughly(breaks, coefficients, coarse, of, joints, rules, terms)
+    if not sound:
+        return x, slope, slope, LEFT
+    return plan_in_brackets(
+        breaks, coefficients, fine, of, joints, rules, x, slope, terms, middles, packed
+    )

@@ -30,6 +30,10 @@ ENDS = 4 * B
 # the third and fourth derivatives.
 LOW0, LOW1, HIGH0, HIGH1, MARGIN, THIRD, FOURTH = range(0, 7 * B, B)
 OWN = 7 * B
+# Of a row whose coefficients are sampled: bounds of the distances of those of u and of x, and of
+# what depends on the place only, from their chords.
+RISE_A, RISE_B, RISE_C = range(0, 3 * B, B)
+RISES = 3 * B
 
 
 @compiled(inner=True)
@@ -54,6 +58,43 @@ def widths_of(s: FloatArray) -> FloatArray:
     for i in range(len(found)):
         found[i] = s[i + 1] - s[i]
     return found
+
+
+@compiled(inner=True)
+def take_rows(values: FloatArray, begin: int, out: FloatArray, at: int) -> None:
+    """Write numbers of the intervals of a block row by row; those of the last one fill it up.
+
+    Args:
+        values: Numbers of all intervals, (n, rows).
+        begin: First interval of the block.
+        out: Output, one line for each row.
+        at: Where the row begins in its line.
+    """
+    # Of parts of arrays numba knows that no index is negative, which halves the time.
+    part = values[begin : begin + B]
+    count = len(part)
+    for k in range(values.shape[1]):
+        row = out[k, at : at + B]
+        for m in range(count):
+            row[m] = part[m, k]
+        for m in range(count, B):
+            row[m] = part[count - 1, k]
+
+
+@compiled(inner=True)
+def take_terms(a: FloatArray, b: FloatArray, begin: int, ends: FloatArray) -> None:
+    """Write the coefficients of limits on a block into A0, A1, B0, B1.
+
+    Args:
+        a: Coefficients of u at starts and ends of all intervals, (2, n, rows).
+        b: Coefficients of x there.
+        begin: First interval of the block.
+        ends: Output, (rows, 4 B).
+    """
+    take_rows(a[0], begin, ends, A0)
+    take_rows(a[1], begin, ends, A1)
+    take_rows(b[0], begin, ends, B0)
+    take_rows(b[1], begin, ends, B1)
 
 
 def memory_of_blocks(n: int, rows: int) -> FloatArray:

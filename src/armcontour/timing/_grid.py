@@ -78,6 +78,24 @@ def cut(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
 
 
 @compiled()
+def cut_near(
+    s: FloatArray, piece: IntArray, rests: IntArray, parts: int
+) -> tuple[FloatArray, IntArray]:
+    """Points of a grid that is finer next to rests, and the pieces of its intervals.
+
+    Args:
+        s: Ends of the intervals, (n + 1,).
+        piece: Piece of each interval, (n,).
+        rests: As in `count_near`.
+        parts: As in `count_near`.
+    """
+    points, of = cut(s, count_near(len(piece), rests, parts))
+    for i in range(len(of)):
+        of[i] = piece[of[i]]
+    return points, of
+
+
+@compiled(inner=True, allocates=True)
 def count_near(n: int, rests: IntArray, parts: int) -> IntArray:
     """Into how many parts each interval is cut: the square of parts next to a rest, then fewer.
 

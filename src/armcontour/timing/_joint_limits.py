@@ -60,6 +60,7 @@ from armcontour.timing.constraints._rows import (
     write_bulge,
     write_derivatives,
     write_lost,
+    write_slopes,
 )
 
 FOUND, TOO_MUCH, LEFT = 0, 1, 2
@@ -138,29 +139,71 @@ def _first_pass(
         for j in range(dof):
             own[j, MARGIN + m] = 0.0
     for begin in range(0, n, B):
-        b = begin // B
         place_block(breaks, piece, s, begin, of)
         known = take_coefficients(coefficients, piece, begin, known, c)
-        for m in range(2 * B):
-            of[LOW_START + m] = 0.0
-        for j in range(dof):
-            row = b * dof + j
-            write_derivatives(of, c, j, ends, row, own)
-            raise_shares(of, ends, row, velocity[j])
-            write_rows(of, ends, row, own, j, packed, b, j, dof + j)
-        ceil_by_shares(of)
-        _put_ceiling(of, fixed, begin, ceiling)
+        write_plainly(of, c, own, dof, velocity, ends, packed, begin // B)
+        put_ceiling(of, fixed, begin, ceiling)
     highest = at_points(ceiling, stops)
     width = widths_of(s)
     no_discs = np.empty((2, 0)), np.empty(0)
     x, sound = reach_ends(width, packed, highest, *no_discs, none, start, end)
     if sound:
-        _steer_along_joints(width, ends, own, x, highest, skew)
+        steer_along_joints(width, ends, own, x, free_uses(x, highest), skew)
     return x, skew, sound
 
 
 @compiled(inner=True)
-def _put_ceiling(of: FloatArray, fixed: FloatArray, begin: int, ceiling: FloatArray) -> None:
+def write_plainly(
+    of: FloatArray,
+    c: FloatArray,
+    own: FloatArray,
+    rows: int,
+    velocity: FloatArray,
+    ends: FloatArray,
+    packed: FloatArray,
+    b: int,
+) -> None:
+    """Write the derivatives, the ceilings and the rows of joints on one block, without margins.
+
+    Args:
+        of: Rows of the intervals, with SHIFT of 0.
+        c: Coefficients of the joints, (dof, 5 B).
+        own: Bounds of the joints, with MARGIN of 0, (dof, 7 B).
+        rows: How many joints have a limit of acceleration: all, or none.
+        velocity: Largest joint velocities, (dof,).
+        ends: Output: derivatives of the joints, (blocks dof, 4 B).
+        packed: Output: the rows, (blocks, 2 all rows, 4 B).
+        b: The block.
+    """
+    for m in range(2 * B):
+        of[LOW_START + m] = 0.0
+    for j in range(len(own)):
+        row = b * len(own) + j
+        write_slopes(of, c, j, ends, row)
+        raise_shares(of, ends, row, velocity[j])
+        if j < rows:
+            write_rows(of, ends, row, own, j, packed, b, j, packed.shape[1] // 2 + j)
+    ceil_by_shares(of)
+
+
+@compiled(inner=True, allocates=True)
+def free_uses(x: FloatArray, ceiling: FloatArray) -> FloatArray:
+    """The use of rows from which on one binds on each interval; infinite below a ceiling, (n,).
+
+    Args:
+        x: A plan, (n + 1,).
+        ceiling: Largest x at the grid points, (n + 1,).
+    """
+    used = np.empty(len(x) - 1)
+    for i in range(len(used)):
+        free = 0.0 < x[i] <= ceiling[i] * BELOW_CEILING
+        free = free and 0.0 < x[i + 1] <= ceiling[i + 1] * BELOW_CEILING
+        used[i] = BINDING if free else math.inf
+    return used
+
+
+@compiled(inner=True)
+def put_ceiling(of: FloatArray, fixed: FloatArray, begin: int, ceiling: FloatArray) -> None:
     """Write LOW_START and LOW_END, or fixed ceilings below them, less ABOVE, for all intervals.
 
     Args:
@@ -177,12 +220,12 @@ def _put_ceiling(of: FloatArray, fixed: FloatArray, begin: int, ceiling: FloatAr
 
 
 @compiled(inner=True)
-def _steer_along_joints(
+def steer_along_joints(
     width: FloatArray,
     ends: FloatArray,
     own: FloatArray,
     x: FloatArray,
-    ceiling: FloatArray,
+    most: FloatArray,
     skew: FloatArray,
 ) -> None:
     """Slopes of u over s for joint accelerations, as `skew_along_rows`.
@@ -192,72 +235,72 @@ def _steer_along_joints(
         ends: Derivatives of the joints, (blocks dof, 4 B).
         own: Bounds of the joints on any block, (dof, 7 B).
         x: A plan, (n + 1,).
-        ceiling: Largest x at the grid points, (n + 1,).
+        most: As in `skew_along_rows`, changed in place, (n,).
         skew: Output, (n,).
     """
     for i in range(len(width)):
-        first, last = x[i], x[i + 1]
-        if not (0.0 < first <= ceiling[i] * BELOW_CEILING):
+        if most[i] == math.inf:
             continue
-        if not (0.0 < last <= ceiling[i + 1] * BELOW_CEILING):
-            continue
-        most, b, m = BINDING, i // B, i % B
+        b, m = i // B, i % B
         for j in range(len(own)):
             k = b * len(own) + j
             joint = ends[k, A0 + m], ends[k, A1 + m], ends[k, B0 + m], ends[k, B1 + m]
             low, high = own[j, LOW0], own[j, HIGH0]
-            most, skew[i] = steer(
-                width[i], first, last, joint, (low, low), (high, high), most, skew[i]
+            most[i], skew[i] = steer(
+                width[i], x[i], x[i + 1], joint, (low, low), (high, high), most[i], skew[i]
             )
 
 
 @compiled(inner=True)
-def _write_block(
-    of: FloatArray,
-    ends: FloatArray,
-    own: FloatArray,
-    velocity: FloatArray,
-    packed: FloatArray,
-    b: int,
-) -> bool:
-    """Write the ceilings, the rows and LOST of one block, from its derivatives, X and SKEW.
+def bound_by_joints(of: FloatArray, ends: FloatArray, own: FloatArray, rows: int) -> None:
+    """Write what joint accelerations allow at both ends of the intervals into U, given X.
 
     Args:
         of: Rows of the intervals.
         ends: Derivatives of the joints, (dof, 4 B).
         own: Bounds of the joints, (dof, 7 B).
-        velocity: Largest joint velocities, (dof,).
-        packed: Output: the rows, (blocks, 2 dof, 4 B).
-        b: The block.
-
-    Returns:
-        Whether the joints bound u.
+        rows: How many joints have a limit of acceleration: all, or none.
     """
-    dof = len(ends)
-    start_margins(of)
     for m in range(B):
         of[U + m] = math.inf
     for end in range(2):
-        for j in range(dof):
+        for j in range(rows):
             lower_u(of, ends, j, end, max(own[j, HIGH0], -own[j, LOW0]))
-    unbounded = 0
-    for m in range(B):
-        unbounded |= int(of[U + m] == math.inf)
-        of[U + m] += turn(of[SKEW + m], of[WIDTH + m])
-    if unbounded:
-        return False
-    for j in range(dof):
+
+
+@compiled(inner=True)
+def write_joints(
+    of: FloatArray,
+    ends: FloatArray,
+    own: FloatArray,
+    rows: int,
+    velocity: FloatArray,
+    packed: FloatArray,
+    b: int,
+) -> None:
+    """Write the ceilings, the rows of joint accelerations and LOST of one block, with margins.
+
+    Args:
+        of: Rows of the intervals, of which X, U, SKEW and SHIFT are given.
+        ends: Derivatives of the joints, (dof, 4 B).
+        own: Bounds of the joints, (dof, 7 B).
+        rows: How many joints have a limit of acceleration: all, or none.
+        velocity: Largest joint velocities, (dof,).
+        packed: Output: the rows, (blocks, 2 all rows, 4 B).
+        b: The block.
+    """
+    start_margins(of)
+    for j in range(len(ends)):
         lower_by_velocity(of, ends, own, j, velocity[j])
     write_lost(of)
-    for j in range(dof):
+    for j in range(rows):
         write_bulge(of, ends, own, j)
-        write_rows(of, ends, j, own, j, packed, b, j, dof + j)
+        write_rows(of, ends, j, own, j, packed, b, j, packed.shape[1] // 2 + j)
         raise_lost(of, ends, own, j)
     for m in range(B):
         # Where u falls, x lies above its chord.
         above = sag(of[SKEW + m], of[WIDTH + m]) if of[SKEW + m] < 0.0 else 0.0
         of[ABOVE + m] = above
-    return True
 
 
 @compiled()
@@ -344,13 +387,19 @@ def plan_in_one_go(
             place_block(breaks, piece, s, begin, block)
             known = take_coefficients(coefficients, piece, begin, known, c)
             for j in range(dof):
-                write_derivatives(block, c, j, ends, j, own)
+                write_derivatives(block, c, j, ends, own)
             for m in range(B):
                 i = min(begin + m, n - 1)
                 block[X + m], block[SKEW + m], block[SHIFT + m] = largest[i], skew[i], shifts[i]
-            if not _write_block(block, ends, own, velocity, packed, begin // B):
+            bound_by_joints(block, ends, own, dof)
+            unbounded = 0
+            for m in range(B):
+                unbounded |= int(block[U + m] == math.inf)
+                block[U + m] += turn(block[SKEW + m], block[WIDTH + m])
+            if unbounded:
                 return x, skew, lost, LEFT
-            _put_ceiling(block, fixed, begin, ceiling)
+            write_joints(block, ends, own, dof, velocity, packed, begin // B)
+            put_ceiling(block, fixed, begin, ceiling)
             for m in range(min(B, n - begin)):
                 lost[begin + m] = block[LOST + m]
                 too_much |= block[LOST + m] > largest_margin

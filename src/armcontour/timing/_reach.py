@@ -33,6 +33,8 @@ from armcontour.timing._block import (
     SHIFT,
     B,
     filled,
+    take_rows,
+    take_terms,
 )
 
 # Largest number of cuts in the search for the best y of a stage, which takes a few.
@@ -122,6 +124,23 @@ def raise_lost(of: FloatArray, ends: FloatArray, own: FloatArray, j: int) -> Non
         of[LOST + m] = max(lost, 1.0) if broken else lost
 
 
+@compiled(inner=True)
+def take_bounds(low: FloatArray, high: FloatArray, begin: int, own: FloatArray) -> None:
+    """Write the bounds of limits on a block into LOW0, LOW1, HIGH0, HIGH1.
+
+    Args:
+        low: Lower bounds, as in `pack`.
+        high: Upper bounds, as in `pack`.
+        begin: First interval of the block.
+        own: Output, (rows, 7 B).
+    """
+    by_end, first = low.shape[0] - 1, begin if low.shape[1] > 1 else 0
+    take_rows(low[0], first, own, LOW0)
+    take_rows(low[by_end], first, own, LOW1)
+    take_rows(high[0], first, own, HIGH0)
+    take_rows(high[by_end], first, own, HIGH1)
+
+
 @compiled()
 def pack(
     width: FloatArray,
@@ -154,19 +173,17 @@ def pack(
             interval alone would break a bound at rest, so that no state is certainly allowed.
     """
     n, every, count = len(width), out.shape[1] // 2, a.shape[2]
-    by_end, by_interval = low.shape[0] - 1, min(low.shape[1] - 1, 1)
+    by_interval = low.shape[1] > 1
     of, ends, own = np.empty(INTERVAL), np.empty((count, ENDS)), np.empty((count, OWN))
     for begin in range(0, n, B):
         for m in range(B):
             i = min(begin + m, n - 1)
             of[HALF + m], of[SHIFT + m], of[LOST + m] = 0.5 / width[i], shifts[i], lost[i]
-            at = i * by_interval
-            for k in range(count):
-                ends[k, A0 + m], ends[k, A1 + m] = a[0, i, k], a[1, i, k]
-                ends[k, B0 + m], ends[k, B1 + m] = b[0, i, k], b[1, i, k]
-                own[k, LOW0 + m], own[k, LOW1 + m] = low[0, at, k], low[by_end, at, k]
-                own[k, HIGH0 + m], own[k, HIGH1 + m] = high[0, at, k], high[by_end, at, k]
-                own[k, MARGIN + m] = margin[i, k]
+        if by_interval or begin == 0:
+            # What does not differ from interval to interval fills all blocks.
+            take_bounds(low, high, begin, own)
+        take_terms(a, b, begin, ends)
+        take_rows(margin, begin, own, MARGIN)
         for k in range(count):
             write_rows(of, ends, k, own, k, out, begin // B, first + k, every + first + k)
             raise_lost(of, ends, own, k)

@@ -24,14 +24,15 @@ def planned_ahead(program: Program, timing: MoveTiming) -> Iterator[tuple[MoveTi
 
     All moves are added before the first plan is asked for; others begin to plan meanwhile. Only a
     `Timing` by the planner plans every move independently of the others; a `Smoothed` one smooths
-    its plans. Any other timing is given as it is.
+    its plans. Any other timing, and that of a single move, is given as it is.
 
     Args:
         program: The program.
         timing: How its moves are timed.
     """
     inner = timing.timing if isinstance(timing, Smoothed) else timing
-    if not isinstance(inner, Timing) or inner.method not in (Method.OPTIMAL, Method.SHAPED):
+    known = (Method.OPTIMAL, Method.SHAPED) if len(program.moves) > 1 else ()
+    if not isinstance(inner, Timing) or inner.method not in known:
         yield timing, lambda step, share: None
         return
     contours = [isinstance(x, Contour) for x in program.moves]

@@ -9,9 +9,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion import JointPath
-from armcontour.timing._all_limits import Joints, Places, Rules, plan_in_brackets, plan_roughly
+from armcontour.timing._all_limits import Joints, Places, Rules, plan_both
 from armcontour.timing._block import ENDS, B
-from armcontour.timing._joint_limits import LEFT
 from armcontour.timing.constraints import (
     CentripetalAcceleration,
     Constraint,
@@ -21,14 +20,13 @@ from armcontour.timing.constraints import (
     ToolAcceleration,
     ToolSpeed,
 )
-from armcontour.timing.constraints._torque import terms_on_grid
 from armcontour.timing.constraints.tool import Discs
 from armcontour.timing.grid import Grid
 
 # Constraints whose rows come first stand first.
 ROWS = (JointAcceleration, JointTorque)
 CEILINGS = (JointVelocity, ToolSpeed, CentripetalAcceleration)
-NONE = np.empty(0)
+NONE, NOWHERE = np.empty(0), np.empty(0, dtype=np.intp)
 NO_LINKS, NO_CEILING = np.empty((0, 24)), np.empty((2, 0))
 NO_DISCS = Discs(NO_CEILING, NONE, NONE, np.empty(0, dtype=np.bool_))
 
@@ -74,7 +72,7 @@ class AllLimits:
         most = velocity.limit if isinstance(velocity, JointVelocity) else np.full(dof, np.inf)
         return cls(
             # Kernels are compiled for arrays that may be written.
-            joints=Joints(*(np.require(x, requirements="W") for x in (most, *bounds, *own))),
+            joints=Joints(*(x if x.flags.writeable else x.copy() for x in (most, *bounds, *own))),
             fixed=tuple(
                 x for x in found.values() if isinstance(x, ToolSpeed | CentripetalAcceleration)
             ),
@@ -94,7 +92,7 @@ class AllLimits:
             rules: The rules.
 
         Returns:
-            What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
+            What `plan_both` returns.
         """
         n, joints, own = len(grid), self.joints, (path.breaks, path.coefficients)
         lines = len(joints.torque)
@@ -105,21 +103,31 @@ class AllLimits:
         terms = memory[: 6 * n * lines].reshape(3, 2, n if lines else 0, lines)
         middles = memory[6 * n * lines : 9 * n * lines].reshape(3, n if lines else 0, lines)
         packed = memory[9 * n * lines :].reshape(blocks, 2 * rows, ENDS)
-        if lines:
-            terms_on_grid(joints.links, joints.gravity, *own, grid.piece, grid.s, terms, middles)
-        x, slope, sound = plan_roughly(*own, self._on(coarse), of, joints, rules, terms)
-        if not sound:
-            return x, slope, slope, LEFT
-        on = self._on(grid)
-        return plan_in_brackets(*own, on, of, joints, rules, x, slope, terms, middles, packed)
+        grids = self._on(coarse), self._on(grid)
+        return plan_both(*own, *grids, of, joints, rules, terms, middles, packed)
 
     def _on(self, grid: Grid) -> Places:
         """A grid with the limits of the tool on it."""
-        ceilings = [x.fixed_ceiling(grid) for x in self.fixed]
-        return Places(
-            grid.s,
-            grid.piece,
-            np.searchsorted(grid.s, grid.joint_path.stops),
-            np.min(ceilings, axis=0) if ceilings else NO_CEILING,
-            *(NO_DISCS if self.disc is None else self.disc.on(grid)),
-        )
+        fixed, stops = fixed_on(self.fixed, grid)
+        discs = NO_DISCS if self.disc is None else self.disc.on(grid)
+        return Places(grid.s, grid.piece, stops, fixed, *discs)
+
+
+def fixed_on(
+    fixed: Sequence[ToolSpeed | CentripetalAcceleration], grid: Grid
+) -> tuple[FloatArray, IntArray]:
+    """The lowest of fixed ceilings at the ends of intervals, and the points of stops.
+
+    Args:
+        fixed: The constraints that are such ceilings.
+        grid: The grid.
+
+    Returns:
+        The ceilings of x, (2, n), or (2, 0) for none; and the indices of the points.
+    """
+    found = [x.fixed_ceiling(grid) for x in fixed]
+    stops = grid.joint_path.stops
+    at = np.searchsorted(grid.s, stops) if len(stops) else NOWHERE
+    if len(found) < 2:
+        return np.ascontiguousarray(found[0]) if found else NO_CEILING, at
+    return np.min(found, axis=0), at

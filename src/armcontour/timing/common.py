@@ -33,12 +33,14 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
     """
     if not 0 <= _checks.number("reserve", reserve) < 1:
         raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
+    if not reserve:
+        return limits
     left = {
         name: (1 - reserve) * value
         for name in RESERVED
         if (value := getattr(limits, name)) is not None
     }
-    return limits.replace(**left) if reserve and left else limits
+    return limits.replace(**left) if left else limits
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:

@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing._grid import count_near, cut, merge, thin, turning_of
+from armcontour.timing._grid import cut, cut_near, merge, thin, turning_of
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -87,7 +87,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     if turn.sum() > 0:
         share += (1 - EVEN_SHARE) * turn / turn.sum()
     per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count)).astype(np.intp)
-    return Grid(joint_path, *cut(breaks, per_piece))
+    return _grid_of(joint_path, *cut(breaks, per_piece))
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
@@ -106,8 +106,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
     # A point that differs from a break by rounding only is left out.
     close = 1e-12 * (breaks[-1] - breaks[0])
     s, piece, fewest = merge(points, breaks, close)
-    s.setflags(write=False)  # Nobody else has the array, so locking needs no copy.
-    grid = Grid(joint_path, s, piece)
+    grid = _grid_of(joint_path, s, piece)
     if fewest > 1:
         return grid
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
@@ -124,14 +123,13 @@ def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
     if by == 1:
         return grid, np.arange(len(grid))
     s, piece, of = thin(grid.s, grid.piece, by)
-    s.setflags(write=False)  # Nobody else has the array, so locking needs no copy.
-    return Grid(grid.joint_path, s, piece), of
+    return _grid_of(grid.joint_path, s, piece), of
 
 
 def split(grid: Grid, parts: FloatArray | IntArray) -> Grid:
     """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
     s, of = cut(grid.s, np.maximum(1, parts).astype(np.intp))
-    return Grid(grid.joint_path, s, grid.piece[of])
+    return _grid_of(grid.joint_path, s, grid.piece[of])
 
 
 def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
@@ -148,4 +146,11 @@ def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
     parts = min(PARTS_AT_REST, int(np.sqrt(most)))
     if parts < 2 or not len(rests):
         return grid
-    return split(grid, count_near(len(grid), np.sort(np.searchsorted(grid.s, rests)), parts))
+    at = np.sort(np.searchsorted(grid.s, rests))
+    return _grid_of(grid.joint_path, *cut_near(grid.s, grid.piece, at, parts))
+
+
+def _grid_of(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
+    """A grid of arrays that nobody else has, so that locking needs no copy."""
+    s.setflags(write=False)
+    return Grid(joint_path, s, piece)

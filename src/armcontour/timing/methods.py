@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from armcontour.arms import Arm, Limits
@@ -61,10 +61,6 @@ class Timing:
     method: str
     options: Mapping[str, Any]
     memory: float
-    _of_joints: Limits = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_of_joints", self.limits.of_joints)
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the motion along a contour by the method; the laws before it do not matter."""
@@ -79,7 +75,7 @@ class Timing:
 
     def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan a rapid; the laws before it do not matter."""
-        return plan_rapid(joint_path, self.arm, self._of_joints)
+        return plan_rapid(joint_path, self.arm, self.limits)
 
     def pause(self, before: Sequence[Law]) -> float:
         """Zero [s]: a contour starts as soon as the rapid before it has ended."""

@@ -34,7 +34,7 @@ from armcontour.timing._reach import (
     skew_along_discs,
     skew_along_rows,
 )
-from armcontour.timing.all_limits import AllLimits
+from armcontour.timing.all_limits import AllLimits, fixed_on
 from armcontour.timing.constraints import (
     AngularAcceleration,
     AngularSpeed,
@@ -256,7 +256,6 @@ class _Task:
 
 
 NOWHERE = _checks.lock_floats([])
-NOWHERE_AT = np.empty(0, dtype=np.intp)
 
 
 class Problem:
@@ -578,11 +577,11 @@ class _PlainLimits:
             path.breaks,
             coarse.s,
             coarse.piece,
-            *self._fixed_on(coarse),
+            *fixed_on(self.fixed, coarse),
             of,
             grid.s,
             grid.piece,
-            *self._fixed_on(grid),
+            *fixed_on(self.fixed, grid),
             self.velocity,
             self.low,
             self.high,
@@ -596,13 +595,6 @@ class _PlainLimits:
             MOST_TRIES,
             memory_of_blocks(len(grid), 2 * path.dof),
         )
-
-    def _fixed_on(self, grid: Grid) -> tuple[FloatArray, IntArray]:
-        """The fixed ceilings at the ends of intervals, (2, n), (2, 0) for none, and the stops."""
-        found = [x.fixed_ceiling(grid) for x in self.fixed]
-        fixed = np.empty((2, 0)) if not found else np.min(found, axis=0)
-        stops = grid.joint_path.stops
-        return fixed, np.searchsorted(grid.s, stops) if len(stops) else NOWHERE_AT
 
 
 @dataclass(slots=True)

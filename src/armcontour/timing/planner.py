@@ -390,7 +390,7 @@ def assigned_time(program: Program, limits: Limits) -> float:
 def _assigned_time(path: Path, limits: Limits) -> float:
     """Time of a path at its assigned velocities [s]; segments without one count as zero."""
     speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    return float(np.sum(path.lengths / np.where(np.isnan(speeds), np.inf, speeds)))
+    return float((path.lengths / speeds).sum())
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:

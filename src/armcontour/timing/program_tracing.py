@@ -229,7 +229,7 @@ class _Tracer:
             branch: As in `trace_fastest`.
             start: As in `trace_fastest`.
         """
-        found = trace_all_fastest(path, self.arm, self.limits, branch=branch, start=start)
+        found = trace_all_fastest(path, self.limited, branch=branch, start=start)
         if len(found) == 1 or not self.looks_ahead:
             return found[0]
         durations = np.array([self._look_ahead(x, i) for x in found])

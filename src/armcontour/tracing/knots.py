@@ -115,10 +115,11 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
 def _cells(path: Path) -> Knots:
     """Intervals between all breaks of the path's segments and of its orientation."""
     n, orientation = len(path), path.orientation
-    if orientation is None or np.array_equal(orientation.breaks, path.breaks):
+    whole = orientation is None or (len(orientation) == 1 and orientation.breaks[1] == path.length)
+    if orientation is None or whole or np.array_equal(orientation.breaks, path.breaks):
         return Knots(
             segment=np.arange(n),
-            piece=np.zeros(n, dtype=np.intp) if orientation is None else np.arange(n),
+            piece=np.zeros(n, dtype=np.intp) if whole else np.arange(n),
             u0=np.zeros(n),
             u1=path.lengths,
             s0=path.breaks[:-1],

@@ -45,8 +45,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
             f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
         )
-    same = orientation.fixed and (orientation.starts == orientation.starts[0]).all()
-    if not same and (orientation.jumps > NO_JUMP).any():
+    if not orientation.constant and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)
     return task
 

@@ -6,7 +6,6 @@ Numbers of intervals are in rows of blocks, see `timing._block`.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -41,6 +40,8 @@ from armcontour.timing._block import (
     B,
     U,
     X,
+    take_rows,
+    take_terms,
 )
 
 # Relative rounding error of x in differences of x.
@@ -107,10 +108,8 @@ def take_coefficients(
 
 
 @compiled(inner=True)
-def write_derivatives(
-    of: FloatArray, c: FloatArray, j: int, ends: FloatArray, row: int, own: FloatArray
-) -> None:
-    """Write what `derivatives` gives for one joint.
+def write_slopes(of: FloatArray, c: FloatArray, j: int, ends: FloatArray, row: int) -> None:
+    """Write the first two of what `derivatives` gives for one joint.
 
     Args:
         of: Rows of the intervals: FROM, TO and SCALE.
@@ -118,7 +117,6 @@ def write_derivatives(
         j: The joint.
         ends: Output: A0, A1, B0, B1 of some rows.
         row: Which of these the joint has.
-        own: Output: THIRD, FOURTH of the joints.
     """
     for m in range(B):
         a1, a2, a3 = c[j, m], c[j, B + m], c[j, 2 * B + m]
@@ -131,6 +129,26 @@ def write_derivatives(
         slope = a1 + x1 * (2 * a2 + x1 * (3 * a3 + x1 * (4 * a4 + x1 * 5 * a5)))
         bend = 2 * a2 + x1 * (6 * a3 + x1 * (12 * a4 + x1 * 20 * a5))
         ends[row, A1 + m], ends[row, B1 + m] = scale * slope, square * bend
+
+
+@compiled(inner=True)
+def write_derivatives(
+    of: FloatArray, c: FloatArray, j: int, ends: FloatArray, own: FloatArray
+) -> None:
+    """Write what `derivatives` gives for one joint.
+
+    Args:
+        of: Rows of the intervals: FROM, TO and SCALE.
+        c: Coefficients of the joints, (dof, 5 B).
+        j: The joint.
+        ends: Output: A0, A1, B0, B1 of the joints.
+        own: Output: THIRD, FOURTH of the joints.
+    """
+    write_slopes(of, c, j, ends, j)
+    for m in range(B):
+        a3, a4, a5 = c[j, 2 * B + m], c[j, 3 * B + m], c[j, 4 * B + m]
+        x0, x1, scale = of[FROM + m], of[TO + m], of[SCALE + m]
+        square = scale * scale
         # Taylor about the middle: the fifth derivative is constant.
         middle, half = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
         f3 = abs(6 * a3 + middle * (24 * a4 + middle * 60 * a5))
@@ -170,32 +188,13 @@ def derivatives(
         place_block(breaks, piece, s, begin, of)
         known = take_coefficients(coefficients, piece, begin, known, c)
         for j in range(dof):
-            write_derivatives(of, c, j, ends, j, own)
+            write_derivatives(of, c, j, ends, own)
         for m in range(min(B, n - begin)):
             i = begin + m
             for j in range(dof):
                 first[0, i, j], first[1, i, j] = ends[j, A0 + m], ends[j, A1 + m]
                 second[0, i, j], second[1, i, j] = ends[j, B0 + m], ends[j, B1 + m]
                 third[i, j], fourth[i, j] = own[j, THIRD + m], own[j, FOURTH + m]
-
-
-@compiled(inner=True)
-def _take_joints(first: FloatArray, second: FloatArray, begin: int, ends: FloatArray) -> None:
-    """Write the derivatives of all joints on a block into A0, A1, B0, B1, as `derivatives`."""
-    for m in range(B):
-        i = min(begin + m, first.shape[1] - 1)
-        for j in range(first.shape[2]):
-            ends[j, A0 + m], ends[j, A1 + m] = first[0, i, j], first[1, i, j]
-            ends[j, B0 + m], ends[j, B1 + m] = second[0, i, j], second[1, i, j]
-
-
-@compiled(inner=True)
-def _take_bounds(third: FloatArray, fourth: FloatArray, begin: int, own: FloatArray) -> None:
-    """Write the bounds of higher derivatives of all joints on a block into THIRD and FOURTH."""
-    for m in range(B):
-        i = min(begin + m, third.shape[0] - 1)
-        for j in range(third.shape[1]):
-            own[j, THIRD + m], own[j, FOURTH + m] = third[i, j], fourth[i, j]
 
 
 @compiled(inner=True)
@@ -243,8 +242,9 @@ def acceleration_bulge(
     of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
     for begin in range(0, n, B):
         _take_motion(width, x, u, skew, begin, of)
-        _take_joints(first, second, begin, ends)
-        _take_bounds(third, fourth, begin, own)
+        take_terms(first, second, begin, ends)
+        take_rows(third, begin, own, THIRD)
+        take_rows(fourth, begin, own, FOURTH)
         for j in range(dof):
             write_bulge(of, ends, own, j)
         for m in range(min(B, n - begin)):
@@ -294,7 +294,7 @@ def path_acceleration_bound(
     for begin in range(0, n, B):
         for m in range(B):
             of[X + m], of[U + m] = x[min(begin + m, n - 1)], math.inf
-        _take_joints(first, second, begin, ends)
+        take_terms(first, second, begin, ends)
         for end in range(2):
             for j in range(dof):
                 lower_u(of, ends, j, end, max(high[j], -low[j]))
@@ -306,9 +306,10 @@ def path_acceleration_bound(
 @compiled(inner=True)
 def raise_shares(of: FloatArray, ends: FloatArray, row: int, limit: float) -> None:
     """Raise LOW_START and LOW_END to the share of its limit that a joint takes at ds = 1."""
+    inverse = 1.0 / limit
     for m in range(B):
-        of[LOW_START + m] = max(of[LOW_START + m], abs(ends[row, A0 + m]) / limit)
-        of[LOW_END + m] = max(of[LOW_END + m], abs(ends[row, A1 + m]) / limit)
+        of[LOW_START + m] = max(of[LOW_START + m], abs(ends[row, A0 + m]) * inverse)
+        of[LOW_END + m] = max(of[LOW_END + m], abs(ends[row, A1 + m]) * inverse)
 
 
 @compiled(inner=True)
@@ -325,7 +326,8 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
     n, dof = first.shape[1], first.shape[2]
     ceiling, of, ends = np.empty((2, n)), np.empty(INTERVAL), np.empty((dof, ENDS))
     for begin in range(0, n, B):
-        _take_joints(first, first, begin, ends)
+        take_rows(first[0], begin, ends, A0)
+        take_rows(first[1], begin, ends, A1)
         for m in range(2 * B):
             of[LOW_START + m] = 0.0
         for j in range(dof):
@@ -334,14 +336,6 @@ def velocity_ceiling_at_ends(first: FloatArray, limit: FloatArray) -> FloatArray
         for m in range(min(B, n - begin)):
             ceiling[0, begin + m], ceiling[1, begin + m] = of[LOW_START + m], of[LOW_END + m]
     return ceiling
-
-
-@compiled(inner=True)
-def _over_square(room: float, slope: float) -> Any:
-    """`room / slope²`, zero without room, infinite without slope."""
-    if room <= 0.0:
-        return 0.0
-    return room / (slope * slope) if slope != 0.0 else math.inf
 
 
 @compiled(inner=True)
@@ -376,14 +370,16 @@ def lower_by_velocity(
         start, end = abs(ends[j, A0 + m]), abs(ends[j, A1 + m])
         # Take either both ends with the bulge, or both ends slow enough for the largest dq_ds of
         # the interval. A mix of the two rules would prove nothing.
-        at_start, at_end = _over_square(room, start), _over_square(room, end)
-        tight = _over_square(v2, slope)
+        # Without a slope these are infinite: one end has room for any x, if there is any room.
+        by_start, by_end, tight = 1.0 / (start * start), 1.0 / (end * end), v2 / (slope * slope)
+        at_start = room * by_start if room > 0.0 else 0.0
+        at_end = room * by_end if room > 0.0 else 0.0
         if at_start + at_end < 2 * tight:
             at_start = at_end = tight
         of[LOW_START + m] = min(of[LOW_START + m], at_start)
         of[LOW_END + m] = min(of[LOW_END + m], at_end)
-        of[PLAIN_START + m] = min(of[PLAIN_START + m], _over_square(v2, start))
-        of[PLAIN_END + m] = min(of[PLAIN_END + m], _over_square(v2, end))
+        of[PLAIN_START + m] = min(of[PLAIN_START + m], v2 * by_start)
+        of[PLAIN_END + m] = min(of[PLAIN_END + m], v2 * by_end)
 
 
 @compiled(inner=True)
@@ -423,8 +419,8 @@ def velocity_ceiling(
     of, ends, own = np.empty(INTERVAL), np.empty((dof, ENDS)), np.empty((dof, OWN))
     for begin in range(0, n, B):
         _take_motion(width, x, u, skew, begin, of)
-        _take_joints(first, second, begin, ends)
-        _take_bounds(third, third, begin, own)
+        take_terms(first, second, begin, ends)
+        take_rows(third, begin, own, THIRD)
         for j in range(dof):
             lower_by_velocity(of, ends, own, j, limit[j])
         write_lost(of)

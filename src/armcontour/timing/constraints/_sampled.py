@@ -6,7 +6,29 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.timing.constraints._rows import ROUNDING
+from armcontour.timing._block import (
+    A0,
+    A1,
+    B0,
+    B1,
+    ENDS,
+    INTERVAL,
+    MARGIN,
+    OWN,
+    RISE_A,
+    RISE_B,
+    RISE_C,
+    RISES,
+    ROUNDED,
+    SKEW,
+    WIDTH,
+    B,
+    U,
+    X,
+    take_rows,
+    take_terms,
+)
+from armcontour.timing.constraints._rows import start_margins
 
 
 @compiled()
@@ -70,11 +92,15 @@ def rises(
     """
     n, rows = middle.shape
     bend = np.empty((n, rows))
+    # One row after the other, for vector instructions.
+    starts, stops = ends[0].reshape(-1), ends[1].reshape(-1)
+    middles, bends = middle.reshape(-1), bend.reshape(-1)
+    for m in range(len(bends)):
+        bends[m] = safety * abs(middles[m] - (starts[m] + stops[m]) / 2)
     for i in range(n):
-        square = width[i] ** 2
+        inverse = 1 / width[i] ** 2
         for k in range(rows):
-            chord = (ends[0, i, k] + ends[1, i, k]) / 2
-            bend[i, k] = safety * abs(middle[i, k] - chord) / square
+            bend[i, k] *= inverse
     for i in range(n):
         square = width[i] ** 2
         before = i - 1 if i > 0 and piece[i - 1] == piece[i] else i
@@ -111,12 +137,42 @@ def bulges(
         found: Takes the bounds, (n, rows).
     """
     n, rows = rise_a.shape
-    for i in range(n):
-        turn, rounding = abs(skew[i] * width[i]) / 4, ROUNDING * x[i] / width[i]
+    of, ends, own = np.empty(INTERVAL), np.empty((rows, ENDS)), np.empty((rows, OWN))
+    rises = np.empty((rows, RISES))
+    for begin in range(0, n, B):
+        for m in range(B):
+            i = min(begin + m, n - 1)
+            of[WIDTH + m], of[X + m], of[U + m], of[SKEW + m] = width[i], x[i], u[i], skew[i]
+        start_margins(of)
+        take_terms(a, b, begin, ends)
+        take_rises(rise_a, rise_b, rise_c, begin, rises)
         for k in range(rows):
-            a0, a1, b0, b1 = a[0, i, k], a[1, i, k], b[0, i, k], b[1, i, k]
-            value = rise_a[i, k] * u[i] + rise_b[i, k] * x[i] + rise_c[i, k]
-            # The products of two slopes, and the error of u from rounding of x.
-            value += abs(b1 - b0) * width[i] / 2 * u[i]
-            value += turn * (abs(a1 - a0) + max(abs(b0), abs(b1)) * width[i])
-            found[i, k] = value + rounding * max(abs(a0), abs(a1))
+            write_sampled_bulge(of, ends, rises, own, k)
+        for m in range(min(B, n - begin)):
+            for k in range(rows):
+                found[begin + m, k] = own[k, MARGIN + m]
+
+
+@compiled(inner=True)
+def take_rises(
+    rise_a: FloatArray, rise_b: FloatArray, rise_c: FloatArray, begin: int, rises: FloatArray
+) -> None:
+    """Write rises of three coefficients on a block, each (n, rows), into `rises`, (rows, 3 B)."""
+    take_rows(rise_a, begin, rises, RISE_A)
+    take_rows(rise_b, begin, rises, RISE_B)
+    take_rows(rise_c, begin, rises, RISE_C)
+
+
+@compiled(inner=True)
+def write_sampled_bulge(
+    of: FloatArray, ends: FloatArray, rises: FloatArray, own: FloatArray, k: int
+) -> None:
+    """Write what `bulges` gives for row k of a block into MARGIN."""
+    for m in range(B):
+        a0, a1, b0, b1 = ends[k, A0 + m], ends[k, A1 + m], ends[k, B0 + m], ends[k, B1 + m]
+        x, u, width, turn = of[X + m], of[U + m], of[WIDTH + m], abs(of[SKEW + m] * of[WIDTH + m])
+        value = rises[k, RISE_A + m] * u + rises[k, RISE_B + m] * x + rises[k, RISE_C + m]
+        # The products of two slopes, and the error of u from rounding of x.
+        value += abs(b1 - b0) * width / 2 * u
+        value += turn / 4 * (abs(a1 - a0) + max(abs(b0), abs(b1)) * width)
+        own[k, MARGIN + m] = value + of[ROUNDED + m] * max(abs(a0), abs(a1))

@@ -44,7 +44,8 @@ def _write_motion(
     rows: FloatArray,
 ) -> None:
     """Write joint positions and derivatives at places of piece k into a block, begin to end."""
-    start, width, at = breaks[k], breaks[k + 1] - breaks[k], s[begin:end]
+    start, scale, at = breaks[k], 1.0 / (breaks[k + 1] - breaks[k]), s[begin:end]
+    square = scale * scale
     for j in range(coefficients.shape[2]):
         own = rows[j]
         a0, a1, a2 = coefficients[k, 0, j], coefficients[k, 1, j], coefficients[k, 2, j]
@@ -52,9 +53,9 @@ def _write_motion(
         q = own[begin:end]
         first, second = own[FIRST * B + begin :], own[SECOND * B + begin :]
         for i in range(len(q)):
-            x = (at[i] - start) / width
+            x = (at[i] - start) * scale
             q[i], slope, bend = value_and_slopes(a0, a1, a2, a3, a4, a5, x)
-            first[i], second[i] = slope / width, bend / (width * width)
+            first[i], second[i] = scale * slope, square * bend
 
 
 @compiled()
@@ -86,6 +87,7 @@ def terms_on_grid(
         for m in range(LINK_ROWS * B):
             rows[j, m] = 0.0
     at, of, place = np.empty(B), np.empty(B, np.intp), np.empty(B, np.intp)
+    at_ends, at_middles = ends.reshape(-1), middles.reshape(-1)
     # Places are starts of intervals, their middles, and the ends that are no starts of others.
     count = i = part = 0
     while i < n or count:
@@ -111,16 +113,14 @@ def terms_on_grid(
         for m in range(count):
             k, which = place[m] // 3, place[m] % 3
             both = which == 0 and k > 0 and piece[k - 1] == piece[k]
+            out, size = (at_middles, n * dof) if which == 1 else (at_ends, 2 * n * dof)
+            to = (n + k) * dof if which == 2 else k * dof
             for j in range(dof):
                 a, b, c = rows[j, OF_U * B + m], rows[j, OF_X * B + m], rows[j, WEIGHT * B + m]
-                if which == 1:
-                    middles[0, k, j], middles[1, k, j], middles[2, k, j] = a, b, c
-                    continue
-                end = which // 2
-                ends[0, end, k, j], ends[1, end, k, j], ends[2, end, k, j] = a, b, c
+                out[to + j], out[size + to + j], out[2 * size + to + j] = a, b, c
                 if both:
-                    ends[0, 1, k - 1, j], ends[1, 1, k - 1, j] = a, b
-                    ends[2, 1, k - 1, j] = c
+                    again = to + (n - 1) * dof + j
+                    out[again], out[size + again], out[2 * size + again] = a, b, c
         count = 0
 
 
