@@ -20,6 +20,8 @@ from armcontour.program import Program, contour_called
 SLOW = 2.0
 # Samples of a motion, and the first share of its length that tells the acceleration of its ends.
 SAMPLES, FIRST = 4001, 1e-3
+# Relative rounding errors of bounds.
+ROUNDING = 1e-9
 # A tool that has this share of the assigned velocity reaches it.
 REACHED = 0.99
 # A limit binds from this share on, and is named if it does so for this share of the time.
@@ -98,10 +100,10 @@ def _look(
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
         return None
     assigned = float(speeds.max())
-    stops = 1 + sum(count_full_stops(path).values())
-    enough = stops * assigned / (motion.duration / SLOW - ideal)
-    if _bound_acceleration(motion) <= enough:
-        # Nearly all contours, without a look at their motion.
+    least = assigned / (motion.duration / SLOW - ideal)
+    shown = _bound_acceleration(motion, path.length)
+    # Nearly all contours are told by bounds, without a look at their stops or their motion.
+    if shown <= least or shown <= (enough := least * (1 + sum(count_full_stops(path).values()))):
         return None
     t = np.linspace(0.0, motion.duration, SAMPLES)
     s, v = motion.s(t), motion.s(t, 1)
@@ -127,18 +129,55 @@ def _look(
     )
 
 
-def _bound_acceleration(motion: Trajectory) -> float:
-    """A bound of the path acceleration of a motion from rest to rest [m/s²]; else infinite."""
-    laws = [x for x in motion.laws if isinstance(x, PathLaw)]
-    if len(laws) < len(motion.laws) or laws[0].speeds[0] > 0 or laws[-1].speeds[-1] > 0:
+def _bound_acceleration(motion: Trajectory, length: float) -> float:
+    """A bound of the acceleration that the ends of a motion show [m/s²]; infinite for none.
+
+    That is v² / 2 over the distance from the nearer end, beyond FIRST of the length.
+
+    Args:
+        motion: The motion.
+        length: Length of the path [m].
+    """
+    (law,) = motion.laws if len(motion.laws) == 1 else (None,)
+    if not isinstance(law, PathLaw):
         return math.inf
-    most = 0.0
-    for law in laws:
-        # It is a line over s or over time, so that its ends bound it.
-        _, start, slope, jerk = law.rates
-        end = start + slope * np.diff(law.s) + jerk * np.diff(law.breaks)
-        most = max(most, float(np.abs([start, end]).max()))
-    return most
+    ds, begin, slope, jerk = law.rates
+    width = np.diff(law.s)
+    # It is a line over s or over time, so that its ends bound it.
+    end = begin + slope * width + jerk * np.diff(law.breaks)
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    x = law.speeds**2
+    most = np.minimum(
+        x[:-1] + 2 * np.maximum(high, 0.0) * width, x[1:] - 2 * np.minimum(low, 0.0) * width
+    )
+    before = _bound_mean(x[:-1], high, most, law.s[:-1], law.s[1:], length)
+    after = _bound_mean(x[1:], -low, most, length - law.s[1:], length - law.s[:-1], length)
+    return max(before, after) * (1 + ROUNDING)
+
+
+def _bound_mean(
+    x: FloatArray, u: FloatArray, most: FloatArray, near: FloatArray, far: FloatArray, length: float
+) -> float:
+    """A bound of v² / 2 over the distance from one end, in the half of a path beside it [m/s²].
+
+    From the nearer end of an interval on, v² / 2 grows by u over the distance at most: so the
+    quotient stays below that of the interval's end and u.
+
+    Args:
+        x: v² at the nearer ends of the intervals [m²/s²], (n,).
+        u: Bounds of the acceleration away from the path's end [m/s²], (n,).
+        most: Bounds of v² [m²/s²], (n,).
+        near: Distances of the nearer ends from the path's end [m], (n,).
+        far: Distances of the other ends [m], (n,).
+        length: Length of the path [m].
+    """
+    first = FIRST * length
+    looked = (far > first) & (near <= length / 2)
+    x, u, most, near = x[looked], u[looked], most[looked], near[looked]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # At the end itself, at rest, only u counts.
+        by_growth = np.fmax(x / (2 * np.maximum(near, 0.0)), u)
+    return float(np.minimum(by_growth, most / (2 * np.maximum(near, first))).max(initial=0.0))
 
 
 def _find_limit(
