@@ -347,8 +347,8 @@ def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
         raise InvalidInput(
             f"The {what} has {len(value)} characters, more than {most}: {show(value)}."
         )
-    bad = next((x for x in value if not x.isprintable()), None)
-    if bad is not None:
+    if not value.isprintable():
+        bad = next(x for x in value if not x.isprintable())
         raise InvalidInput(
             f"The {what} has the character U+{ord(bad):04X}, which is not printable: "
             f"'{make_printable(value)}'."

@@ -236,7 +236,7 @@ class Limits:
         Args:
             dof: Number of joints.
         """
-        lower, upper = np.full((2, dof), np.array([[-np.inf], [np.inf]]))
+        lower, upper = np.full(dof, -np.inf), np.full(dof, np.inf)
         if self.joint_lower is not None:
             lower[:] = self.joint_lower
         if self.joint_upper is not None:

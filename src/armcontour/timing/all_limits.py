@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -74,7 +75,7 @@ class AllLimits:
         most = velocity.limit if isinstance(velocity, JointVelocity) else np.full(dof, np.inf)
         return cls(
             # Kernels are compiled for arrays that may be written.
-            joints=Joints(*(np.require(x, requirements="W") for x in (most, *bounds, *own))),
+            joints=Joints(*(_writable(x) for x in (most, *bounds, *own))),
             fixed=tuple(
                 x for x in found.values() if isinstance(x, ToolSpeed | CentripetalAcceleration)
             ),
@@ -120,6 +121,11 @@ class AllLimits:
             grid.s,
             grid.piece,
             np.searchsorted(grid.s, grid.joint_path.stops),
-            np.min(ceilings, axis=0) if ceilings else NO_CEILING,
+            reduce(np.minimum, ceilings) if ceilings else NO_CEILING,
             *(NO_DISCS if self.disc is None else self.disc.on(grid)),
         )
+
+
+def _writable(values: FloatArray) -> FloatArray:
+    """The array, or a copy where it is read-only; `np.require` takes ten times as long."""
+    return values if values.flags.writeable else values.copy()

@@ -150,7 +150,9 @@ class ToolSpeed(Constraint):
 
     def fixed_ceiling(self, grid: Grid) -> FloatArray:
         """The ceiling, (2, n), which depends on the place only."""
-        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
+        found = np.empty((2, len(grid)))
+        found[:] = self._ceiling[grid.piece]
+        return found
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
