@@ -320,10 +320,13 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
         The subintervals, and the indices of the given knots among their starts and last end.
     """
     width = knots.u1 - knots.u0
-    turn = np.maximum(
-        width * path.curvatures[knots.segment],
-        np.linalg.norm(np.diff(poses[:, :, :3], axis=0), axis=(1, 2)) / np.sqrt(2),
-    )
+    turn = width * path.curvatures[knots.segment]
+    if path.orientation is not None:
+        axes = poses[:, :, :3]
+        turned = np.linalg.norm(axes[1:] - axes[:-1], axis=(1, 2)) / np.sqrt(2)
+        turn = np.maximum(turn, turned)
+    if turn.max() <= CHORD_TURN:
+        return knots, np.arange(len(knots) + 1)
     count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
     at = np.concatenate([[0], np.cumsum(count)])
     if at[-1] == len(knots):
