@@ -368,8 +368,9 @@ def _round_all(
     if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
         # Programs have thousands of circles; values are checked for them, too.
         needed_angle(path, angular_tolerance, NOWHERE)
-        if all(x is None or type(x) is float for x in given):
-            _check_numbers(*given)
+        plain = [x for x in given if x is None or type(x) is float]
+        if len(plain) == len(given):
+            _check_numbers(*plain)
         else:
             _wishes(path, NOWHERE, np.empty(0), given, curve)
         return _without_corners(path)

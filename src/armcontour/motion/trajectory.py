@@ -161,9 +161,7 @@ class Trajectory:
     starts: FloatArray = field(init=False, repr=False)
     _parts: tuple[_Part, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
-    _joined: list[tuple[int, int, JoinedLaws]] = field(
-        default_factory=list, init=False, repr=False
-    )
+    _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.laws:
@@ -330,8 +328,9 @@ class Trajectory:
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
                 return which - begin, joined
-        own = self.laws[first:last]
-        if len(own) <= KEPT and all(type(x) is PathLaw for x in own):
+        few = self.laws[first:last] if last - first <= KEPT else ()
+        own = [x for x in few if type(x) is PathLaw]
+        if len(own) == last - first:
             joined = JoinedLaws.of(own, self.starts[first:last])
             self._joined[:] = [(first, last, joined)]
             return which - first, joined

@@ -98,8 +98,9 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         rate, _ = path.orientation.rates_on_piece(i, middle)
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
     # Kernels are compiled for arrays that may be written.
-    own = (np.array(x) for x in (cells.u0, cells.u1, cells.s0))
-    cell, (u0, u1, s0) = cut_cells(*own, turning, finer, FIRST_STEP * extent, FIRST_TURN)
+    u0, u1, s0 = np.array(cells.u0), np.array(cells.u1), np.array(cells.s0)
+    cell, at = cut_cells(u0, u1, s0, turning, finer, FIRST_STEP * extent, FIRST_TURN)
+    u0, u1, s0 = at
     return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
 
 

@@ -14,8 +14,8 @@ from armcontour._checks import FloatArray
 from armcontour.io.drawings._svg_shapes import SHAPES, shape_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
-    IDENTITY,
     FONT,
+    IDENTITY,
     Box,
     affine,
     font_size,

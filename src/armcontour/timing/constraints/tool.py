@@ -154,6 +154,11 @@ class ToolSpeed(Constraint):
         found[:] = self._ceiling[grid.piece]
         return found
 
+    @property
+    def on_pieces(self) -> FloatArray:
+        """The ceiling on each piece of the joint path, (pieces,)."""
+        return self._ceiling
+
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
         return np.asarray(self.assigned[grid.piece][:, None])
@@ -181,6 +186,15 @@ class CentripetalAcceleration(Constraint):
         """The ceiling, (2, n), which depends on the place only."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.limit / self.metric.curvature_on(grid))
+
+    @property
+    def on_pieces(self) -> FloatArray | None:
+        """The ceiling on each piece of the joint path, (pieces,); None if it varies along one."""
+        if self.metric.uneven.any():
+            return None
+        both = np.array([self.metric.curvature, self.metric.curvature])
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.limit / touch_chords(both, TOUCH)[0])
 
 
 class Discs(NamedTuple):
