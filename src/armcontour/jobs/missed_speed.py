@@ -101,7 +101,7 @@ def _look(
         return None
     assigned = float(speeds.max())
     least = assigned / (motion.duration / SLOW - ideal)
-    shown = _bound_acceleration(motion, path.length)
+    shown = bound_acceleration(motion, path.length)
     # Nearly all contours are told by bounds, without a look at their stops or their motion.
     if shown <= least or shown <= (enough := least * (1 + sum(count_full_stops(path).values()))):
         return None
@@ -129,7 +129,7 @@ def _look(
     )
 
 
-def _bound_acceleration(motion: Trajectory, length: float) -> float:
+def bound_acceleration(motion: Trajectory, length: float) -> float:
     """A bound of the acceleration that the ends of a motion show [m/s²]; infinite for none.
 
     That is v² / 2 over the distance from the nearer end, beyond FIRST of the length.
@@ -174,10 +174,12 @@ def _bound_mean(
     first = FIRST * length
     looked = (far > first) & (near <= length / 2)
     x, u, most, near = x[looked], u[looked], most[looked], near[looked]
+    from_first = np.maximum(near, first)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # At the end itself, at rest, only u counts.
+        # At the end itself, at rest, only u counts; so it nearly does beside rounding errors of x.
         by_growth = np.fmax(x / (2 * np.maximum(near, 0.0)), u)
-    return float(np.minimum(by_growth, most / (2 * np.maximum(near, first))).max(initial=0.0))
+    by_growth = np.minimum(by_growth, x / (2 * from_first) + np.maximum(u, 0.0))
+    return float(np.minimum(by_growth, most / (2 * from_first)).max(initial=0.0))
 
 
 def _find_limit(

@@ -331,7 +331,7 @@ class Trajectory:
         few = self.laws[first:last] if last - first <= KEPT else ()
         own = [x for x in few if type(x) is PathLaw]
         if len(own) == last - first:
-            joined = JoinedLaws.of(own, self.starts[first:last])
+            joined = JoinedLaws.of(own, np.array(self.starts[first:last]))
             self._joined[:] = [(first, last, joined)]
             return which - first, joined
         laws, law = np.unique(which, return_inverse=True)
