@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import digits
 from armcontour.arms.limits import or_unlimited
 from armcontour.geometry import Path, count_full_stops
+from armcontour.jobs._missed_speed import bound_mean_acceleration
 from armcontour.jobs.job import Run
 from armcontour.motion import Method, PathLaw, Trajectory
 from armcontour.program import Program, contour_called
@@ -141,45 +142,8 @@ def bound_acceleration(motion: Trajectory, length: float) -> float:
     (law,) = motion.laws if len(motion.laws) == 1 else (None,)
     if not isinstance(law, PathLaw):
         return math.inf
-    ds, begin, slope, jerk = law.rates
-    width = np.diff(law.s)
-    # It is a line over s or over time, so that its ends bound it.
-    end = begin + slope * width + jerk * np.diff(law.breaks)
-    low, high = np.minimum(begin, end), np.maximum(begin, end)
-    x = law.speeds**2
-    most = np.minimum(
-        x[:-1] + 2 * np.maximum(high, 0.0) * width, x[1:] - 2 * np.minimum(low, 0.0) * width
-    )
-    before = _bound_mean(x[:-1], high, most, law.s[:-1], law.s[1:], length)
-    after = _bound_mean(x[1:], -low, most, length - law.s[1:], length - law.s[:-1], length)
-    return max(before, after) * (1 + ROUNDING)
-
-
-def _bound_mean(
-    x: FloatArray, u: FloatArray, most: FloatArray, near: FloatArray, far: FloatArray, length: float
-) -> float:
-    """A bound of v² / 2 over the distance from one end, in the half of a path beside it [m/s²].
-
-    From the nearer end of an interval on, v² / 2 grows by u over the distance at most: so the
-    quotient stays below that of the interval's end and u.
-
-    Args:
-        x: v² at the nearer ends of the intervals [m²/s²], (n,).
-        u: Bounds of the acceleration away from the path's end [m/s²], (n,).
-        most: Bounds of v² [m²/s²], (n,).
-        near: Distances of the nearer ends from the path's end [m], (n,).
-        far: Distances of the other ends [m], (n,).
-        length: Length of the path [m].
-    """
-    first = FIRST * length
-    looked = (far > first) & (near <= length / 2)
-    x, u, most, near = x[looked], u[looked], most[looked], near[looked]
-    from_first = np.maximum(near, first)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # At the end itself, at rest, only u counts; so it nearly does beside rounding errors of x.
-        by_growth = np.fmax(x / (2 * np.maximum(near, 0.0)), u)
-    by_growth = np.minimum(by_growth, x / (2 * from_first) + np.maximum(u, 0.0))
-    return float(np.minimum(by_growth, most / (2 * from_first)).max(initial=0.0))
+    found = bound_mean_acceleration(law.breaks, law.s, *law.rates, length, FIRST * length)
+    return float(found) * (1 + ROUNDING)
 
 
 def _find_limit(

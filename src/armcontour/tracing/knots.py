@@ -71,7 +71,8 @@ class Knots:
 
         All intervals at the first place come before those at the second, (len(PLACES) n,).
         """
-        repeated = self.part(np.tile(np.arange(len(self)), len(PLACES)))
+        columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
+        repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
         return repeated, u.ravel()
 
