@@ -525,16 +525,16 @@ def test_motions_from_rest_to_rest_are_planned_as_in_general(monkeypatch, interv
     else:
         path = ac.JointPath.spline([start, start + [0.4, 0.2, -0.1, 0.1, 0, 1]])
         limits = ur5e.limits.of_joints
-    quick, found = optimal._solve_from_rest, []
+    quick, found = optimal.solve_from_rest, []
 
     def record(*args):
         found.append(quick(*args))
         return found[-1]
 
-    monkeypatch.setattr(optimal, "_solve_from_rest", record)
+    monkeypatch.setattr(optimal, "solve_from_rest", record)
     (law,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
     assert found == [law]
-    monkeypatch.setattr(optimal, "_solve_from_rest", lambda *args: None)
+    monkeypatch.setattr(optimal, "solve_from_rest", lambda *args: None)
     (general,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
     for name in ("s", "breaks"):
         assert np.array_equal(getattr(law, name), getattr(general, name))

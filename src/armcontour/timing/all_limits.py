@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.motion import JointPath
 from armcontour.timing._all_limits import Joints, Places, Rules, plan_in_brackets, plan_roughly
 from armcontour.timing._block import ENDS, B
@@ -79,7 +79,7 @@ class AllLimits:
         most = velocity.limit if isinstance(velocity, JointVelocity) else np.full(dof, np.inf)
         return cls(
             # Kernels are compiled for arrays that may be written.
-            joints=Joints(*(_writable(x) for x in (most, *bounds, *own))),
+            joints=Joints(*(for_kernel(x) for x in (most, *bounds, *own))),
             fixed=tuple(
                 x for x in found.values() if isinstance(x, ToolSpeed | CentripetalAcceleration)
             ),
@@ -175,8 +175,3 @@ class AllLimits:
             reduce(np.minimum, ceilings) if ceilings else NO_CEILING,
             *(NO_DISCS if self.disc is None else self.disc.on(grid)),
         )
-
-
-def _writable(values: FloatArray) -> FloatArray:
-    """The array, or a copy where it is read-only; `np.require` takes ten times as long."""
-    return values if values.flags.writeable else values.copy()

@@ -153,7 +153,7 @@ def plan_optimal(
 
     def solve(start: float, end: float) -> PathLaw:
         task = _Task(tuple(active), start, end, arm, rests)
-        law = _solve_from_rest(joint_path, count, task) if grid is None else None
+        law = solve_from_rest(joint_path, count, task) if grid is None else None
         if law is None:
             law = _solve(cut_pieces(joint_path, count) if grid is None else placed, task, most)
         if jerk is None:
@@ -203,8 +203,12 @@ def _tool_constraints(
     tool = (limits.speed, limits.tool_acceleration, limits.centripetal_acceleration)
     if not np.isnan(own).all() or any(x is not None for x in tool):
         metric = ToolMetric.of(joint_path, arm)
-        middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
-        speed = np.fmin(own[path.locate(middle)], np.inf if limits.speed is None else limits.speed)
+        speed = np.fmin(own, np.inf if limits.speed is None else limits.speed)
+        if len(own) > 1:
+            middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
+            speed = speed[path.locate(middle)]
+        else:
+            speed = np.repeat(speed, len(joint_path.breaks) - 1)
         if np.isfinite(speed).any():
             active.append(ToolSpeed(speed, metric))
         if limits.tool_acceleration is not None:
@@ -414,7 +418,7 @@ class Problem:
         return at
 
 
-def _solve_from_rest(joint_path: JointPath, count: IntArray, task: _Task) -> PathLaw | None:
+def solve_from_rest(joint_path: JointPath, count: IntArray, task: _Task) -> PathLaw | None:
     """Plan from rest to rest with the library's own limits, as nearly all contours and rapids are.
 
     It gives what `_solve` gives, in less time.

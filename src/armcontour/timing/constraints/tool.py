@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, for_kernel
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
 from armcontour.timing.constraints._tool import (
@@ -123,9 +123,7 @@ def _motion(
     """
     motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     # Arms of users may give arrays of any kind.
-    velocity, acceleration = (
-        np.require(x, np.float64, ["C", "W"]).reshape(*s.shape, -1) for x in motion
-    )
+    velocity, acceleration = (for_kernel(x).reshape(*s.shape, -1) for x in motion)
     return velocity, acceleration
 
 
