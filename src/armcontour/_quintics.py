@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, for_kernel
 from armcontour._kernels import compiled
 
 # Rounding error of positions from inverse kinematics, relative to 1 or to their size.
@@ -31,16 +31,9 @@ def quintic(
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    own: Any = map(_own, (width, *begin, *end))
+    own: Any = map(for_kernel, (width, *begin, *end))
     kernel: Any = _fill
     return np.asarray(kernel(*own, play))
-
-
-def _own(values: FloatArray) -> FloatArray:
-    """The values, or a copy where compiled code would take them for another kind of array."""
-    array = np.asarray(values, dtype=np.float64)
-    flags = array.flags
-    return array if flags.c_contiguous and flags.writeable else np.array(array, order="C")
 
 
 @compiled()

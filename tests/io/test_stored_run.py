@@ -40,7 +40,7 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(
         folder.place("a/taught.csv", partial(write_taught, taught=taught, joint_names=names))
         folder.place(
             "a/planned.csv",
-            partial(write_planned, trajectory=planned, period=PERIOD, joint_names=names),
+            partial(write_planned, x=planned.sample(PERIOD), joint_names=names),
         )
     found = read_run(tmp_path / "out").taught(derivatives=derivatives)
     expected = make_table(taught, name="x", derivatives=derivatives)

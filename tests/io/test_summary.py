@@ -119,7 +119,7 @@ def test_planned_joints_are_called_by_their_names_and_read_again(
     study: Study, tmp_path: FilePath
 ) -> None:
     plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
-    text = written(tmp_path, write_planned, plan, 4e-3, names)
+    text = written(tmp_path, write_planned, plan.sample(4e-3), names)
     assert text.startswith("t [s],q shoulder_pan_joint [rad],")
     samples = parse_trajectory(text, names)
     np.testing.assert_allclose(samples.q, plan(np.minimum(samples.t, plan.duration)), atol=1e-11)
@@ -132,8 +132,8 @@ def test_planned_joints_are_called_by_their_names_and_read_again(
 def test_joints_that_are_only_numbered_keep_their_numbers(study: Study, tmp_path: FilePath) -> None:
     plan = study.runs["plain"].trajectory
     numbered = [f"joint {j + 1}" for j in range(6)]
-    text = written(tmp_path, write_planned, plan, 0.1)
-    assert written(tmp_path, write_planned, plan, 0.1, numbered) == text
+    text = written(tmp_path, write_planned, plan.sample(0.1))
+    assert written(tmp_path, write_planned, plan.sample(0.1), numbered) == text
     assert text.startswith("t [s],q 1 [rad],q 2 [rad]")
 
 
@@ -156,7 +156,7 @@ def test_taught_data_is_written_as_plans_are_and_read_again(
 
 def test_torques_as_a_table(study: Study, tmp_path: FilePath) -> None:
     plan, arm = study.runs["plain"].trajectory, study.job.arm
-    header, *rows = written(tmp_path, write_torque, plan, arm, 0.05).splitlines()
+    header, *rows = written(tmp_path, write_torque, plan.sample(0.05), arm).splitlines()
     assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
     table = np.array([row.split(",") for row in rows], dtype=float)
     t = table[3, 0]

@@ -10,7 +10,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.jobs import Job, Rounding, Run, teach
-from armcontour.jobs.missed_speed import measure_jitter
+from armcontour.jobs.missed_speed import FIRST, bound_acceleration, measure_jitter
+from armcontour.motion import JointPath, PathLaw
 from armcontour.program import Contour, Program, Rapid
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -97,3 +98,59 @@ def test_turns_are_no_jitter() -> None:
     assert measure_jitter(measured(0.0)) == 0.0
     assert measure_jitter(measured(0.0).pointing((0, 0, -1))) == 0.0
     assert measure_jitter(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2)])) == 0.0
+
+
+def moved(s: np.ndarray, x: np.ndarray, slope: np.ndarray) -> ac.Trajectory:
+    """A motion along a straight line of joints with given squares of the speed."""
+    length = float(s[-1])
+    line = np.zeros((1, 6, 2))
+    line[0, 1] = length, -length
+    path = JointPath(breaks=np.array([0.0, length]), coefficients=line)
+    return ac.Trajectory(laws=(PathLaw.of_squares(path, s, x, slope),), method="optimal")
+
+
+def shown(motion: ac.Trajectory, length: float) -> float:
+    """The acceleration that the ends of a motion show, at many times."""
+    breaks = motion.laws[0].breaks
+    t = np.unique(np.concatenate([np.linspace(0, motion.duration, 20_001), breaks]))
+    s, v = motion.s(t), motion.s(t, 1)
+    gone = np.minimum(s, length - s)
+    inside = gone > FIRST * length
+    return float((v[inside] ** 2 / (2 * gone[inside])).max())
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_bound_of_the_acceleration_that_ends_show_is_never_exceeded(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, length = int(rng.integers(2, 60)), 10 ** rng.uniform(-3, 0)
+    s = length * np.concatenate([[0.0], np.sort(rng.uniform(0, 1, n - 1)), [1.0]])
+    x = rng.uniform(0.01, 1, n + 1) * rng.choice([1e-3, 1.0], n + 1)
+    if rng.random() < 0.7:
+        x[[0, -1]] = 0.0
+    # So bent that the speed stays above zero between the points.
+    slope = rng.uniform(-0.9, 0.9, n) * np.minimum(x[:-1], x[1:]) / np.diff(s) ** 2
+    motion = moved(s, x, slope)
+    assert shown(motion, length) <= bound_acceleration(motion, length)
+
+
+def test_that_bound_is_the_acceleration_of_a_motion_with_a_uniform_one() -> None:
+    s = np.linspace(0.0, 0.1, 101)
+    x = 2 * 0.7 * np.minimum(s, 0.1 - s)
+    assert bound_acceleration(moved(s, x, np.zeros(100)), 0.1) == pytest.approx(0.7, rel=1e-6)
+    # A fast part in the middle does not count as what the ends show.
+    x = np.minimum(x, 0.02)
+    x[45:56] = 0.05
+    found = bound_acceleration(moved(s, x, np.zeros(100)), 0.1)
+    assert found == pytest.approx(0.7, rel=0.02) and np.diff(x).max() / 2e-3 > 10
+
+
+def test_missed_speeds_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, asked = teach(job(measured(6e-3)))["one"], []
+
+    def look(*args: Any, **values: Any) -> list[str]:
+        asked.append(args)
+        return ["slow"]
+
+    monkeypatch.setattr("armcontour.jobs.study.missed_speeds", look)
+    assert plan.warnings == plan.warnings == ("Run one: slow",)
+    assert len(plan.weak_points) == 1 and len(asked) == 1

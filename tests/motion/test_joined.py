@@ -64,3 +64,14 @@ def test_many_times_are_computed_in_blocks(many, monkeypatch):
     whole = many.motion(t)
     monkeypatch.setattr("armcontour.motion.trajectory.AT_ONCE", 97)
     np.testing.assert_array_equal(many.motion(t), whole)
+
+
+def test_a_kept_table_of_laws_gives_the_same_as_a_new_one(many):
+    def fresh(t, order):
+        return ac.Trajectory(laws=many.laws, method="optimal")(t, order)
+
+    # All of a stretch without pauses, parts of it, others, and all.
+    for first, last in ((8, 13), (9, 12), (0, 4), (1, 4), (8, 13), (0, 13)):
+        t = np.linspace(many.starts[first], many.starts[last], 333)
+        for order in range(3):
+            np.testing.assert_array_equal(many(t, order), fresh(t, order))

@@ -512,6 +512,35 @@ def test_the_guarantee_costs_little(batch, intervals):
         assert planned.duration < bare * (1 + GUARANTEE[intervals]), seed
 
 
+@pytest.mark.parametrize("intervals", [None, 30, 200, 700])
+@pytest.mark.parametrize("curved", [False, True])
+def test_motions_from_rest_to_rest_are_planned_as_in_general(monkeypatch, intervals, curved):
+    ur5e = ac.load_arm("ur5e")
+    start = np.radians([0, -90, 90, -90, -90, 0])
+    if curved:
+        center = ur5e.forward(start) + [0.01, 0, 0]
+        arc = ac.Arc(start=center - [0.01, 0, 0], center=center, angle=2 * np.pi, normal=(0, 0, 1))
+        path = ac.trace(ac.Path.from_segments([arc]).pointing((0, 0, -1)), ur5e, start=start)
+        limits = ur5e.limits.replace(speed=0.1, centripetal_acceleration=2.0)
+    else:
+        path = ac.JointPath.spline([start, start + [0.4, 0.2, -0.1, 0.1, 0, 1]])
+        limits = ur5e.limits.of_joints
+    quick, found = optimal.solve_from_rest, []
+
+    def record(*args):
+        found.append(quick(*args))
+        return found[-1]
+
+    monkeypatch.setattr(optimal, "solve_from_rest", record)
+    (law,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
+    assert found == [law]
+    monkeypatch.setattr(optimal, "solve_from_rest", lambda *args: None)
+    (general,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
+    for name in ("s", "breaks"):
+        assert np.array_equal(getattr(law, name), getattr(general, name))
+    assert all(np.array_equal(x, y) for x, y in zip(law.rates, general.rates, strict=True))
+
+
 # --- sizes
 
 

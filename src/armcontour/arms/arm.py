@@ -237,7 +237,7 @@ class Arm(Locked, ABC):
             shape = self._common_shape(arrays)
             arrays = [np.broadcast_to(x, shape) for x in arrays]
         # Numba would compile the kernels a second time for read-only arrays.
-        rows = [np.require(x.reshape(-1, self.dof), requirements=["C", "W"]) for x in arrays]
+        rows = [_checks.for_kernel(x.reshape(-1, self.dof)) for x in arrays]
         return shape[:-1], rows
 
     def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:

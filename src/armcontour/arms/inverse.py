@@ -52,7 +52,10 @@ def configurations(
         own = task, q[part], SEARCH_WEIGHT, MOST_STEPS
         return np.asarray(_newton.approach(*arm.arrays, target, *own))
 
-    residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
+    if near is None:
+        residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
+    else:
+        residuals = approach(slice(1))
     solutions = q[(residuals < MET).all(axis=1)]
     solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
     kept = _newton.distinct(solutions, APART if task == arm.dof else APART_REDUNDANT)

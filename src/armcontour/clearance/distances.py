@@ -37,6 +37,7 @@ class Distances:
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
+        self._place, self._least = self._coal.Transform3s, self._coal.distance
         self._chain = chain
         self._pairs = pairs
         # Places in the list of all bodies; bodies are compared by identity.
@@ -73,10 +74,10 @@ class Distances:
             pair: Indices of the pairs, (m,).
         """
         turned, moved = self._relative(q, at, pair)
-        found, result = np.empty(len(pair)), self._coal.DistanceResult()
-        for k, p in enumerate(pair.tolist()):
-            found[k] = self._distance(p, turned[k], moved[k], result)
-        return found
+        found, result = [], self._coal.DistanceResult()
+        for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
+            found.append(self._distance(p, turn, move, result))
+        return np.array(found)
 
     def points(self, q: FloatArray) -> FloatArray:
         """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
@@ -97,9 +98,11 @@ class Distances:
 
     def _distance(self, pair: int, turned: FloatArray, moved: FloatArray, result: Any) -> float:
         """Distance of a pair with its second body so placed in the frame of the first one."""
-        place = self._coal.Transform3s(turned, moved)
+        place = self._place(turned, moved)
         first, second = self._shapes[pair]
-        found = self._between(first, second, place, result)
+        # As `_between`: this is called by the hundred thousand.
+        result.clear()
+        found: float = self._least(first, self._still, second, place, self._request, result)
         exact = self._exact[pair]
         if exact is not None and found < self._pairs[pair].margin + UNCERTAINTY:
             found = max(found, self._between(*exact, place, result))

@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour._process import end_at_once
+from armcontour._process import end_at_once, look_for_garbage_less
 from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
@@ -18,6 +18,7 @@ BROKEN_PIPE = 128 + 13
 def main() -> None:
     """Run the command line; an error is printed as one sentence and ends with its exit code."""
     end_at_once()
+    look_for_garbage_less()
     # MuJoCo would start a process to look for a library that draws, which no command needs.
     os.environ.setdefault("MUJOCO_GL", "disable")
     sys.exit(run_interruptibly(_command))

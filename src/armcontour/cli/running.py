@@ -153,13 +153,14 @@ def write_motions(
 
     names = job.arm.joint_names
     for name, result in plans.items():
-        plan, period = result.trajectory, result.run.period
+        # Thousands of laws take long to evaluate: once for both files.
+        planned = result.trajectory.sample(result.run.period)
         taught = partial(write_taught, taught=result.taught, joint_names=names)
         folder.place(f"{name}/taught.csv", taught)
-        planned = partial(write_planned, trajectory=plan, period=period, joint_names=names)
-        folder.place(f"{name}/planned.csv", planned)
+        plan = partial(write_planned, x=planned, joint_names=names)
+        folder.place(f"{name}/planned.csv", plan)
         if job.arm.has_bodies:
-            torque = partial(write_torque, trajectory=plan, arm=job.arm, period=period)
+            torque = partial(write_torque, x=planned, arm=job.arm)
             folder.place(f"{name}/torque.csv", torque)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +91,7 @@ class Orientation:
                 raise InvalidInput(f"{name} of an orientation must be finite, of shape {shape}.")
             object.__setattr__(self, name, array)
         object.__setattr__(self, "fixed", not (self.first.any() or self.second.any()))
-        if n == 0 or self.breaks[0] != 0 or not (np.diff(self.breaks) > 0).all():
+        if n == 0 or self.breaks[0] != 0 or not (self.breaks[1:] > self.breaks[:-1]).all():
             raise InvalidInput("The breaks of an orientation must start at 0 and increase.")
 
     @classmethod
@@ -117,9 +118,7 @@ class Orientation:
             breaks=np.concatenate([[0.0], np.cumsum(lengths)]),
             starts=starts,
             first=rates,
-            second=np.zeros((n, 3)),
-            f=np.tile(LINEAR, (n, 1)),
-            g=np.zeros((n, 4)),
+            **_straight(n),
             axis_only=axis_only,
             follows=follows,
         )
@@ -302,6 +301,8 @@ class Orientation:
             rotation: Rotation matrix, (3, 3).
             scale: Factor of all lengths.
         """
+        if self.fixed and scale == 1.0:
+            return dataclasses.replace(self, starts=rotation @ self.starts)
         return dataclasses.replace(
             self,
             breaks=self.breaks * scale,
@@ -311,6 +312,13 @@ class Orientation:
             f=self.f / scale ** np.arange(self.f.shape[1]),
             g=self.g / scale ** np.arange(self.g.shape[1]),
         )
+
+
+@lru_cache(maxsize=16)
+def _straight(n: int) -> Mapping[str, FloatArray]:
+    """Columns of an orientation of n pieces that turn at constant rates; many paths share them."""
+    columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
+    return {name: _checks.lock_floats(x) for name, x in columns.items()}
 
 
 def shift(c: FloatArray, by: FloatArray) -> FloatArray:

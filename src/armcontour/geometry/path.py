@@ -63,7 +63,7 @@ class Path:
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         at = np.arange(n + 1) if self.waypoints is EVERY_VERTEX else np.asarray(self.waypoints)
-        if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or (np.diff(at) <= 0).any():
+        if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
             raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
         object.__setattr__(self, "waypoints", _checks.lock_copy(at))
         object.__setattr__(self, "breaks", _checks.lock_floats(self.segments.breaks))
@@ -332,6 +332,8 @@ class Path:
     @property
     def turns(self) -> FloatArray:
         """Angle between the tangents at every vertex between segments [rad], (n - 1,)."""
+        if len(self) == 1:
+            return np.empty(0)
         return angle_between(self.segments.end_tangents[:-1], self.tangents[1:])
 
     @property
@@ -346,8 +348,13 @@ class Path:
     @property
     def vertices(self) -> FloatArray:
         """The segments' ends, (n + 1, dimension) [m]."""
+        return np.concatenate([self.starts, self.end[None]])
+
+    @property
+    def end(self) -> FloatArray:
+        """Last point of the path [m], (dimension,)."""
         last = slice(len(self) - 1, None)
-        return np.concatenate([self.starts, self.segments.at(last, self.lengths[last])])
+        return np.asarray(self.segments.at(last, self.lengths[last])[0])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
         """The orientation, with breaks near the path's breaks moved onto them.

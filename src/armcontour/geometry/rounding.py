@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
 
@@ -60,6 +60,8 @@ NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
 NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
+# What is wanted of corners, with units.
+WISHES = {"corner error tolerance": "m", "corner speed": "m/s", "corner acceleration": "m/s²"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -365,7 +367,11 @@ def _round_all(
     if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
         # Programs have thousands of circles; values are checked for them, too.
         needed_angle(path, angular_tolerance, NOWHERE)
-        _wishes(path, NOWHERE, np.empty(0), given, curve)
+        plain = [x for x in given if x is None or type(x) is float]
+        if len(plain) == len(given):
+            _check_numbers(*plain)
+        else:
+            _wishes(path, NOWHERE, np.empty(0), given, curve)
         return _without_corners(path)
     turn = path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
@@ -375,6 +381,17 @@ def _round_all(
     angle = needed_angle(path, angular_tolerance, kinked)
     wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
     return _round(path, wishes, kinked, angle)
+
+
+@lru_cache(maxsize=32)
+def _check_numbers(*given: float | None) -> None:
+    """Check tolerance, speed and acceleration, one number each, as `_wishes` does.
+
+    Raises:
+        InvalidInput: A value is negative or not a number.
+    """
+    for (name, unit), value in zip(WISHES.items(), given, strict=True):
+        _checks.per_vertex(name, value, 0, unit)
 
 
 def _without_corners(path: Path) -> RoundedPath:

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 
 from armcontour.arms import Arm
 from armcontour.io.exports.text import csv_pieces, joint_columns, write_pieces
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.motion import Samples, TaughtData
 
 
 def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str]) -> None:
@@ -15,31 +15,25 @@ def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str])
     write_pieces(file, csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q)))
 
 
-def write_planned(
-    file: FilePath, trajectory: Trajectory, period: float, joint_names: Sequence[str] = ()
-) -> None:
+def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:
     """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
 
     Args:
         file: The file.
-        trajectory: The trajectory.
-        period: Time between rows; the last row is the end [s].
+        x: Samples of the trajectory; the last row is the end.
         joint_names: Names of the joints; numbers by default.
     """
-    x = trajectory.sample(period)
-    names = joint_names or [f"joint {j + 1}" for j in range(trajectory.dof)]
+    names = joint_names or [f"joint {j + 1}" for j in range(x.q.shape[1])]
     write_pieces(file, csv_pieces(*joint_columns(x.t, names, q=x.q, dq=x.dq, ddq=x.ddq)))
 
 
-def write_torque(file: FilePath, trajectory: Trajectory, arm: Arm, period: float) -> None:
+def write_torque(file: FilePath, x: Samples, arm: Arm) -> None:
     """Write torques of the realizable trajectory as CSV: t, then the torque of every drive.
 
     Args:
         file: The file.
-        trajectory: The trajectory.
+        x: Samples of the trajectory; the last row is the end.
         arm: The arm, with bodies.
-        period: Time between rows; the last row is the end [s].
     """
-    x = trajectory.sample(period)
     torque = arm.torque(x.q, x.dq, x.ddq)
     write_pieces(file, csv_pieces(*joint_columns(x.t, arm.joint_names, torque=torque)))

@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import digits
 from armcontour.arms.limits import or_unlimited
 from armcontour.geometry import Path, count_full_stops
+from armcontour.jobs._missed_speed import bound_mean_acceleration
 from armcontour.jobs.job import Run
 from armcontour.motion import Method, PathLaw, Trajectory
 from armcontour.program import Program, contour_called
@@ -20,6 +21,8 @@ from armcontour.program import Program, contour_called
 SLOW = 2.0
 # Samples of a motion, and the first share of its length that tells the acceleration of its ends.
 SAMPLES, FIRST = 4001, 1e-3
+# Relative rounding errors of bounds.
+ROUNDING = 1e-9
 # A tool that has this share of the assigned velocity reaches it.
 REACHED = 0.99
 # A limit binds from this share on, and is named if it does so for this share of the time.
@@ -98,10 +101,10 @@ def _look(
     if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
         return None
     assigned = float(speeds.max())
-    stops = 1 + sum(count_full_stops(path).values())
-    enough = stops * assigned / (motion.duration / SLOW - ideal)
-    if _bound_acceleration(motion) <= enough:
-        # Nearly all contours, without a look at their motion.
+    least = assigned / (motion.duration / SLOW - ideal)
+    shown = bound_acceleration(motion, path.length)
+    # Nearly all contours are told by bounds, without a look at their stops or their motion.
+    if shown <= least or shown <= (enough := least * (1 + sum(count_full_stops(path).values()))):
         return None
     t = np.linspace(0.0, motion.duration, SAMPLES)
     s, v = motion.s(t), motion.s(t, 1)
@@ -127,18 +130,20 @@ def _look(
     )
 
 
-def _bound_acceleration(motion: Trajectory) -> float:
-    """A bound of the path acceleration of a motion from rest to rest [m/s²]; else infinite."""
-    laws = [x for x in motion.laws if isinstance(x, PathLaw)]
-    if len(laws) < len(motion.laws) or laws[0].speeds[0] > 0 or laws[-1].speeds[-1] > 0:
+def bound_acceleration(motion: Trajectory, length: float) -> float:
+    """A bound of the acceleration that the ends of a motion show [m/s²]; infinite for none.
+
+    That is v² / 2 over the distance from the nearer end, beyond FIRST of the length.
+
+    Args:
+        motion: The motion.
+        length: Length of the path [m].
+    """
+    (law,) = motion.laws if len(motion.laws) == 1 else (None,)
+    if not isinstance(law, PathLaw):
         return math.inf
-    most = 0.0
-    for law in laws:
-        # It is a line over s or over time, so that its ends bound it.
-        _, start, slope, jerk = law.rates
-        end = start + slope * np.diff(law.s) + jerk * np.diff(law.breaks)
-        most = max(most, float(np.abs([start, end]).max()))
-    return most
+    found = bound_mean_acceleration(law.breaks, law.s, *law.rates, length, FIRST * length)
+    return float(found) * (1 + ROUNDING)
 
 
 def _find_limit(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -118,6 +118,8 @@ class TimedRun:
     exceeded: tuple[str, ...] = ()
     clearance: Clearance | None = None
     avoided: tuple[str, ...] = ()
+    # What takes long to find in programs of thousands of contours, and is asked for several times.
+    _known: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = brief
 
@@ -145,10 +147,12 @@ class TimedRun:
         if self.run.timing == Method.CONVENTIONAL:
             # It goes through corners at its uniform speed.
             return {}
-        found: Counter[str] = Counter()
-        for x in self.path.contours:
-            found.update(count_full_stops(x.path))
-        return dict(sorted(found.items()))
+        if "stops" not in self._known:
+            found: Counter[str] = Counter()
+            for x in self.path.contours:
+                found.update(count_full_stops(x.path))
+            self._known["stops"] = dict(sorted(found.items()))
+        return dict(self._known["stops"])
 
     @property
     def stops_note(self) -> str | None:
@@ -201,6 +205,12 @@ class TimedRun:
     @property
     def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the plan, such as a coarse command interval."""
+        if "weak points" not in self._known:
+            self._known["weak points"] = self._find_weak_points()
+        return tuple(self._known["weak points"])
+
+    def _find_weak_points(self) -> tuple[str, ...]:
+        """What `weak_points` gives."""
         period, duration = self.run.period, self.trajectory.duration
         found = []
         if period > COARSE * duration:
@@ -491,7 +501,7 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         limit_use=True,
     )
     return RunResult(
-        **{x.name: getattr(plan, x.name) for x in fields(RunPlan)},
+        **{x.name: getattr(plan, x.name) for x in fields(RunPlan) if x.init},
         explanation=explain_run(job, this, plan.trajectory),
         execution=executed,
         evaluation=evaluation,

@@ -23,6 +23,8 @@ from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 AT_ONCE = 50_000
 # Times of so many laws along joint paths are computed together.
 MANY = 4
+# A table of at most so many laws is kept, to be used again: it takes some megabytes.
+KEPT = 100
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
 # Along one path, the end of a law and the start of the next differ by less than this [m].
@@ -161,6 +163,7 @@ class Trajectory:
     starts: FloatArray = field(init=False, repr=False)
     _parts: tuple[_Part, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
+    _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.laws:
@@ -312,9 +315,29 @@ class Trajectory:
         """
         for begin in range(0, len(of), AT_ONCE):
             here = of[begin : begin + AT_ONCE]
-            laws, law = np.unique(which[here], return_inverse=True)
-            joined = JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
+            law, joined = self._join(which[here])
             yield here, joined.motion(law, t[here], side, orders)
+
+    def _join(self, which: IntArray) -> tuple[IntArray, JoinedLaws]:
+        """A table of the laws of some times, and the rows of these laws in it, (n,).
+
+        The last table of few laws is kept: who looks for clearance asks for them again and again.
+
+        Args:
+            which: The law of every time, (n,).
+        """
+        first, last = int(which.min()), int(which.max()) + 1
+        for begin, end, joined in self._joined[:]:
+            if begin <= first and last <= end:
+                return which - begin, joined
+        few = self.laws[first:last] if last - first <= KEPT else ()
+        own = [x for x in few if type(x) is PathLaw]
+        if len(own) == last - first:
+            joined = JoinedLaws.of(own, np.array(self.starts[first:last]))
+            self._joined[:] = [(first, last, joined)]
+            return which - first, joined
+        laws, law = np.unique(which, return_inverse=True)
+        return law, JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """The motion at any times, at rest before and after it, (n, dof).

@@ -136,8 +136,7 @@ class Contour:
         """Whether the contour ends at its start point, without leads and overlap."""
         if self.ring is not None:
             return self.ring
-        ends = self.path([0.0, self.path.length])
-        return bool(np.linalg.norm(ends[1] - ends[0]) <= REPEATED_POINT)
+        return bool(np.linalg.norm(self.path.end - self.path.starts[0]) <= REPEATED_POINT)
 
     @property
     def at_work(self) -> tuple[float, float]:

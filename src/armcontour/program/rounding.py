@@ -144,10 +144,12 @@ def _put(contour: Contour, path: Path, place: Callable[[npt.ArrayLike], FloatArr
     """The contour on a path, on which `place` gives the arc lengths of events and work."""
     if not contour.events and contour.work is None:
         return dataclasses.replace(contour, path=path)
-    arc_lengths = place([x.s for x in contour.events])
-    events = tuple(
-        dataclasses.replace(x, s=float(s)) for x, s in zip(contour.events, arc_lengths, strict=True)
-    )
+    events = contour.events
+    if events:
+        places = place([x.s for x in events])
+        events = tuple(
+            dataclasses.replace(x, s=float(s)) for x, s in zip(events, places, strict=True)
+        )
     work = None
     if contour.work is not None:
         start, end = place(contour.work)

@@ -119,6 +119,73 @@ def count_near(n: int, rests: IntArray, parts: int) -> IntArray:
 
 
 @compiled()
+def parts_at_rests(n: int, rests: int, share: float, most: int) -> int:
+    """Into how many parts the interval after the first one at a rest is cut; below 2 for none.
+
+    Args:
+        n: Number of intervals.
+        rests: Number of rests.
+        share: All rests together get at most this share of the intervals.
+        most: Largest number of parts.
+    """
+    return min(most, int(math.sqrt(share * n / max(3 * rests, 1))))
+
+
+@compiled()
+def grids_from_rest(
+    breaks: FloatArray,
+    count: IntArray,
+    ceiling: FloatArray,
+    share: float,
+    most: int,
+    by: int,
+    few: int,
+) -> tuple[FloatArray, IntArray, FloatArray, FloatArray, IntArray, FloatArray, IntArray]:
+    """The grid of a motion from rest to rest, finer at both ends, and a coarser one of it.
+
+    Args:
+        breaks: Of the joint path [m], (pieces + 1,).
+        count: Number of intervals of each piece before the ends are refined, (pieces,).
+        ceiling: A ceiling of ds² on each piece, (pieces,), or (0,) for none.
+        share: As in `parts_at_rests`.
+        most: As in `parts_at_rests`.
+        by: The coarse grid keeps about every so-manieth point.
+        few: With fewer intervals than this the coarse grid is the grid itself.
+
+    Returns:
+        Of the grid: its points, (n + 1,), their pieces, (n,), and ceilings at the starts and ends
+        of the intervals, (2, n), or (2, 0); the same of the coarse grid; and the coarse interval
+        of each interval, (n,).
+    """
+    s, piece = cut(breaks, count)
+    n = len(piece)
+    parts = parts_at_rests(n, 2, share, most)
+    if parts >= 2:
+        ends = np.empty(2, np.intp)
+        ends[0], ends[1] = 0, n
+        s, of = cut(s, count_near(n, ends, parts))
+        n = len(of)
+        for i in range(n):
+            of[i] = piece[of[i]]
+        piece = of
+    if n >= few:
+        coarse, coarse_piece, of = thin(s, piece, by)
+    else:
+        coarse, coarse_piece, of = s, piece, np.empty(n, np.intp)
+        for i in range(n):
+            of[i] = i
+    limited = len(ceiling) > 0
+    fixed = np.empty((2, n if limited else 0))
+    coarse_fixed = np.empty((2, len(coarse_piece) if limited else 0))
+    for end in range(2):
+        for i in range(fixed.shape[1]):
+            fixed[end, i] = ceiling[piece[i]]
+        for i in range(coarse_fixed.shape[1]):
+            coarse_fixed[end, i] = ceiling[coarse_piece[i]]
+    return s, piece, fixed, coarse, coarse_piece, coarse_fixed, of
+
+
+@compiled()
 def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatArray, IntArray, int]:
     """All breaks, and the points that are not close to a break or to the point before.
 

@@ -87,6 +87,26 @@ def _plain_move(
 
 
 @dataclass(frozen=True, slots=True)
+class _Made:
+    """The plan of a move, of which another process sends a `_Plan`.
+
+    Args:
+        trajectory: The plan.
+        joint_path: The joint path of the move.
+    """
+
+    trajectory: Trajectory
+    joint_path: JointPath
+
+    def __reduce__(self) -> tuple[type[_Plan], tuple[Any, ...]]:
+        """What is sent to other processes."""
+        (law,) = self.trajectory.laws
+        assert isinstance(law, PathLaw)
+        own = None if law.joint_path is self.joint_path else law.joint_path
+        return _Plan, (law.breaks, law.s, law.rates, self.trajectory.method, own)
+
+
+@dataclass(frozen=True, slots=True)
 class _Plan:
     """The plan of a move, without what is known of the move already.
 
@@ -105,14 +125,10 @@ class _Plan:
     joint_path: JointPath | None
 
 
-def _plan(timing: Timing, move: _Move) -> _Plan:
+def _plan(timing: Timing, move: _Move) -> _Made:
     """Plan a move."""
     plan = timing.contour if move.is_contour else timing.rapid
-    found = plan(move.joint_path)
-    (law,) = found.laws
-    assert isinstance(law, PathLaw)
-    own = None if law.joint_path is move.joint_path else law.joint_path
-    return _Plan(law.breaks, law.s, law.rates, found.method, own)
+    return _Made(plan(move.joint_path), move.joint_path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +141,7 @@ class _Ahead:
     """
 
     timing: Timing
-    plans: Iterator[_Plan]
+    plans: Iterator[_Made | _Plan]
 
     @property
     def arm(self) -> Arm:
@@ -147,6 +163,8 @@ class _Ahead:
     def _next(self, joint_path: JointPath) -> Trajectory:
         """The next plan, along the joint path that it was made for."""
         plan = next(self.plans)
+        if isinstance(plan, _Made):
+            return plan.trajectory
         law = PathLaw(
             joint_path=plan.joint_path or joint_path, breaks=plan.breaks, s=plan.s, rates=plan.rates
         )

@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing._grid import cut, cut_near, merge, thin, turning_of
+from armcontour.timing._grid import cut, cut_near, merge, parts_at_rests, thin, turning_of
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -73,6 +73,24 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     Raises:
         InvalidInput: `intervals` is not a whole number of at least 2.
     """
+    return cut_pieces(joint_path, share_out(joint_path, intervals))
+
+
+def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
+    """Make a grid of so many equal intervals on every piece of a joint path, (pieces,)."""
+    return _grid_of(joint_path, *cut(joint_path.breaks, count))
+
+
+def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
+    """How many intervals every piece of a joint path gets in `place_grid`, (pieces,).
+
+    Args:
+        joint_path: The joint path.
+        intervals: As in `place_grid`.
+
+    Raises:
+        InvalidInput: As in `place_grid`.
+    """
     breaks = joint_path.breaks
     pieces = len(breaks) - 1
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
@@ -81,13 +99,13 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     turning = turning_of(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    width = np.diff(breaks)
+    width = breaks[1:] - breaks[:-1]
     turn = width * turning
-    share = EVEN_SHARE * width / width.sum()
-    if turn.sum() > 0:
-        share += (1 - EVEN_SHARE) * turn / turn.sum()
-    per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count)).astype(np.intp)
-    return _grid_of(joint_path, *cut(breaks, per_piece))
+    share, turns = EVEN_SHARE * width / width.sum(), turn.sum()
+    if turns > 0:
+        share += (1 - EVEN_SHARE) * turn / turns
+    per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count))
+    return np.asarray(per_piece, dtype=np.intp)
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
@@ -142,8 +160,7 @@ def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
         grid: The grid.
         rests: Arc lengths at which the tool is at rest [m]; all are grid points.
     """
-    most = SHARE_AT_RESTS * len(grid) / max(3 * len(rests), 1)
-    parts = min(PARTS_AT_REST, int(np.sqrt(most)))
+    parts = parts_at_rests(len(grid), len(rests), SHARE_AT_RESTS, PARTS_AT_REST)
     if parts < 2 or not len(rests):
         return grid
     at = np.sort(np.searchsorted(grid.s, rests))

@@ -104,7 +104,7 @@ class _Chain:
             trajectory = self.timing.contour(step.joint_path, self.laws)
         start, end = self.t, self.t + trajectory.duration
         work = (start, end)
-        if move.work is not None:
+        if move.work is not None and move.work != (0.0, move.path.length):
             on, off = (start + trajectory.time_at(move.work)).tolist()
             work = (on, off)
         s = (self.length, self.length + move.path.length)

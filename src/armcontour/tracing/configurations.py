@@ -322,8 +322,11 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:
-        size = np.linalg.norm(np.diff(poses[:, :, :3], axis=0), axis=(1, 2))
-        turn = np.maximum(turn, size / np.sqrt(2))
+        axes = poses[:, :, :3]
+        turned = np.linalg.norm(axes[1:] - axes[:-1], axis=(1, 2)) / np.sqrt(2)
+        turn = np.maximum(turn, turned)
+    if turn.max() <= CHORD_TURN:
+        return knots, np.arange(len(knots) + 1)
     count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
     at = np.concatenate([[0], np.cumsum(count)])
     if at[-1] == len(knots):

@@ -8,8 +8,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
 from armcontour.geometry import Path
+from armcontour.tracing._knots import cut_cells
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
@@ -71,7 +71,8 @@ class Knots:
 
         All intervals at the first place come before those at the second, (len(PLACES) n,).
         """
-        repeated = self.part(np.tile(np.arange(len(self)), len(PLACES)))
+        columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
+        repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
         return repeated, u.ravel()
 
@@ -91,24 +92,16 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
     # All vertices of a full circle are one point, so the extent takes in the arcs' diameters.
     diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
     extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(diameter.max()))
-    width = cells.u1 - cells.u0
     turning = path.curvatures[cells.segment]
     if path.orientation is not None and not path.orientation.fixed:
         i = cells.piece
         middle = cells.at((cells.u0 + cells.u1) / 2) - path.orientation.breaks[i]
         rate, _ = path.orientation.rates_on_piece(i, middle)
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
-    by_length, by_turn = (
-        np.ceil(finer * width / (FIRST_STEP * extent)),
-        np.ceil(finer * width * turning / FIRST_TURN),
-    )
-    count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
-    cell, number = number_parts(count)
-    share = width[cell] / count[cell]
-    u0 = cells.u0[cell] + share * number
-    last = number + 1 == count[cell]
-    u1 = np.where(last, cells.u1[cell], cells.u0[cell] + share * (number + 1))
-    s0 = np.where(number == 0, cells.s0[cell], cells.s0[cell] + share * number)
+    # Kernels are compiled for arrays that may be written.
+    u0, u1, s0 = np.array(cells.u0), np.array(cells.u1), np.array(cells.s0)
+    cell, at = cut_cells(u0, u1, s0, turning, finer, FIRST_STEP * extent, FIRST_TURN)
+    u0, u1, s0 = at
     return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
 
 

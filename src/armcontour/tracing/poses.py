@@ -12,6 +12,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding import OUT_OF_PLANE
 from armcontour.tracing import _path_points
+from armcontour.tracing._knots import find_ends
 from armcontour.tracing.knots import Knots
 
 # Jumps of the orientation below this are rounding errors [rad].
@@ -212,18 +213,8 @@ class FirstPoses:
     @classmethod
     def of(cls, path: Path, knots: Knots) -> FirstPoses:
         """Compute them."""
-        n = len(knots)
-        apart = np.ones(n, dtype=np.bool_)
-        apart[:-1] = (
-            (knots.segment[1:] != knots.segment[:-1])
-            | (knots.piece[1:] != knots.piece[:-1])
-            | (knots.u0[1:] != knots.u1[:-1])
-        )
-        alone = np.flatnonzero(apart)
-        ends = np.arange(1, n + 1)
-        ends[alone] = np.arange(n, n + len(alone))
-        places = knots.part(np.concatenate([np.arange(n), alone]))
-        u = np.concatenate([knots.u0, knots.u1[alone]])
+        row, u, ends = find_ends(knots.segment, knots.piece, knots.u0, knots.u1)
+        places = knots.part(row)
         poses, rates = motion_at(path, places, u)
         return cls(
             knots=knots,

@@ -15,6 +15,7 @@ from armcontour.io.drawings._svg_shapes import SHAPES, shape_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
     FONT,
+    IDENTITY,
     Box,
     affine,
     font_size,
@@ -220,7 +221,8 @@ class Walk:
             self.leave_out(HIDDEN, element)
             return None
         self._check_style(element)
-        to = around.to @ transform_of(element)
+        own = transform_of(element)
+        to = around.to if own is IDENTITY else around.to @ own
         if not to.finite:
             element.refuse("its transforms together have numbers that are too large")
         if is_flat(to):

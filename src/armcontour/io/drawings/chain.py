@@ -149,9 +149,11 @@ class Chain:
             wide = self.angles > WIDE
             centres = (self.starts - self.cosines)[wide]
             sizes = np.hypot(self.cosines[wide], self.sines[wide])
-            # The ellipse of a narrow arc extends much farther than the arc.
-            narrow = self[(self.angles > 0) & ~wide]
-            points += [centres - sizes, centres + sizes, narrow._at(0.5)]
+            points += [centres - sizes, centres + sizes]
+            narrow = (self.angles > 0) & ~wide
+            if narrow.any():
+                # The ellipse of a narrow arc extends much farther than the arc.
+                points.append(self[narrow]._at(0.5))
         return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:

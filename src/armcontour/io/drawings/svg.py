@@ -152,8 +152,11 @@ def _printed_units(shapes: Sequence[Shape]) -> dict[str, float]:
     """Half of the last decimal place of coordinates [m], by the names of shapes."""
     half = half_a_place(x.element.get(key) for x in shapes for key in COORDINATES)
     found: dict[str, float] = {}
+    # Shapes without transforms of their own share the map of their group.
+    sizes = {id(x.to): x.to for x in shapes}
+    factors = {key: float(np.linalg.norm(x.linear, 2)) for key, x in sizes.items()}
     for x in shapes:
-        size = half * float(np.linalg.norm(x.to.linear, 2))
+        size = half * factors[id(x.to)]
         found[x.name] = min(size, found.get(x.name, size))
     return found
 

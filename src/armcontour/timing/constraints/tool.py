@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, for_kernel
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
 from armcontour.timing.constraints._tool import (
@@ -123,9 +123,7 @@ def _motion(
     """
     motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     # Arms of users may give arrays of any kind.
-    velocity, acceleration = (
-        np.require(x, np.float64, ["C", "W"]).reshape(*s.shape, -1) for x in motion
-    )
+    velocity, acceleration = (for_kernel(x).reshape(*s.shape, -1) for x in motion)
     return velocity, acceleration
 
 
@@ -150,7 +148,14 @@ class ToolSpeed(Constraint):
 
     def fixed_ceiling(self, grid: Grid) -> FloatArray:
         """The ceiling, (2, n), which depends on the place only."""
-        return np.broadcast_to(self._ceiling[grid.piece], (2, len(grid)))
+        found = np.empty((2, len(grid)))
+        found[:] = self._ceiling[grid.piece]
+        return found
+
+    @property
+    def on_pieces(self) -> FloatArray:
+        """The ceiling on each piece of the joint path, (pieces,)."""
+        return self._ceiling
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
@@ -179,6 +184,15 @@ class CentripetalAcceleration(Constraint):
         """The ceiling, (2, n), which depends on the place only."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.limit / self.metric.curvature_on(grid))
+
+    @property
+    def on_pieces(self) -> FloatArray | None:
+        """The ceiling on each piece of the joint path, (pieces,); None if it varies along one."""
+        if self.metric.uneven.any():
+            return None
+        both = np.array([self.metric.curvature, self.metric.curvature])
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.limit / touch_chords(both, TOUCH)[0])
 
 
 class Discs(NamedTuple):
