@@ -162,11 +162,13 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
 
     most = largest(x)
     lowest = -largest(-least) * LEAST / wider if bracketed else np.zeros(len(mesh.grid))
+    # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
+    ramps = mesh.ramps[mesh.cell] != 0
     return Bounds(
         x=HEADROOM * wider * most,
         u=HEADROOM_RATE * wider * largest(u),
-        skew=HEADROOM_SLOPE * wider * largest(change),
-        least=np.where(mesh.ramps[mesh.cell] != 0, 0.0, lowest),
+        skew=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
+        least=np.where(ramps, 0.0, lowest),
     )
 
 
