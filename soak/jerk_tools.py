@@ -2,9 +2,9 @@
 
 Paths are polylines with corners of continuous curvature, with the same tool orientation everywhere;
 polylines with arcs for corners, at which the motion rests, and a tool that turns from each waypoint
-to the next; or splines through joint positions whose parameter is the arc length of the tool. Positions and orientations
-of the tool are power series in s up to the third power, of which the law makes those in time; no
-Jacobian is used. Only torques are the arm's own.
+to the next; or splines through joint positions whose parameter is the arc length of the tool.
+Positions and orientations of the tool are power series in s up to the third power, of which the law
+makes those in time; no Jacobian is used. Only torques are the arm's own.
 """
 
 from __future__ import annotations
