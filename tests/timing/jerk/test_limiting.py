@@ -180,3 +180,19 @@ def test_a_tool_that_turns_in_a_small_corner_may_start_from_its_stops():
     # The corner takes two stops more than the same limits without jerk.
     free = ac.plan(path, arm, limits.replace(joint_jerk=None), intervals=200)
     assert free.duration < planned.duration < 3 * free.duration
+
+
+def test_a_tool_that_turns_along_a_tiny_segment_may_start_from_its_ends():
+    """Where margins would take all of a limit next to a rest, the motion is slower there."""
+    arm = ac.load_arm("ur5e")
+    down, tilted = np.diag([1.0, -1.0, -1.0]), Rotation.from_euler("xyz", (2.8, 0.3, 0.2))
+    points = [(0.45, 0.1, 0.2), (0.46, 0.1, 0.2), (0.46, 0.10001, 0.20001), (0.46, 0.11, 0.2)]
+    turns = [down, down, tilted.as_matrix(), tilted.as_matrix()]
+    path = ac.round_corners(ac.Path.polyline(points).oriented(turns), tolerance=1e-5)
+    limits = arm.limits.replace(
+        angular_speed=0.3, joint_acceleration=10.0, joint_jerk=100.0, joint_torque=None
+    )
+    planned = ac.plan(path, arm, limits, intervals=60)
+    assert not ac.check(planned, arm, limits).violated
+    # The tool turns by 0.48 rad there, and each rest takes about 0.1 s.
+    assert planned.duration < 2.5
