@@ -1,9 +1,10 @@
 """Plans with limits of jerk and of the tool, judged by power series of the forward kinematics.
 
-Paths are polylines with corners of continuous curvature, or splines through joint positions whose
-parameter is the arc length of the tool. Positions and orientations
-of the tool are power series in s up to the third power, of which the law makes those in time; no
-Jacobian is used. Only torques are the arm's own.
+Paths are polylines with corners of continuous curvature, with the same tool orientation everywhere;
+polylines with arcs for corners, at which the motion rests, and a tool that turns from each waypoint
+to the next; or splines through joint positions whose parameter is the arc length of the tool.
+Positions and orientations of the tool are power series in s up to the third power, of which the law
+makes those in time; no Jacobian is used. Only torques are the arm's own.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 import armcontour as ac
 from soak.jerk_judge import LEAK, MOST_ITERATIONS, Outcome, Sampled, counted, judge
@@ -31,6 +33,8 @@ CHANCE = 0.35
 LEAST = 1e-6  # a tool that does less has no limit of it
 # How many of the paths are polylines, and how a tool is held that looks down.
 CORNERS, DOWN = 0.4, np.diag([1.0, -1.0, -1.0])
+# How many of the seeds have a tool that turns, and by about which angle at a waypoint [rad].
+TURNING, TURN = 0.2, 0.2
 # The slowest place of the tool along a drawn curve, as a share of the fastest.
 EVEN = 0.25
 # Exponents of the time in the units of limits.
@@ -60,7 +64,13 @@ def draw(seed: int) -> Problem:
     kind = "corners" if rng.random() < CORNERS else "spline"
     arm = _arm(str(rng.choice(ARMS[:2] if kind == "corners" else ARMS)))
     path: ac.Path | ac.JointPath
-    if kind == "corners":
+    # Other numbers than those of `rng`, so that other seeds have the problems that they had.
+    turning = np.random.default_rng((19, seed))
+    if turning.random() < TURNING:
+        kind, arm = "turning", _arm(ARMS[0])
+        path = _turning(turning, arm)
+        limits = _limits(rng, arm, ac.trace(path, arm))
+    elif kind == "corners":
         path = _corners(rng, arm)
         limits = _limits(rng, arm, ac.trace(path, arm))
     else:
@@ -83,6 +93,20 @@ def _corners(rng: np.random.Generator, arm: Any) -> ac.Path:
     path = ac.Path.polyline(points)
     path = path if arm.dimension == 2 else path.oriented(DOWN)
     return ac.round_corners(path, tolerance=10 ** rng.uniform(-4, -2), continuity="curvature")
+
+
+def _turning(rng: np.random.Generator, arm: Any) -> ac.Path:
+    """A polyline with arcs for corners, along which the tool turns, in reach of the arm."""
+    while True:
+        points = rng.uniform((0.4, -0.05, 0.15), (0.5, 0.05, 0.25), (int(rng.integers(3, 5)), 3))
+        turns = Rotation.from_rotvec(TURN * rng.normal(size=points.shape)).as_matrix()
+        path = ac.Path.polyline(points).oriented(turns @ DOWN)
+        path = ac.round_corners(path, tolerance=10 ** rng.uniform(-6, -3))
+        try:
+            ac.trace(path, arm)
+        except ac.Unreachable:
+            continue
+        return path
 
 
 def _path(rng: np.random.Generator, arm: Any) -> tuple[ac.JointPath, np.ndarray]:

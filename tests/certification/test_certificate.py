@@ -241,6 +241,14 @@ def test_what_binds_is_said(refuses):
         limit="contour error",
         allowed=1e-9,
     )
+    lags = parse_job(LINE.replace("inverse", "none"))
+    refuses(
+        lambda: ac.certify(lags, servo=1e-6, slowest=1.05),
+        ac.NotRealizable,
+        "contour error comes down to",
+        "compensate the lag of the servo",
+        limit="contour error",
+    )
     refuses(
         lambda: ac.certify(job(), servo=1e-3, slowest=1.0001),
         ac.NotRealizable,

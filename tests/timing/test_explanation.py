@@ -311,3 +311,16 @@ def test_stops_that_limits_of_jerk_force_are_named():
     assert "2 stops by jerk" in repr(found)
     free = limits.replace(joint_jerk=None)
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
+
+
+def test_margins_of_wide_intervals_do_not_hide_what_binds():
+    """Along bends whose curvature varies, wide intervals leave some percent of the limit."""
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
+    path = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
+    limits = ac.Limits(tool_acceleration=0.3)
+    planned = ac.plan(path, arm, limits, intervals=300)
+    times = {"tool acceleration": 0.0, "nothing": 0.0}
+    for x in ac.explain(planned, arm, limits).bindings:
+        times[x.name] += x.t[1] - x.t[0]
+    assert times["nothing"] < 0.03 * planned.duration

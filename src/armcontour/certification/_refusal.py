@@ -24,6 +24,9 @@ def refuse(search: Search) -> NoReturn:
     longer = "a larger slowest"
     hold = setting.servo.interpolation == "step"
     shorter = "linear interpolation" if hold else "a shorter command interval"
+    # Where nothing makes up for the lag of the servo, errors are those of the lag.
+    lags = setting.run.compensation == "none"
+    follow = "compensate the lag of the servo" if lags else f"take {shorter}"
     if not kind:
         raise NotRealizable(
             f"No plan {slow} is certified: smoothing over the command interval alone takes longer; "
@@ -54,13 +57,13 @@ def refuse(search: Search) -> NoReturn:
     if kind == "torque":
         _refuse_torque(search, ratio, slow)
     if kind == "tool":
-        _refuse_tool_speed(search, ratio, slow, f"take {shorter}")
+        _refuse_tool_speed(ratio, slow, follow)
     # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
     reached = search.reached if search.reached > setting.budget else ratio * setting.budget
     if kind == "box" and reached <= setting.budget:
         reached = search.outside
     over = " of the worst robot of the box" if kind == "box" else ""
-    mend = _mend_box(search) if kind == "box" else f"take {shorter}"
+    mend = _mend_box(search) if kind == "box" else follow
     raise NotRealizable(
         f"No plan {slow} is certified: the largest contour error{over} comes down to "
         f"{reached * 1e3:.4g} mm, and {setting.budget * 1e3:.4g} mm is allowed: {mend}, "
@@ -107,25 +110,22 @@ def _refuse_torque(search: Search, ratio: float, slow: str) -> NoReturn:
     )
 
 
-def _refuse_tool_speed(search: Search, ratio: float, slow: str, shorter: str) -> NoReturn:
+def _refuse_tool_speed(ratio: float, slow: str, follow: str) -> NoReturn:
     """Refuse a certificate because the executed tool is too fast for its place.
 
     Args:
-        search: The search.
         ratio: What it took of the assigned velocity, as a ratio of squares.
         slow: How slow a plan may be, in words.
-        shorter: What helps against errors of the command interval, in words.
+        follow: What helps the tool to follow the plan more closely, in words.
 
     Raises:
         NotRealizable: Always.
     """
     faster, allowed = (1 + SPEED_SLACK) * ratio**0.5, 1 + SPEED_SLACK
-    lags = search.setting.run.compensation == "none"
     raise NotRealizable(
         f"No plan {slow} is certified: the executed tool runs at {faster:.5g} times the velocity "
         f"that is assigned where it is, and {allowed:g} times are allowed: "
-        f"{'compensate the lag of the servo' if lags else shorter}, let the assigned velocity fall "
-        "in smaller steps, or take a larger slowest.",
+        f"{follow}, let the assigned velocity fall in smaller steps, or take a larger slowest.",
         limit="speed",
         needed=faster,
         allowed=allowed,

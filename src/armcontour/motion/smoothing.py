@@ -23,8 +23,9 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
     Stops remain: each part between two stops is averaged by itself, and takes longer by the sum of
     the windows.
 
-    Along a shaped path, whose curvature jumps where accelerations do, the joint positions are
-    averaged instead. The joints then keep all limits of velocity and acceleration that the motion
+    Along the curve of a shaped path, whose curvature jumps where accelerations do, the joint
+    positions are averaged instead. (A shaped path of arcs or stops, where these are the fastest,
+    has no such curve.) The joints then keep all limits of velocity and acceleration that the motion
     keeps, and the tool leaves the path by about a W² / 24, for a tool acceleration a and a window
     W.
 

@@ -20,6 +20,10 @@ from armcontour.timing.optimal import constraints_of
 # A limit binds on an interval from this used share on. Margins may take the rest; below this share
 # the plan passes from one limit to another.
 BINDS = 0.99
+# Margins of wide intervals take more: next to an interval on which a limit binds it binds from this
+# share on, as long as it is the limit that is used most, and on more intervals than a plan takes to
+# pass from one limit to another.
+BINDS_BESIDE, PASSES = 0.9, 2
 # With limits of jerk it binds from this share on: its intervals are longer, and along one of them
 # the share of a limit changes more.
 BINDS_WITH_JERK = 0.9
@@ -233,8 +237,7 @@ def _explain_law(
     ]
     shares = np.concatenate(used, axis=1)
     share = shares.max(axis=1)
-    least = BINDS_WITH_JERK if jerks else BINDS
-    which = np.where(share >= least, shares.argmax(axis=1), -1)
+    which = _find_binding(shares, BINDS_WITH_JERK if jerks else BINDS)
     bindings = _bindings(law, share, which, names, offsets)
     for constraint, shares in zip(active, used, strict=True):
         if isinstance(constraint, ToolSpeed):
@@ -248,6 +251,28 @@ def _explain_law(
                 _extent(law, reached),
             )
     return _LawExplanation(bindings, ())
+
+
+def _find_binding(shares: FloatArray, least: float) -> IntArray:
+    """The column of the limit that binds on each interval, or -1, (n,).
+
+    Args:
+        shares: Used shares of all limits, (n, limits).
+        least: From which share on a limit binds whatever its neighbours do.
+    """
+    share, most_used = shares.max(axis=1), shares.argmax(axis=1)
+    certain = share >= least
+    near = np.where(share >= min(least, BINDS_BESIDE), most_used, -1)
+    starts, count = _runs(near)
+    binds = np.repeat(np.maximum.reduceat(certain, starts), count)
+    starts, count = _runs(2 * near + certain)
+    return np.where(certain | (binds & (np.repeat(count, count) > PASSES)), near, -1)
+
+
+def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
+    """Where runs of equal values start, and how long they are."""
+    starts = np.append(0, np.flatnonzero(np.diff(values)) + 1)
+    return starts, np.diff(np.append(starts, len(values)))
 
 
 def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:

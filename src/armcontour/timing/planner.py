@@ -79,7 +79,8 @@ def plan(
         smoothing: Window of a moving average of s(t), or two as in `smooth` [s], for the
             methods "optimal" and "shaped" without a given duration. Every motion between two rests
             takes longer by the sum of the windows, and may exceed limits of the joints where the
-            path bends, but for shaped paths, along which joint positions are averaged.
+            path bends, but for shaped curves, along which joint positions are averaged. Where arcs
+            or stops are the fastest shape, there is no such curve.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints`,

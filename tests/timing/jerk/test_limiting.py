@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 from soak.jerk_judge import Sampled, ratios
 
 import armcontour as ac
@@ -163,3 +164,35 @@ def test_jerk_of_the_tool():
     tool = arm.forward(found(np.arange(0, found.duration, step)))
     jerk = np.linalg.norm(np.diff(tool, 3, axis=0), axis=1) / step**3
     assert 0.25 < jerk.max() <= 0.3 * (1 + 1e-4)
+
+
+def test_a_tool_that_turns_in_a_small_corner_may_start_from_its_stops():
+    """The cells next to rests keep room for motion, however short the cells behind the rests."""
+    arm = ac.load_arm("ur5e")
+    down, tilted = np.diag([1.0, -1.0, -1.0]), Rotation.from_euler("xyz", (2.8, 0.3, 0.2))
+    corner = ac.Path.polyline([(0.45, 0.1, 0.2), (0.46, 0.1, 0.2), (0.46, 0.11, 0.21)])
+    path = ac.round_corners(corner.oriented([down, tilted.as_matrix(), down]), tolerance=1e-5)
+    limits = arm.limits.replace(
+        angular_speed=0.3, joint_acceleration=10.0, joint_jerk=100.0, joint_torque=None
+    )
+    planned = ac.plan(path, arm, limits, intervals=200)
+    assert not ac.check(planned, arm, limits).violated
+    # The corner takes two stops more than the same limits without jerk.
+    free = ac.plan(path, arm, limits.replace(joint_jerk=None), intervals=200)
+    assert free.duration < planned.duration < 3 * free.duration
+
+
+def test_a_tool_that_turns_along_a_tiny_segment_may_start_from_its_ends():
+    """Where margins would take all of a limit next to a rest, the motion is slower there."""
+    arm = ac.load_arm("ur5e")
+    down, tilted = np.diag([1.0, -1.0, -1.0]), Rotation.from_euler("xyz", (2.8, 0.3, 0.2))
+    points = [(0.45, 0.1, 0.2), (0.46, 0.1, 0.2), (0.46, 0.10001, 0.20001), (0.46, 0.11, 0.2)]
+    turns = [down, down, tilted.as_matrix(), tilted.as_matrix()]
+    path = ac.round_corners(ac.Path.polyline(points).oriented(turns), tolerance=1e-5)
+    limits = arm.limits.replace(
+        angular_speed=0.3, joint_acceleration=10.0, joint_jerk=100.0, joint_torque=None
+    )
+    planned = ac.plan(path, arm, limits, intervals=60)
+    assert not ac.check(planned, arm, limits).violated
+    # The tool turns by 0.48 rad there, and each rest takes about 0.1 s.
+    assert planned.duration < 2.5

@@ -76,3 +76,14 @@ def test_cells_are_split_but_those_at_rests():
     again = found.split(parts)
     assert isinstance(again, Mesh) and len(again.nodes) == len(found.nodes) + 6
     assert again.nodes[1] == found.nodes[1] and again.sections[-1] == len(again.nodes) - 1
+
+
+def test_new_cells_that_nearly_end_at_a_break_end_there():
+    brk = float(np.nextafter(0.5, 1.0))
+    path = ac.JointPath.spline(POINTS[[0, 1, 4]], [0.0, brk, 2.0])
+    nodes = np.array([0.0, 0.25, 0.75, 1.5, 2.0])
+    whole = Mesh.through(path, nodes, np.array([0, 4]), np.array([[True, True]]))
+    found = whole.split(np.full(len(whole.grid), 2.0))
+    # A part of 1e-16 m would have no second differences but rounding errors.
+    assert found.grid.width.min() > 0.2 and brk in found.nodes and 0.5 not in found.nodes
+    assert np.isin(nodes, found.nodes).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,6 +55,8 @@ LEAST_RATE = 0.02
 TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
+# The largest share of a limit that margins may take on cells of uniform jerk.
+MOST_AT_RAMPS = 0.5
 # A start or end speed that is the limit is lower than the limit by half of this share: no row of an
 # interior point is met exactly.
 CLOSE_TO_LIMIT = 1e-7
@@ -99,6 +102,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
             mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
             continue
+        rows = _with_slow_ramps(rows, task, near)
         try:
             found = _solve(rows, (near, INSIDE), task, EXACT)
         except NotRealizable as error:
@@ -114,6 +118,22 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         if wider >= WIDEST or not _touches(mesh, bounds, found):
             return best
         near, wider = found, wider * WIDER
+
+
+def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
+    """The rows, with lower bounds on cells of uniform jerk of which margins take too much.
+
+    Such cells are not split; the bounds hold the plan, and margins fall with them.
+    """
+    for _ in range(MOST_SPLITS):
+        bounds, mesh = rows.bounds, rows.mesh
+        tight = (rows.lost > MOST_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
+        if bounds is None or not tight.any():
+            break
+        share = np.where(tight, MOST_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
+        bounds = replace(bounds, x=share * bounds.x, u=share * bounds.u)
+        rows = _rows(task, mesh, near, bounds)
+    return rows
 
 
 def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -> Rows:
@@ -162,11 +182,13 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
 
     most = largest(x)
     lowest = -largest(-least) * LEAST / wider if bracketed else np.zeros(len(mesh.grid))
+    # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
+    ramps = mesh.ramps[mesh.cell] != 0
     return Bounds(
         x=HEADROOM * wider * most,
         u=HEADROOM_RATE * wider * largest(u),
-        skew=HEADROOM_SLOPE * wider * largest(change),
-        least=np.where(mesh.ramps[mesh.cell] != 0, 0.0, lowest),
+        skew=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
+        least=np.where(ramps, 0.0, lowest),
     )
 
 

@@ -125,6 +125,9 @@ class Mesh:
         before = np.concatenate([[0], np.cumsum(count)])
         share = number / count[of]
         nodes = np.append(self.nodes[of] + self.width[of] * share, self.nodes[-1])
+        # A new node that misses a break by a rounding error would leave a part without a size.
+        snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
+        nodes = np.where(new, snapped, nodes)
         return Mesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
 
 
