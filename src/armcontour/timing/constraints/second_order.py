@@ -113,8 +113,8 @@ def refuse_excess_at_rest(
     who = constraint.name if joint is None else f"joint {joint} {constraint.name}"
     unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
     raise NotRealizable(
-        f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit, less "
-        f"the reserve of the plan, is {allowed:.4g}{unit}: the arm cannot {cannot} there.",
+        f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
+        f"this plan, less any reserve, is {allowed:.4g}{unit}: the arm cannot {cannot} there.",
         s=s,
         joint=joint,
         limit=constraint.name,
