@@ -112,10 +112,10 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(
     columns = [f"analog {x.name}" for x in process.analog]
     for found in (pd.read_csv(tmp_path / "a.csv"), pd.read_parquet(tmp_path / "a.parquet")):
         np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
-    stored = np.load(tmp_path / "a.npz")
-    # Times of the table count from the first set-point, and back: by some rounding errors.
-    np.testing.assert_allclose(stored["analog"], expected, rtol=0, atol=1e-12)
-    assert stored["analog_name"].tolist() == [x.name for x in process.analog]
+    with np.load(tmp_path / "a.npz") as stored:
+        # Times of the table count from the first set-point, and back: by some rounding errors.
+        np.testing.assert_allclose(stored["analog"], expected, rtol=0, atol=1e-12)
+        assert stored["analog_name"].tolist() == [x.name for x in process.analog]
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
     ac.export(taught, tmp_path / "a.txt", analog=analog, template=tmp_path / "own.j2")

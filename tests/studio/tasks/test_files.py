@@ -26,9 +26,18 @@ import armcontour as ac
 def test_every_format_is_exported(line, drawings, options, ending, begins):
     found = ask("export", line, "optimal", drawings, **options)
     content = found.arrays["content"].tobytes()
-    assert found.header["name"] == f"square-optimal{ending}"
+    # KRL finds a program by the name of its file, which may have no hyphen.
+    stem = "square_optimal" if ending == ".src" else "square-optimal"
+    assert found.header["name"] == f"{stem}{ending}"
     assert found.header["bytes"] == len(content) > 100
     assert begins in content[:100]
+
+
+def test_a_kuka_program_of_any_job_has_a_name_that_krl_takes(line, drawings):
+    named = line | {"name": "7 Löcher für den langen Deckel"}
+    found = ask("export", named, "optimal", drawings, format="template", template="kuka")
+    assert found.header["name"] == "p_7_L_cher_f_r_den_lange.src"
+    assert b"DEF p_7_L_cher_f_r_den_lange( )" in found.arrays["content"].tobytes()
 
 
 def test_a_bag_is_an_archive_of_its_folder(line, drawings):

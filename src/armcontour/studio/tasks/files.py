@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
@@ -21,6 +22,8 @@ from armcontour.studio.wire import Frame
 if TYPE_CHECKING:
     from armcontour.jobs import Job, RunPlan
 
+# The template whose files have names of KRL, of so many letters at most.
+KUKA, MOST_LETTERS = "kuka", 24
 TYPES = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -129,7 +132,12 @@ def export(x: Request) -> Frame:
     taught = x.option("of", "taught") == "taught"
     x.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
-        file = FilePath(folder) / f"{x.job.name}-{plan.run.name}{ending}"
+        stem = f"{x.job.name}-{plan.run.name}"
+        if template == KUKA:
+            # KRL finds a program by the name of its file, and takes few names.
+            stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
+            stem = stem[:MOST_LETTERS]
+        file = FilePath(folder) / f"{stem}{ending}"
         export(
             plan.taught if taught else plan.trajectory,
             file,
