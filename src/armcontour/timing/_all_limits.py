@@ -1,4 +1,4 @@
-"""Plans with the library's own limits: both passes of the planner in one compiled call.
+"""Plans with the library's own limits in two compiled calls, one for each pass of the planner.
 
 The same steps as in `optimal.py`, in the same order, with the same kernels. What is out of the
 ordinary is left to it, and so are all refusals.
@@ -72,7 +72,6 @@ from armcontour.timing.constraints._torque import (
     friction_on_grid,
     largest_u,
     rub,
-    terms_on_grid,
 )
 
 
@@ -290,7 +289,7 @@ def _bounds_of(joints: Joints, dof: int) -> FloatArray:
     return own
 
 
-@compiled(inner=True, allocates=True)
+@compiled()
 def plan_roughly(
     breaks: FloatArray,
     coefficients: FloatArray,
@@ -423,7 +422,7 @@ def _lines(torques: Torques, bends: FloatArray, least: FloatArray, most: FloatAr
     return Lines(a, b, low, high, twice[0], twice[1], twice[2])
 
 
-@compiled(inner=True, allocates=True)
+@compiled()
 def plan_in_brackets(
     breaks: FloatArray,
     coefficients: FloatArray,
@@ -589,44 +588,3 @@ def plan_in_brackets(
     for i in range(n):
         lost[i] = max(lost[i], rules.most)
     return x, slope, lost, TOO_MUCH
-
-
-@compiled()
-def plan_both(
-    breaks: FloatArray,
-    coefficients: FloatArray,
-    coarse: Places,
-    fine: Places,
-    of: IntArray,
-    joints: Joints,
-    rules: Rules,
-    terms: FloatArray,
-    middles: FloatArray,
-    packed: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Plan on a coarse grid, and then with margins on the grid itself.
-
-    Args:
-        breaks: Of the joint path, (pieces + 1,).
-        coefficients: Of the joint path, (pieces, 6, dof).
-        coarse: The grid of the first pass.
-        fine: The grid.
-        of: The coarse interval of each interval, (n,).
-        joints: The arm and the limits of its joints.
-        rules: The rules.
-        terms: Memory for the torques, as `terms_on_grid` takes it for ends.
-        middles: The same for middles.
-        packed: Memory for the rows, as `pack` takes it.
-
-    Returns:
-        What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
-    """
-    if len(joints.torque):
-        own = joints.links, joints.gravity
-        terms_on_grid(*own, breaks, coefficients, fine.piece, fine.s, terms, middles)
-    x, slope, sound = plan_roughly(breaks, coefficients, coarse, of, joints, rules, terms)
-    if not sound:
-        return x, slope, slope, LEFT
-    return plan_in_brackets(
-        breaks, coefficients, fine, of, joints, rules, x, slope, terms, middles, packed
-    )

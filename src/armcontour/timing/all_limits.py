@@ -10,10 +10,10 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.motion import JointPath
-from armcontour.timing._all_limits import Joints, Places, Rules, plan_both
+from armcontour.timing._all_limits import Joints, Places, Rules, plan_in_brackets, plan_roughly
 from armcontour.timing._block import ENDS, B
 from armcontour.timing._grid import grids_from_rest
-from armcontour.timing._joint_limits import FOUND
+from armcontour.timing._joint_limits import FOUND, LEFT
 from armcontour.timing.constraints import (
     CentripetalAcceleration,
     Constraint,
@@ -23,6 +23,7 @@ from armcontour.timing.constraints import (
     ToolAcceleration,
     ToolSpeed,
 )
+from armcontour.timing.constraints._torque import terms_on_grid
 from armcontour.timing.constraints.tool import Discs
 from armcontour.timing.grid import PARTS_AT_REST, SHARE_AT_RESTS, Grid
 
@@ -98,7 +99,7 @@ class AllLimits:
             rules: The rules.
 
         Returns:
-            What `plan_both` returns.
+            What `plan_in_brackets` returns; LEFT without a plan on the coarse grid.
         """
         return self._plan(path, self._on(grid), self._on(coarse), of, rules)
 
@@ -157,7 +158,13 @@ class AllLimits:
         terms = memory[: 6 * n * lines].reshape(3, 2, n if lines else 0, lines)
         middles = memory[6 * n * lines : 9 * n * lines].reshape(3, n if lines else 0, lines)
         packed = memory[9 * n * lines :].reshape(blocks, 2 * rows, ENDS)
-        return plan_both(*own, roughly, on, of, joints, rules, terms, middles, packed)
+        if lines:
+            terms_on_grid(joints.links, joints.gravity, *own, on.piece, on.s, terms, middles)
+        # Both passes in one call would take twice as long to compile.
+        x, slope, sound = plan_roughly(*own, roughly, of, joints, rules, terms)
+        if not sound:
+            return x, slope, slope, LEFT
+        return plan_in_brackets(*own, on, of, joints, rules, x, slope, terms, middles, packed)
 
     def _on(self, grid: Grid) -> Places:
         """A grid with the limits of the tool on it."""
