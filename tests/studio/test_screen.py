@@ -131,3 +131,19 @@ def _only(run: str) -> str:
     others = [x for x in load(PAPER, "job")["runs"] if x != run]
     changes = [Change(("runs", x)) for x in others]
     return change_text(PAPER, [*changes, Change(("experiment",)), Change(("published",))], "job")
+
+
+def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan() -> None:
+    previewer, data = Previewer(), load(PAPER, "paper")
+    with showing(previewer) as (screen, heard):
+        assert not screen.has_drawn
+        first, second = (
+            shown(previewer, {**data, "arm": arm}, "optimal", moving=True)
+            for arm in ("pmk3s", {"name": "pmk3s"})
+        )
+        for x in (first, second):
+            screen.show(x)
+            heard.wait(lambda frames, x=x: bool(heard.of("executed", x)))  # type: ignore[misc]
+        assert screen.has_drawn
+        kinds = [[y.kind for y, of in heard.frames if of is x][:2] for x in (first, second)]
+        assert kinds == [["picture", "arm"], ["arm", "picture"]]

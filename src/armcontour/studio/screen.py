@@ -13,6 +13,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.jobs import Job
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import drawing_frame, picture_frame
@@ -86,15 +87,22 @@ class Screen:
         self._compared: tuple[Mapping[str, Any] | None, str] | None = None
         self._shown: Shown | None = None
         self._working: Shown | None = None
+        # Arm and scene that pages have of this document; whether they have an arm of any.
         self._parts: tuple[object, object] | None = None
+        self._has_arm = False
         # Whether the last plan was not executed, as a newer edit waited.
         self._owed = False
-        self._done = Event()
+        self._done, self._drawn = Event(), Event()
         self._lane = lane(self._deliver)
 
     def wait(self) -> None:
         """Wait until something has been shown."""
         self._done.wait()
+
+    @property
+    def has_drawn(self) -> bool:
+        """Whether pages have a plan, or know why there is none."""
+        return self._drawn.is_set()
 
     def show(self, shown: Shown) -> None:
         """Show a state, soon."""
@@ -153,6 +161,7 @@ class Screen:
         """Pass a frame on with the state that is worked on, in the lane's thread."""
         assert self._working is not None
         self._tell(frame, self._working)
+        self._drawn.set()
 
     def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames of a state."""
@@ -177,13 +186,16 @@ class Screen:
             planned = self.previewer.plan(shown.data, shown.run, moving=moving)
             took = time.perf_counter() - begin
             job = planned.job
-            if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
-                self._parts = job.arm, job.scene
-                yield arm_frame(job)
+            first = not self._has_arm
+            if not first:
+                yield from self._arm(job)
             self.planned = planned
             if not shown.drawn:
                 shown.drawn = not moving
                 yield picture_frame(planned, view)
+            if first:
+                # The first plan is wanted before shapes of links, which may take long.
+                yield from self._arm(job)
             slow = took > QUICK or planned.trajectory.duration > SHORT
             if slow and self._may_wait(shown):
                 return
@@ -200,6 +212,12 @@ class Screen:
             pass
         except ArmContourError as error:
             yield _refusal(error, shown, planned)
+
+    def _arm(self, job: Job) -> Iterator[Frame]:
+        """The arm and what stands in its cell, if pages do not have them."""
+        if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
+            self._parts, self._has_arm = (job.arm, job.scene), True
+            yield arm_frame(job)
 
     def _exact(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution as a full run has them, unless something changes meanwhile."""
