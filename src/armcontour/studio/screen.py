@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,6 +29,7 @@ from armcontour.studio.wire import Frame
 QUICK = 0.03
 # A longer motion, too [s]: an execution cannot be given up for a newer one.
 SHORT = 60.0
+LONG = "the program is long, and is planned when it is at rest."
 
 
 class Superseded(Exception):
@@ -90,6 +92,8 @@ class Screen:
         # Arm and scene that pages have of this document; whether they have an arm of any.
         self._parts: tuple[object, object] | None = None
         self._has_arm = False
+        # Whether the pages have a path of this document.
+        self._has_path = False
         # Whether the last plan was not executed, as a newer edit waited.
         self._owed = False
         self._done, self._drawn = Event(), Event()
@@ -151,6 +155,7 @@ class Screen:
     def forget(self) -> None:
         """Forget what is kept, as another document is opened."""
         self.planned = self.executed = self._parts = self._compared = None
+        self._has_path = False
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -178,7 +183,7 @@ class Screen:
         view, planned = shown.view, None
         try:
             if not shown.rests and self.previewer.is_long(shown.data):
-                yield drawing_frame(self.previewer.drawn(shown.data), view, run=shown.run)
+                yield self._drawing(shown, LONG)
                 yield from self._when_at_rest(shown, stale)
                 return
             begin = time.perf_counter()
@@ -192,6 +197,7 @@ class Screen:
             self.planned = planned
             if not shown.drawn:
                 shown.drawn = not moving
+                self._has_path = True
                 yield picture_frame(planned, view)
             if first:
                 # The first plan is wanted before shapes of links, which may take long.
@@ -211,7 +217,21 @@ class Screen:
         except Superseded:
             pass
         except ArmContourError as error:
+            if not self._has_path:
+                # What is out of reach can be moved only if it is seen.
+                with contextlib.suppress(ArmContourError):
+                    yield self._drawing(shown)
             yield _refusal(error, shown, planned)
+
+    def _drawing(self, shown: Shown, note: str = "") -> Frame:
+        """The path of a state without a plan.
+
+        Raises:
+            ArmContourError: There is no path.
+        """
+        program = self.previewer.drawn(shown.data)
+        self._has_path = True
+        return drawing_frame(program, shown.view, run=shown.run, note=note)
 
     def _arm(self, job: Job) -> Iterator[Frame]:
         """The arm and what stands in its cell, if pages do not have them."""
