@@ -8,6 +8,7 @@ the clock, on two processors. The exit code is 1 if a bar is missed.
 from __future__ import annotations
 
 import argparse
+import compileall
 import math
 import os
 import sys
@@ -24,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 from soak.studio_page import SQUARE, Studio, browsing, serving, write_job
 
+import armcontour
 from benchmarks.commands import gcode
 
 if TYPE_CHECKING:
@@ -139,6 +141,8 @@ def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     """From the command to a page that can be used, and to the first plan."""
+    # As a package that was installed; a source tree may be kept from being compiled.
+    compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
     usable, planned = [], []
     for _ in range(4):
         with serving(folder=folder) as server:

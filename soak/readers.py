@@ -25,7 +25,7 @@ import numpy as np
 import armcontour as ac
 from armcontour._checks import LONGEST_NAME
 from armcontour._text import LONGEST_SENTENCE
-from armcontour.io.drawings.read import READERS
+from armcontour.io.drawings.endings import READERS
 from armcontour.io.drawings.reading import Reading
 from soak.samples import samples
 

@@ -27,7 +27,7 @@ import armcontour as ac
 from armcontour.cli.commands import app
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
-from armcontour.io.drawings.read import READERS
+from armcontour.io.drawings.endings import READERS
 from armcontour.io.limits_file import read_limits
 
 ROOT = Path(__file__).parents[1]

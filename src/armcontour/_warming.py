@@ -129,7 +129,10 @@ def warm_for_run(dimension: int, progress: Progress) -> Iterator[None]:
             tell_compiling(step.names[-1])
         progress(step)
 
-    if _is_warm(which) or not can_start():
+    if _is_warm(which):
+        yield
+        return
+    if not can_start():
         # One process cannot compile and wait for it.
         with suppress(*FAILURES):
             warm(which, tell)

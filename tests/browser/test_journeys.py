@@ -578,9 +578,13 @@ def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
     expect(studio.find("#tab-text [role=status]")).to_contain_text("Not applied: job: ")
     expect(area).to_have_value(wrong)
     with studio.changing():
-        area.fill(before.replace("speed: 0.15 m/s", "speed: 0.1 m/s"))
+        area.fill(before.replace("speed: 0.15 m/s", "speed: 0.1"))
         area.press("Control+Enter")
     expect(studio.find("#tab-text").get_by_role("button", name="Apply")).to_be_disabled()
+    # Beside a plain number stands its unit.
+    expect(speed).to_have_value("0.1")
+    expect(studio.slider("limits.speed").locator(".from")).to_have_text("m/s")
+    expect(studio.slider("servo.kv").locator(".from")).to_have_text("")
 
 
 def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
@@ -616,8 +620,27 @@ def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
         expect(studio.handle("waypoint", index)).to_be_in_viewport()
 
 
+def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
+    away = ("- [0.350, 0.100]", "- [0.9, 0.1]")
+    file = write_job(tmp_path / "job.yaml", "optimal", changes=[away])
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.wait("body", refused="true")
+        # The start is over, and there was no motion before.
+        expect(studio.find("#messages .starting")).to_be_hidden()
+        expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
+        expect(studio.find("#messages")).not_to_contain_text("last good motion")
+        expect(studio.find("#figures")).to_contain_text("refused")
+        expect(studio.find("#figures")).not_to_contain_text("the last")
+        # The waypoint is seen, and can be moved to where the arm reaches it.
+        with studio.renewing():
+            studio.drag(studio.handle("waypoint", 0), (-200, 0))
+        expect(studio.handle("waypoint", 0)).to_be_in_viewport()
+
+
 def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
-    file = write_job(tmp_path / "job.yaml", "optimal", changes=[("- [0.350, 0.100]", "- [9, 0.1]")])
+    away = ("arm: pmk3s", "arm: none")
+    file = write_job(tmp_path / "job.yaml", "optimal", changes=[away])
     with serving(file, folder=tmp_path) as server:
         studio = pages(server)
         studio.wait("body", refused="true")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -53,3 +55,27 @@ def test_the_address_is_printed_and_opened(
     address = printed[0].removeprefix("Studio: ")
     assert address.startswith("http://127.0.0.1:") and len(address.partition("#")[2]) == 32
     assert opened == [address] and "Ctrl+C" in printed[1]
+
+
+@pytest.mark.parametrize("arguments", [[], ["job.yaml"], ["part.svg", "--cell", "ur5e"]])
+def test_nothing_that_computes_is_loaded_before_the_address_is_printed(
+    tmp_path: Path, arguments: list[str]
+) -> None:
+    (tmp_path / "job.yaml").write_text("name: a\n")
+    (tmp_path / "part.svg").write_text("<svg/>")
+    code = (
+        "import sys\n"
+        f"sys.argv = ['armcontour', 'studio', '--no-open', *{arguments!r}]\n"
+        "from armcontour.cli import console, serving\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.io.keys'}\n"
+        "def tell(text):\n"
+        "    print(*(heavy & set(sys.modules)))\n"
+        "    raise KeyboardInterrupt\n"
+        "serving.say_at_once = tell\n"
+        "from armcontour.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, cwd=tmp_path, text=True, timeout=60
+    )
+    assert done.stdout == "\n", (done.stdout, done.stderr)

@@ -7,9 +7,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from pydantic import create_model
 
 from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
 from armcontour.errors import InvalidInput
+from armcontour.io import keys
 from armcontour.io.keys import Given, Keys, descriptions, read_keys, schema_of
 
 
@@ -109,3 +111,47 @@ def test_docstrings_describe_keys_in_the_words_of_files() -> None:
         "type": "integer",
     }  # fmt: skip
     assert keys["speed"]["anyOf"][0]["anyOf"][0] == {"type": "number", "exclusiveMinimum": 0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """A light.
+
+    Args:
+        watts: Its power.
+    """
+
+    watts: Annotated[int, AtLeast(3)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cart:
+    """A cart.
+
+    Args:
+        front: Its front wheel.
+        lamp: Its light.
+    """
+
+    front: Wheel | None = None
+    lamp: Light | None = None
+
+
+def test_what_checks_mappings_inside_is_built_when_a_file_has_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    built: list[str] = []
+
+    def create(name: str, *args: Any, **fields: Any) -> Any:
+        built.append(name)
+        return create_model(name, *args, **fields)
+
+    monkeypatch.setattr(keys, "create_model", create)
+    mark = Keys(Cart)
+    found = read_keys(mark, {"front": {"slip": "10 %"}}, "cart.yaml")
+    assert found.front.slip == 0.1 and "Cart" in built and "Light" not in built
+    # Its sentences, and its schema, are those of the whole file.
+    with pytest.raises(InvalidInput, match=r"lamp\.watts: must be at least 3"):
+        read_keys(mark, {"lamp": {"watts": 2}}, "cart.yaml")
+    assert "watts" in schema_of(mark)["$defs"]["Light"]["properties"]
+    assert read_keys(mark, {"lamp": {"watts": 5}}, "cart.yaml").lamp == Light(watts=5)

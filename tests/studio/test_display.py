@@ -77,6 +77,18 @@ def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     session.close()
 
 
+def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
+    session = session_of(file, fast=Held, rest=0.0)
+    with session.display.lock:
+        session.display.show_all()
+    lane, slow = Held.last, NoLane.last
+    time.sleep(0.05)
+    assert not slow.given
+    AtOnce.submit(lane, lane.works[-1])
+    wait_for(lambda: slow.given)
+    session.close()
+
+
 def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
     session = session_of(file, rest=0.0)
     session.begin()

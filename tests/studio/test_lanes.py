@@ -115,6 +115,16 @@ def slow(heard):
 LONG = {"text": SMALL, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
 
 
+def test_no_process_is_started_before_the_first_task(monkeypatch):
+    started = []
+    monkeypatch.setattr(lanes, "Worker", lambda work: started.append(1))
+    lane = SlowLane(lambda frame: None)
+    time.sleep(0.1)
+    assert not started
+    lane.close()
+    assert not started
+
+
 class TestSlowLane:
     def test_a_task_is_done_and_others_after_it(self, slow, heard):
         slow.submit("a", "figures", {"text": SMALL})

@@ -50,8 +50,9 @@ def test_the_page_names_all_modules_that_it_begins_with_so_that_they_are_loaded_
     named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
     assert sorted({*named, "app.js"}) == sorted(_reached(later=False))
     assert len(named) == len(set(named))
-    # What draws the arm by WebGL is loaded when the arm is first seen.
-    assert "vendor/three.js" not in named
+    # What draws the arm by WebGL is loaded when the arm is first seen, what draws charts with the
+    # first plan.
+    assert not {"vendor/three.js", "vendor/uplot.js"} & set(named)
 
 
 def test_the_page_asks_for_nothing_that_its_policy_forbids():

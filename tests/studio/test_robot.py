@@ -1,5 +1,7 @@
 """The arm and its cell in space."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +98,41 @@ def test_triangles_close_the_shape(shape, size):
     assert volume(found) == pytest.approx(size, rel=0.03)
     middle, radius = shape.ball
     assert np.linalg.norm(found - middle, axis=2).max() <= radius * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Box(size=np.array([0.1, 0.2, 0.3])),
+        Sphere(radius=0.1),
+        Cylinder(radius=0.1, length=0.5),
+        Capsule(radius=0.1, length=0.5),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_triangles_have_no_gaps_and_no_empty_ones(shape):
+    found = np.round(triangles_of(shape), 12)
+    across = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+    assert np.linalg.norm(across, axis=1).min() > 1e-6
+    # They are seen from outside, and each edge is one of two triangles, in both directions.
+    assert (np.einsum("ij,ij->i", across, found.mean(axis=1)) > 0).all()
+    edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in found for i, j in ((0, 1), (1, 2), (2, 0))]
+    assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
+
+
+def test_the_first_plan_of_a_studio_loads_no_library_for_shapes():
+    code = (
+        "import sys\n"
+        "from armcontour.studio.opening import open_session\n"
+        "from tests.studio.talking import NoLane\n"
+        "session = open_session(None, slow=NoLane)\n"
+        "session.begin()\n"
+        "assert session.display.screen.planned is not None\n"
+        "print(*sorted({'scipy.spatial', 'scipy.linalg', 'scipy.special'} & set(sys.modules)))\n"
+        "session.close()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "\n", (done.stdout, done.stderr)
 
 
 SCENE = """

@@ -131,3 +131,36 @@ def _only(run: str) -> str:
     others = [x for x in load(PAPER, "job")["runs"] if x != run]
     changes = [Change(("runs", x)) for x in others]
     return change_text(PAPER, [*changes, Change(("experiment",)), Change(("published",))], "job")
+
+
+def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan() -> None:
+    previewer, data = Previewer(), load(PAPER, "paper")
+    with showing(previewer) as (screen, heard):
+        assert not screen.has_drawn
+        first, second = (
+            shown(previewer, {**data, "arm": arm}, "optimal", moving=True)
+            for arm in ("pmk3s", {"name": "pmk3s"})
+        )
+        for x in (first, second):
+            screen.show(x)
+            heard.wait(lambda frames, x=x: bool(heard.of("executed", x)))  # type: ignore[misc]
+        assert screen.has_drawn
+        kinds = [[y.kind for y, of in heard.frames if of is x][:2] for x in (first, second)]
+        assert kinds == [["picture", "arm"], ["arm", "picture"]]
+
+
+def test_a_path_that_cannot_be_planned_is_drawn_before_it_is_refused() -> None:
+    previewer, data = Previewer(), load(PAPER, "paper")
+    away = {**data, "path": {"points": [[0.35, 0.1], [0.9, 0.1]]}}
+    with showing(previewer) as (screen, heard):
+        for again in (False, True):
+            if again:
+                # Another document, of which nothing is seen yet.
+                screen.forget()
+            x, y = (shown(previewer, away, "optimal") for _ in range(2))
+            for state in (x, y):
+                screen.show(state)
+                heard.wait(lambda frames, state=state: bool(heard.of("refusal", state)))  # type: ignore[misc]
+            (drawn,) = heard.of("picture", x)
+            assert drawn.header["planned"] is False and not drawn.header["notes"]
+            assert not heard.of("picture", y)

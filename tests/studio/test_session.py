@@ -27,7 +27,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 
 def test_a_page_that_comes_later_sees_what_the_others_see(tab: Tab) -> None:
-    assert kinds(tab.frames) == ["document", "arm", "picture", "executed"]
+    assert kinds(tab.frames) == ["document", "picture", "arm", "executed"]
     document = tab.last("document")
     assert document["name"] == "small" and document["run"] == "slow" and not document["dirty"]
     assert document["text"] == JOB and document["seq"] is None
@@ -143,6 +143,6 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) ->
     assert "none" in tab.last("document")["sentence"] and "refusal" in kinds(tab.frames)
     assert kinds(tab.edit(MOVE))[-1] == "refusal"
     heard = tab.edit({"do": "text", "text": JOB}, gesture=1)
-    assert kinds(heard) == ["document", "arm", "picture", "executed"]
+    assert kinds(heard) == ["document", "picture", "arm", "executed"]
     assert tab.last("document")["sentence"] is None
     session.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from enum import Enum
 from pathlib import Path as FilePath
 from typing import Annotated
@@ -62,6 +64,20 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+
+def app_for(arguments: Sequence[str]) -> typer.Typer:
+    """The program with the command that is called only: to build all of them takes time.
+
+    Args:
+        arguments: Arguments of the program; if the first one is no command, all commands are there.
+    """
+    called = [
+        x for x in app.registered_commands if x.callback and x.callback.__name__ in arguments[:1]
+    ]
+    only = copy(app)
+    only.registered_commands = called or app.registered_commands
+    return only
 
 
 def _version(value: bool) -> None:

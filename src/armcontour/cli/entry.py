@@ -21,6 +21,8 @@ def main() -> None:
     look_for_garbage_less()
     # MuJoCo would start a process to look for a library that draws, which no command needs.
     os.environ.setdefault("MUJOCO_GL", "disable")
+    # pydantic would look through all packages of this Python for plugins.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     sys.exit(run_interruptibly(_command))
 
 
@@ -51,12 +53,12 @@ def _command() -> int:
 def _run() -> int:
     """Run the typer app and return its exit code."""
     # Imported here: typer takes a tenth of a second, during which signals must work already.
-    from armcontour.cli.commands import app
+    from armcontour.cli.commands import app_for
     from armcontour.cli.progress import compiling_said
 
     try:
         with compiling_said():
-            app()
+            app_for(sys.argv[1:])()
     except SystemExit as end:
         # A pipe whose reader has ended: click makes it the exit code 1.
         if isinstance(end.__context__, BrokenPipeError):

@@ -81,7 +81,7 @@ def open_job(
     from armcontour.errors import InvalidInput
     from armcontour.io import read_job
     from armcontour.io.cell import cell_names, read_cell
-    from armcontour.io.drawings.read import find_reader
+    from armcontour.io.drawings.endings import find_reader
 
     overrides = read_overrides(x) if overrides is None else overrides
     if is_job(file):

@@ -46,7 +46,7 @@ def _check(file: FilePath | None, x: StudioOptions) -> None:
     from armcontour._files import LARGE, read_bytes
     from armcontour.cli.opening import is_job
     from armcontour.errors import InvalidInput
-    from armcontour.io.drawings.read import find_reader
+    from armcontour.io.drawings.endings import find_reader
 
     if file is None:
         if x.cell is not None:

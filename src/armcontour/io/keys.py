@@ -1,4 +1,8 @@
-"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings."""
+"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings.
+
+To build what checks all keys of a job takes as long as a small plan, and a job has few of them:
+what checks the keys of a mapping inside another one is built when a file has such a mapping.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,10 @@ import dataclasses
 import inspect
 import re
 import types
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -45,13 +52,51 @@ BOUNDS = {
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 
+# Whether what checks nested mappings is built when they are met.
+_later = ContextVar("_later", default=False)
+
+
+class Mark(ABC):
+    """Annotation of what is read from a mapping of keys."""
+
+    __slots__ = ()
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        if _later.get():
+            return core_schema.no_info_plain_validator_function(self._read)
+        return self.schema(handler)
+
+    def _read(self, data: Any) -> Any:
+        """Check a mapping and make its value; its problems become those of the whole file."""
+        return _adapter(self).validate_python(data)
+
+    @abstractmethod
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the mapping, as pydantic has it."""
+
+
 @dataclass(frozen=True, slots=True)
-class Keys:
+class _Outer:
+    """Annotation of a whole file: only what nests in it may be built later."""
+
+    mark: Mark
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        token = _later.set(True)
+        try:
+            return self.mark.schema(handler)
+        finally:
+            _later.reset(token)
+
+
+@dataclass(frozen=True, slots=True)
+class Keys(Mark):
     """Annotation of a dataclass that is read from a mapping of keys."""
 
     of: type
 
-    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys and makes the dataclass."""
         inner = handler.generate_schema(_model(self.of))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -62,7 +107,7 @@ class Keys:
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class Given(Mark):
     """Annotation of a dictionary of only those fields of a dataclass that a file gives.
 
     Args:
@@ -73,12 +118,13 @@ class Given:
     of: type
     null: bool = False
 
-    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys that are given."""
         inner = handler.generate_schema(_model(self.of, given=True, null=self.null))
         return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
 
 
-def read_keys(mark: Keys | Given, data: Any, source: str) -> Any:
+def read_keys(mark: Mark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass.
 
     Args:
@@ -89,20 +135,30 @@ def read_keys(mark: Keys | Given, data: Any, source: str) -> Any:
     Raises:
         InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
     """
-    try:
+    with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
+    # Its sentences need the schema of the whole file anyway.
+    try:
+        return _whole(mark).validate_python(data)
     except ValidationError as error:
         raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
 
 
 @cache
-def schema_of(mark: Keys | Given) -> dict[str, Any]:
+def schema_of(mark: Mark) -> dict[str, Any]:
     """The JSON Schema of a file with the keys of a dataclass."""
-    return _adapter(mark).json_schema()
+    return _whole(mark).json_schema()
 
 
 @cache
-def _adapter(mark: Keys | Given) -> TypeAdapter[Any]:
+def _adapter(mark: Mark) -> TypeAdapter[Any]:
+    """What checks a mapping, in which others are checked when they are met."""
+    return TypeAdapter(Annotated[Any, _Outer(mark)])
+
+
+@cache
+def _whole(mark: Mark) -> TypeAdapter[Any]:
+    """What checks a mapping and all that may be in it."""
     return TypeAdapter(Annotated[Any, mark])
 
 

@@ -22,6 +22,10 @@ from armcontour.studio.variants import Variants
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
+# How often to look whether the first plan is drawn [s]: what computes exact figures would take the
+# processor from it.
+SOON = 0.05
+
 
 class Display:
     """Shows the document of an editor on pages, and what others compute of it.
@@ -199,8 +203,8 @@ class Display:
             if self._timer is None:
                 return
             left = self._due - time.monotonic()
-            if left > 0:
-                self._wait(left)
+            if left > 0 or not self.screen.has_drawn:
+                self._wait(max(left, SOON))
                 return
             self._timer = None
             self.screen.rest()

@@ -74,8 +74,8 @@ class FastLane:
 class SlowLane:
     """One other process for what takes longer; it does one task after the other.
 
-    Its process is started at once, and another one whenever a task is cancelled or a process dies.
-    It ends when this process ends.
+    Its process is started for the first task, as its start would take the processor from a first
+    plan; another one whenever a task is cancelled or a process dies. It ends with this process.
 
     Args:
         deliver: Called with every frame, in a thread or by `cancel`: progress of a task, and what
@@ -134,6 +134,8 @@ class SlowLane:
 
     def _run(self) -> None:
         """Start a process and give it one task after the other, until it ends; then the next."""
+        with self._news:
+            self._news.wait_for(lambda: self._waiting or not self._open)
         while self._open:
             worker = Worker(work) if can_start() else None
             with self._news:

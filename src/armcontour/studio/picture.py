@@ -95,13 +95,14 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     )
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
+def drawing_frame(program: Program, view: View, *, run: str = "", note: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
         program: The program.
         view: How points get on the screen.
         run: Name of the run that is shown.
+        note: Why it is not planned.
     """
     points, first = _outline(program)
     arrays = _thinned_outline(points, first, view)
@@ -116,7 +117,7 @@ def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
         "shortfalls": [],
         "corners": [],
         "warnings": [],
-        "notes": [*program.notes, "the program is long, and is planned when it is at rest."],
+        "notes": [*program.notes, *([note] if note else [])],
         "ms": {},
         "planned": False,
     }

@@ -6,7 +6,9 @@ followed by a turn by q[i] about its `axis`; link 0 is the base, and the tool is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -122,16 +124,15 @@ def triangles_of(shape: Shape) -> FloatArray:
     """
     match shape:
         case Box():
-            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-            return _hull(corners * shape.size / 2)
+            ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+            return _around([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
         case Sphere():
-            return _hull(_rounded(shape.radius, 0.0))
+            return _rounded(shape.radius, 0.0)
         case Capsule():
-            return _hull(_rounded(shape.radius, shape.length))
+            return _rounded(shape.radius, shape.length)
         case Cylinder():
             ring = _ring(shape.radius)
-            ends = [np.column_stack([ring, np.full(SIDES, z)]) for z in (-1.0, 1.0)]
-            return _hull(np.concatenate(ends) * [1, 1, shape.length / 2])
+            return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
         case Mesh() if shape.triangles is not None and len(shape.triangles) <= MOST_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
@@ -146,16 +147,41 @@ def _ring(radius: float) -> FloatArray:
 
 
 def _rounded(radius: float, length: float) -> FloatArray:
-    """Points of a capsule along z [m], (n, 3); of a ball if it has no length."""
-    heights = np.sin(np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1))
-    rows = [
-        np.column_stack(
-            [_ring(radius * np.sqrt(max(1 - h * h, 0.0))), np.full(SIDES, radius * h + shift)]
-        )
-        for h in heights.tolist()
-        for shift in {-length / 2 if h <= 0 else length / 2, length / 2 if h >= 0 else -length / 2}
+    """Triangles of a capsule along z [m], (n, 3, 3); of a ball if it has no length."""
+    # The poles are corners of their own; a ball has one ring at its middle, a capsule has two.
+    angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
+    rings = [
+        (_ring(radius * np.cos(angle)), radius * np.sin(angle) + end * length / 2)
+        for end in (-1, 1)
+        for angle in angles.tolist()
+        if end * angle > 0 or (abs(angle) < 1e-9 and (length > 0 or end > 0))
     ]
-    return np.concatenate(rows)
+    pole = radius + length / 2
+    return _around(rings, (-pole, pole))
+
+
+def _around(
+    rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
+) -> FloatArray:
+    """Triangles of a body about z whose sections are polygons of as many corners each.
+
+    Args:
+        rings: Corners of each polygon [m], (n, 2), counter-clockwise, and its z, from below.
+        poles: z of the points at both ends; by default the ends are plane.
+    """
+    low, high = poles or (rings[0][1], rings[-1][1])
+    points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
+    ends = [np.broadcast_to([0.0, 0.0, z], points[0].shape) for z in (low, high)]
+    found = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
+    for below, above in pairwise(points):
+        after, over = np.roll(below, -1, axis=0), np.roll(above, -1, axis=0)
+        found += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
+    return np.concatenate(found)
+
+
+def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:
+    """Triangles from the sides of a polygon to a point, which is repeated, (n, 3, 3)."""
+    return np.stack([ring, np.roll(ring, -1, axis=0), middle], 1)
 
 
 def _hull(points: FloatArray) -> FloatArray:

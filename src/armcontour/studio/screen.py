@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.jobs import Job
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import drawing_frame, picture_frame
@@ -27,6 +29,7 @@ from armcontour.studio.wire import Frame
 QUICK = 0.03
 # A longer motion, too [s]: an execution cannot be given up for a newer one.
 SHORT = 60.0
+LONG = "the program is long, and is planned when it is at rest."
 
 
 class Superseded(Exception):
@@ -86,15 +89,24 @@ class Screen:
         self._compared: tuple[Mapping[str, Any] | None, str] | None = None
         self._shown: Shown | None = None
         self._working: Shown | None = None
+        # Arm and scene that pages have of this document; whether they have an arm of any.
         self._parts: tuple[object, object] | None = None
+        self._has_arm = False
+        # Whether the pages have a path of this document.
+        self._has_path = False
         # Whether the last plan was not executed, as a newer edit waited.
         self._owed = False
-        self._done = Event()
+        self._done, self._drawn = Event(), Event()
         self._lane = lane(self._deliver)
 
     def wait(self) -> None:
         """Wait until something has been shown."""
         self._done.wait()
+
+    @property
+    def has_drawn(self) -> bool:
+        """Whether pages have a plan, or know why there is none."""
+        return self._drawn.is_set()
 
     def show(self, shown: Shown) -> None:
         """Show a state, soon."""
@@ -143,6 +155,7 @@ class Screen:
     def forget(self) -> None:
         """Forget what is kept, as another document is opened."""
         self.planned = self.executed = self._parts = self._compared = None
+        self._has_path = False
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -153,6 +166,7 @@ class Screen:
         """Pass a frame on with the state that is worked on, in the lane's thread."""
         assert self._working is not None
         self._tell(frame, self._working)
+        self._drawn.set()
 
     def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames of a state."""
@@ -169,7 +183,7 @@ class Screen:
         view, planned = shown.view, None
         try:
             if not shown.rests and self.previewer.is_long(shown.data):
-                yield drawing_frame(self.previewer.drawn(shown.data), view, run=shown.run)
+                yield self._drawing(shown, LONG)
                 yield from self._when_at_rest(shown, stale)
                 return
             begin = time.perf_counter()
@@ -177,13 +191,17 @@ class Screen:
             planned = self.previewer.plan(shown.data, shown.run, moving=moving)
             took = time.perf_counter() - begin
             job = planned.job
-            if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
-                self._parts = job.arm, job.scene
-                yield arm_frame(job)
+            first = not self._has_arm
+            if not first:
+                yield from self._arm(job)
             self.planned = planned
             if not shown.drawn:
                 shown.drawn = not moving
+                self._has_path = True
                 yield picture_frame(planned, view)
+            if first:
+                # The first plan is wanted before shapes of links, which may take long.
+                yield from self._arm(job)
             slow = took > QUICK or planned.trajectory.duration > SHORT
             if slow and self._may_wait(shown):
                 return
@@ -199,7 +217,27 @@ class Screen:
         except Superseded:
             pass
         except ArmContourError as error:
+            if not self._has_path:
+                # What is out of reach can be moved only if it is seen.
+                with contextlib.suppress(ArmContourError):
+                    yield self._drawing(shown)
             yield _refusal(error, shown, planned)
+
+    def _drawing(self, shown: Shown, note: str = "") -> Frame:
+        """The path of a state without a plan.
+
+        Raises:
+            ArmContourError: There is no path.
+        """
+        program = self.previewer.drawn(shown.data)
+        self._has_path = True
+        return drawing_frame(program, shown.view, run=shown.run, note=note)
+
+    def _arm(self, job: Job) -> Iterator[Frame]:
+        """The arm and what stands in its cell, if pages do not have them."""
+        if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
+            self._parts, self._has_arm = (job.arm, job.scene), True
+            yield arm_frame(job)
 
     def _exact(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution as a full run has them, unless something changes meanwhile."""

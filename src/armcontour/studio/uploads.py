@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import YAML, cell_names, drawing_text
-from armcontour.io.drawings.read import READERS
+from armcontour.io.drawings.endings import READERS
 from armcontour.io.job_edits import Change
 from armcontour.studio.document import Document
 

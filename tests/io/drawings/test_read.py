@@ -9,7 +9,7 @@ import pytest
 
 import armcontour as ac
 from armcontour._progress import Step
-from armcontour.io.drawings.read import READERS
+from armcontour.io.drawings.endings import READERS
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"

@@ -19,18 +19,11 @@ from armcontour.frames import Frame
 from armcontour.geometry.rounding import Continuity
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.colors import color_set
+from armcontour.io.drawings.endings import READERS, find_reader
 from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
 from armcontour.io.units import parse
 from armcontour.program import Program, smooth_curvature
 
-# Module, function and options of the reader for each extension.
-READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    ".dxf": ("dxf", "read_dxf", {}),
-    ".svg": ("svg", "read_svg", {}),
-    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode", {})),
-    ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
-    ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
-}
 # Modules whose readers report their progress.
 WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Codes and letters of G-code that may be left out by name.
@@ -145,29 +138,6 @@ def read_path(
     program = program.placed(Frame() if frame is None else frame, scale=factor)
     _refuse_odd_size(program, factor)
     return program
-
-
-def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
-    """The path and the extension of a file that has a reader.
-
-    Args:
-        file: The file.
-
-    Raises:
-        InvalidInput: The argument is not the path of a file, or no reader has the extension.
-    """
-    if not isinstance(file, str | FilePath):
-        raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
-    location = FilePath(file)
-    suffix = location.suffix.lower()
-    if suffix == ".dwg":
-        raise InvalidInput(f"{location.name} is a DWG file, which is not read: save it as DXF.")
-    if suffix not in READERS:
-        raise InvalidInput(
-            f"{location.name} is no file that can be read as a path: its extension must be one of "
-            f"{', '.join(READERS)}."
-        )
-    return location, suffix
 
 
 def _select(

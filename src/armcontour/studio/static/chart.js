@@ -1,10 +1,12 @@
 // One chart: a figure with title, curves of uPlot, a legend with values at the cursor, and a sentence.
 
-import uPlot from "./vendor/uplot.js";
 import { themed } from "./colours.js";
 import { make, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {import("./vendor/uplot.js").default} uPlot */
+/** @typedef {import("./vendor/uplot.js").default.AlignedData} AlignedData */
+/** @typedef {import("./vendor/uplot.js").default.Options} Options */
 /**
  * @typedef {object} Curve
  * @property {string} label
@@ -35,6 +37,9 @@ import { make, say } from "./dom.js";
 
 const HEIGHT = 152; // px
 
+/** What draws curves; it is loaded when there is something to draw. @type {typeof import("./vendor/uplot.js").default | null} */
+let Plot = null;
+
 /** A chart; it is drawn only while it is in sight. */
 export class Chart {
   /**
@@ -57,6 +62,7 @@ export class Chart {
     this.content = null;
     this.fresh = false;
     this.inSight = false;
+    this.loads = false;
     this.cursor = /** @type {number | null} */ (null);
     new IntersectionObserver((seen) => this.see(seen.at(-1)?.isIntersecting ?? false)).observe(this.element);
     new ResizeObserver(() => this.resize()).observe(this.plotBox);
@@ -103,12 +109,16 @@ export class Chart {
   draw() {
     const { content } = this;
     if (!content) return;
+    if (!Plot) {
+      this.load();
+      return;
+    }
     const started = performance.now();
     // The width of a chart that is there is known: asking makes the browser lay out the page.
     const width = this.plot?.width ?? this.plotBox.clientWidth;
     if (width < 40) return;
     const signature = JSON.stringify([content.curves.map((c) => [c.label, c.colour, c.dash, c.width]), content.limits, content.range, content.yUnit]);
-    const data = /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ ([content.x, ...content.curves.map((c) => c.y)]));
+    const data = /** @type {AlignedData} */ (/** @type {unknown} */ ([content.x, ...content.curves.map((c) => c.y)]));
     if (this.plot && signature === this.signature) this.plot.setData(data);
     else this.rebuild(content, data, width);
     this.signature = signature;
@@ -119,14 +129,28 @@ export class Chart {
     this.element.dataset.ms = (performance.now() - started).toFixed(1);
   }
 
+  /** Load what draws, and draw what is to be seen by then. */
+  async load() {
+    if (this.loads) return;
+    this.loads = true;
+    try {
+      ({ default: Plot } = await import("./vendor/uplot.js"));
+      if (this.inSight && !this.fresh) this.draw();
+    } catch {
+      say(this.summary, "The chart could not be loaded: reload the page.");
+    }
+    this.loads = false;
+  }
+
   /**
    * @param {Content} content
-   * @param {uPlot.AlignedData} data
+   * @param {AlignedData} data
    * @param {number} width [px]
    */
   rebuild(content, data, width) {
     this.plot?.destroy();
-    this.plot = new uPlot(this.options(content, width), data, this.plotBox);
+    if (!Plot) return;
+    this.plot = new Plot(this.options(content, width), data, this.plotBox);
     const over = this.plot.over;
     over.addEventListener("pointermove", (event) => {
       const left = event.clientX - over.getBoundingClientRect().left;
@@ -138,7 +162,7 @@ export class Chart {
   /**
    * @param {Content} content
    * @param {number} width [px]
-   * @returns {uPlot.Options}
+   * @returns {Options}
    */
   options(content, width) {
     const { axes } = this;
@@ -199,10 +223,11 @@ function rangeOf({ range, limits }, low, high) {
 function drawLimits(u, limits) {
   if (limits.length === 0) return;
   const { ctx, bbox } = u;
+  const ratio = devicePixelRatio;
   ctx.save();
   ctx.strokeStyle = themed("--ink");
-  ctx.lineWidth = uPlot.pxRatio;
-  ctx.setLineDash([6 * uPlot.pxRatio, 4 * uPlot.pxRatio]);
+  ctx.lineWidth = ratio;
+  ctx.setLineDash([6 * ratio, 4 * ratio]);
   ctx.beginPath();
   for (const x of limits) {
     const y = Math.round(u.valToPos(x, "y", true)) + 0.5;

@@ -174,10 +174,16 @@ export function knownOf(store) {
   return { exact, executed, duration, rms: error("rms"), max: error("max") };
 }
 
+/** Whether a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
+export function hasMotion(store) {
+  const picture = store.latest("picture");
+  return picture !== null && picture.head.planned !== false;
+}
+
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
 export function exactnessOf(store) {
+  if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
   if (store.latest("picture")?.head.planned === false) return "not planned yet";
-  if (store.refusal?.head.tier === 1) return "refused, the last";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 

@@ -2,6 +2,7 @@
 
 import { difference, show } from "./ask.js";
 import { find, give, make } from "./dom.js";
+import { hasChanges } from "./header.js";
 import { notify } from "./messages.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -79,10 +80,10 @@ class Files {
    * @param {string} name @param {boolean} drawing @returns {Promise<string | null>}
    */
   async askHow(name, drawing) {
-    const dirty = this.store.document?.dirty;
-    if (!drawing && !dirty) return "";
+    const loses = hasChanges(this.store.document);
+    if (!drawing && !loses) return "";
     const content = [];
-    if (dirty)
+    if (loses)
       content.push(make("p", { text: "The open job has unsaved changes; they are lost when another file is opened." }));
     const cells = make(
       "select",

@@ -31,17 +31,21 @@ export function short(x) {
   return String(Number(x.toPrecision(4)));
 }
 
+const NUMBER = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;
+const PLAIN = RegExp(`^${NUMBER}$`);
+
+/** Whether a quantity is written without a unit. @param {string} text @returns {boolean} */
+export const isPlain = (text) => PLAIN.test(text);
+
 /**
  * What somebody typed over a quantity: a plain number has the unit that is shown.
  * @param {string} typed @param {string} shown @param {string} [unit] where nothing with a unit is shown
  * @returns {string}
  */
 export function withUnit(typed, shown, unit = "") {
-  const number = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;
-  const plain = RegExp(`^${number}$`);
   // Where the file has a plain number, in SI units, so is what is typed.
-  if (!plain.test(typed) || plain.test(shown)) return typed;
-  const known = RegExp(`^${number}\\s*(\\D.*)$`).exec(shown)?.[1] ?? unit;
+  if (!isPlain(typed) || isPlain(shown)) return typed;
+  const known = RegExp(`^${NUMBER}\\s*(\\D.*)$`).exec(shown)?.[1] ?? unit;
   return known ? `${typed} ${known}` : typed;
 }
 

@@ -22,9 +22,12 @@ export function choose(select, choices, chosen) {
   if (select.value !== chosen) select.value = chosen;
 }
 
+/** Whether something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
+export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.can_undo));
+
 /** @param {any} head @returns {string} */
 function stateOf(head) {
-  const states = [head.dirty ? "unsaved changes" : "", ON_DISK[head.on_disk] ?? ""];
+  const states = [hasChanges(head) ? "unsaved changes" : "", ON_DISK[head.on_disk] ?? ""];
   return states.filter(Boolean).join(", ");
 }
 
@@ -65,8 +68,8 @@ export function init(store, link) {
     say(find("#name"), head.name || "untitled");
     find("#name").title = head.file ?? head.title ?? "";
     say(find("#file-state"), stateOf(head));
-    document.title = `${head.dirty ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
-    document.body.dataset.dirty = String(head.dirty);
+    document.title = `${hasChanges(head) ? "• " : ""}${head.name || "untitled"} – armcontour studio`;
+    document.body.dataset.dirty = String(hasChanges(head));
     document.body.dataset.rev = String(head.rev);
     disable(buttons, { undo: !head.can_undo, redo: !head.can_redo, diff: !head.dirty });
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;

@@ -1,6 +1,7 @@
 // Sentences of the server: refusals, notices, what failed; and the state of the connection.
 
 import { find, make, say } from "./dom.js";
+import { hasMotion } from "./figures.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
@@ -39,7 +40,7 @@ export function init(store) {
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
     say(/** @type {Element} */ (refused.firstChild), frame.head.sentence);
-    say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 ? "The last good motion stays, greyed." : "");
+    say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
   });
   const starting = make("div", { class: "message starting", hidden: true });
   find("#messages").append(starting);
@@ -48,7 +49,8 @@ export function init(store) {
     starting.hidden = false;
     say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
   });
-  store.on("picture", () => (starting.hidden = true));
+  // A job that is refused has started, too.
+  for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (starting.hidden ||= Boolean(frame)));
   /** What was refused, until the job is another one. @type {HTMLElement[]} */
   let dropped = [];
   store.on("dropped", (/** @type {any} */ frame) =>

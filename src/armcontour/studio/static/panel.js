@@ -2,7 +2,7 @@
 // server reads units and refuses what makes no sense.
 
 import { find, make, say } from "./dom.js";
-import { quantity, withUnit } from "./format.js";
+import { isPlain, quantity, withUnit } from "./format.js";
 import { Ghost } from "./ghost.js";
 import { Gesture } from "./gesture.js";
 import { positionOf, STEPS, valueAt } from "./scales.js";
@@ -128,7 +128,8 @@ class Row {
     this.range.hidden = Boolean(choices) || !numeric;
     this.unset.hidden = Boolean(choices) || (from !== "job" && from !== "run");
     const [mark, title] = FROM[from] ?? [from ?? "", ""];
-    say(this.from, mark);
+    // A plain number of the file stays one; its unit is told beside it.
+    say(this.from, [isPlain(this.written) ? slider.unit : "", mark].filter(Boolean).join(" · "));
     this.element.dataset.from = from;
     this.text.title = this.select.title = title;
     if (choices) this.showChoices(choices, value);

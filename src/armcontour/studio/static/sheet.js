@@ -1,7 +1,7 @@
 // A picture that is taken along: its title above, the view, its legend and scales below. Drawn on a canvas,
 // or on what writes SVG.
 
-import { exactnessOf, knownOf } from "./figures.js";
+import { exactnessOf, hasMotion, knownOf } from "./figures.js";
 import { outlineOf, planeOf, standing } from "./footprint.js";
 import { mm, seconds } from "./format.js";
 import { kindsOf, legendOf, marksOf, scalesOf } from "./legend.js";
@@ -81,7 +81,7 @@ function linesOf(store) {
   const lines = [{ text: run ? `${name}, run ${run}` : name, font: TITLE, ink: inks.ink }];
   const { duration, rms, max } = knownOf(store);
   const facts = factsOf({ duration, rms, max }).join(" · ");
-  const word = store.refusal?.head.tier === 1 ? "of the last motion that was possible" : exactnessOf(store);
+  const word = store.refusal?.head.tier === 1 && hasMotion(store) ? "of the last motion that was possible" : exactnessOf(store);
   lines.push({ text: facts ? `${facts}\u00a0(${word})` : word, font: FONT, ink: inks.quiet });
   const compared = comparedOf(store);
   if (compared) lines.push({ text: compared, font: FONT, ink: inks.compared });

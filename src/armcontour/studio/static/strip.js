@@ -1,9 +1,9 @@
 // The strip of binding limits under a chart over arc length.
 
-import uPlot from "./vendor/uplot.js";
 import { styleOf, themed } from "./colours.js";
 
 /** @typedef {import("./state.js").Numbers} Numbers */
+/** @typedef {import("./vendor/uplot.js").default} uPlot */
 /** @typedef {{from: number, to: number, kind: string, label: string}} Part from and to: arc length [m] */
 
 const HEIGHT = 9; // px
@@ -35,7 +35,7 @@ export function stripOf(s, binding, limits) {
  */
 export function drawStrip(u, parts, theme) {
   const { ctx, bbox } = u;
-  const ratio = uPlot.pxRatio;
+  const ratio = devicePixelRatio;
   const high = HEIGHT * ratio;
   const top = bbox.top + bbox.height - high;
   ctx.save();
