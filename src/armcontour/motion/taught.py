@@ -18,6 +18,8 @@ WHOLE = 1e-9
 # Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
 # ones say nothing about the motion between set-points.
 INTERVALS = (1e-6, 10.0)
+# No controller takes set-points more slowly [s]; industrial ones take them every 1 to 40 ms.
+LONGEST_CLOCK = 0.1
 
 
 def check_interval(period: float) -> float:

@@ -15,15 +15,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import quaternions
-from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
+from armcontour.motion import LONGEST_CLOCK, Samples, TaughtData, TimedEvent, Trajectory
 
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
 # Set-points this near to their plan are places of it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
-# A shorter period may be longer than a tiny motion: it is a command interval [s].
-LONG_PERIOD = 0.1
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Rows of which the motion of the tool is computed at once.
@@ -308,7 +306,8 @@ def refuse_long_period(period: float, duration: float, name: str) -> None:
     Raises:
         InvalidInput: The period is longer than the motion, and than any command interval.
     """
-    if period > max(duration, LONG_PERIOD):
+    # A command interval may be longer than a tiny motion.
+    if period > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
             f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
             f"{name!r} would be left but its ends; give a shorter period.",
