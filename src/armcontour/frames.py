@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import WHOLE_TURN
 from armcontour.errors import InvalidInput
 
 # Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
@@ -55,7 +57,18 @@ class Frame:
         Args:
             position: Origin of the frame [m], (3,).
             angles: Roll, pitch and yaw [rad], (3,).
+
+        Warns:
+            UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
         """
+        given = _checks.numbers("roll, pitch and yaw", angles, "rad")
+        if (np.abs(given) > WHOLE_TURN).any():
+            largest = float(given.flat[int(np.abs(given).argmax())])
+            warnings.warn(
+                f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
+                f"turn: for degrees give np.radians({given.tolist()}).",
+                stacklevel=2,
+            )
         return cls(position=np.asarray(position), rotation=from_rpy(angles))
 
     def __matmul__(self, other: Frame) -> Frame:

@@ -26,7 +26,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import AtLeast, Choice, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Quantity, Some
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -40,6 +40,7 @@ BOUNDS = {
     "not negative": {"minimum": 0},
     "negative": {"exclusiveMaximum": 0},
     "share": {"minimum": 0, "exclusiveMaximum": 1},
+    "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
 # Shapes of arrays in docstrings, which are left out of the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
