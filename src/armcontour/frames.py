@@ -69,7 +69,9 @@ class Frame:
                 f"turn: for degrees give np.radians({given.tolist()}).",
                 stacklevel=2,
             )
-        return cls(position=np.asarray(position), rotation=from_rpy(angles))
+        return cls(
+            position=_checks.numbers("position of a frame", position, "m"), rotation=from_rpy(given)
+        )
 
     def __matmul__(self, other: Frame) -> Frame:
         """The frame `other`, which is given in this frame, in this frame's reference frame."""

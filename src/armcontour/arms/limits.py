@@ -154,10 +154,7 @@ class Limits:
         values = getattr(self, name)
         if values is None:
             return
-        try:
-            array = _checks.lock_floats(values)
-        except (TypeError, ValueError):
-            array = _checks.lock_floats(np.nan)
+        array = _checks.lock_floats(_checks.floats(name, values, "rad"))
         if array.ndim > 1 or np.isnan(array).any():
             raise InvalidInput(f"{name} must be one angle per joint in rad.")
         far = np.isfinite(array) & (np.abs(array) > _checks.LARGEST)

@@ -154,7 +154,7 @@ class Orientation:
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
-        at = np.asarray(s, dtype=np.float64)
+        at = _checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.on_piece(i, at - self.breaks[i])
 
@@ -165,7 +165,7 @@ class Orientation:
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = np.asarray(s, dtype=np.float64)
+        at = _checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.rates_on_piece(i, at - self.breaks[i])
 

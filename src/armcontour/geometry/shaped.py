@@ -167,7 +167,9 @@ class ShapedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        found = np.interp(np.asarray(s, dtype=np.float64), self.places[:, 0], self.places[:, 1])
+        found = np.interp(
+            _checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
+        )
         return np.asarray(np.clip(found, 0.0, self.length))
 
 

@@ -34,7 +34,7 @@ from armcontour.io.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 PLAIN: dict[Any, Any] = {bool: StrictBool, int: StrictInt, float: Number}
-BOUNDS = {
+BOUNDS: dict[str, dict[str, float]] = {
     "any": {},
     "positive": {"exclusiveMinimum": 0},
     "not negative": {"minimum": 0},
@@ -218,7 +218,7 @@ def _number(kind: Quantity) -> Any:
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."
-    schema = {
+    schema: dict[str, Any] = {
         "description": text,
         "anyOf": [{"type": "number", **BOUNDS[kind.sign]}, {"type": "string"}],
         "examples": [kind.example],

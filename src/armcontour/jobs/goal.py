@@ -73,6 +73,8 @@ class Goal:
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
+        if self.box is not None:
+            _checks.refuse_other("A Goal", self.box, Box)
         _checks.choice("saturation", self.saturation, SATURATION)
         _checks.choice("plant", self.plant, PLANTS)
         if self.plant == "rigid_body" and self.saturation == "report":

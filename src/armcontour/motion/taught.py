@@ -56,6 +56,7 @@ class TaughtData:
     start_time: float = 0.0
 
     def __post_init__(self) -> None:
+        _checks.refuse_other("Taught data", self.trajectory, Trajectory, "as plan gives it")
         check_interval(self.period)
         values = _checks.numbers("set-points", self.q, "rad")
         if values.ndim != 2 or len(values) == 0:

@@ -346,6 +346,7 @@ class Trajectory:
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
+        t = _checks.floats("t", t, "s")
         found = self(np.clip(t, 0.0, self.duration), order)
         if order:
             found[(t < 0) | (t > self.duration)] = 0.0
@@ -457,11 +458,8 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = np.asarray(t)
-        if at.dtype != np.float64:
-            at = _checks.numbers("t", t, "s")
-        if order not in range(4):
-            raise InvalidInput(f"The order must be from 0 to 3, but is {order}.")
+        at = _checks.floats("t", t, "s")
+        _checks.derivative(order, 3)
         slack = SLACK * self.duration
         outside = ~((at >= -slack) & (at <= self.duration + slack))
         if outside.any():

@@ -182,11 +182,17 @@ class ServoModel:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
+
+        Raises:
+            InvalidInput: The accelerations are missing.
         """
+        at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
         if self.kv is None:
-            return np.asarray(q + dq / self.kp)
-        assert ddq is not None
-        return np.asarray(q + dq / self.kp + ddq / (self.kp * self.kv))
+            return np.asarray(at + rate / self.kp)
+        if ddq is None:
+            raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
+        second = _checks.floats("ddq", ddq, "rad/s²")
+        return np.asarray(at + rate / self.kp + second / (self.kp * self.kv))
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).

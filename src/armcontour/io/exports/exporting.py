@@ -208,6 +208,9 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
             format, or the template is missing.
     """
     listed = ", ".join(f"{x} ({end})" if end else x for x, end in FORMATS.items())
+    for name, given in (("format", format), ("template", template)):
+        if not isinstance(given, str | FilePath | None):
+            raise InvalidInput(f"The {name} of an export is text, not {show(given)}.")
     kind = format
     if kind is None and template is not None:
         kind = "template"

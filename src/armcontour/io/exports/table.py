@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -210,6 +210,7 @@ def make_table(
         raise InvalidInput(
             f"Only taught data and trajectories can be exported, not {type(data).__name__}."
         )
+    derivatives = _checks.whole("derivatives", derivatives, 0, 2)
     if isinstance(data, TaughtData):
         samples, step = _set_points(data, period, derivatives), data.period
         start, events = data.start_time, data.trajectory.events
@@ -343,10 +344,8 @@ def _joint_names(given: Sequence[str] | None, arm: Arm | None, dof: int) -> tupl
     Raises:
         InvalidInput: The given names are not a list.
     """
-    if isinstance(given, str) or not isinstance(given, Iterable | None):
-        raise InvalidInput(f"joint_names must be a list of {dof} names, not {given!r}.")
     if given is not None:
-        return tuple(given)
+        return _checks.listed("joint_names", given, str, f"{dof} names")
     return arm.joint_names if arm else tuple(f"joint {i}" for i in range(1, dof + 1))
 
 
