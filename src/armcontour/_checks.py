@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import FrozenInstanceError
-from functools import wraps
+from dataclasses import FrozenInstanceError, fields, is_dataclass
+from functools import cache, wraps
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, Literal
 
@@ -25,6 +25,8 @@ LARGEST = 1e12
 SMALLEST = 1e-30
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
+# Attributes of a copied object by their names, and the names of those that are locked.
+State = tuple[dict[str, Any], tuple[str, ...]]
 
 # Highest derivative of a curve that anybody asks for.
 HIGHEST = 20
@@ -77,6 +79,74 @@ def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return copy
 
 
+class Value:
+    """Base of frozen dataclasses with arrays: copies, in other processes too, are locked as well.
+
+    `copy.deepcopy` and `pickle` make arrays that may be written of those that may not.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # A dataclass with slots would define them, if the class itself does not.
+        for name in ("__getstate__", "__setstate__"):
+            if getattr(cls, name) is getattr(Value, name):
+                setattr(cls, name, getattr(Value, name))
+
+    def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
+        """The values of all fields, which of them are locked, and other attributes."""
+        own: Any = type(self)
+        names = _field_names(own)
+        values = [getattr(self, name) for name in names]
+        locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
+        others = getattr(self, "__dict__", None)
+        if others is not None:
+            others = {name: x for name, x in others.items() if name not in names}
+        return values, locked, others or None
+
+    def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
+        """Take the values, and lock those that were locked."""
+        values, locked, others = state
+        for k in locked:
+            _lock_value(values[k])
+        if others is not None:
+            vars(self).update(others)
+        own: Any = type(self)
+        for name, value in zip(_field_names(own), values, strict=True):
+            object.__setattr__(self, name, value)
+
+
+@cache
+def _field_names(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a dataclass; none for another class."""
+    return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
+
+
+def pack_state(values: Mapping[str, Any]) -> State:
+    """Attributes for a copy, with the names of those that are locked.
+
+    Args:
+        values: The attributes by their names.
+    """
+    return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
+
+
+def _is_locked_value(x: Any) -> bool:
+    """Whether a value is a read-only array, or a tuple of such arrays."""
+    if type(x) is np.ndarray:
+        return not x.flags.writeable
+    if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
+        return False
+    return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+
+
+def _lock_value(x: Any) -> None:
+    """Lock an array, or a tuple of arrays."""
+    for array in x if isinstance(x, tuple) else (x,):
+        array.setflags(write=False)
+
+
 class Locked:
     """Base of classes whose instances do not change once their constructor has returned.
 
@@ -103,6 +173,17 @@ class Locked:
                 vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
 
         cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+
+    def __getstate__(self) -> State:
+        """The values of all attributes, and which of them are locked."""
+        return pack_state(vars(self))
+
+    def __setstate__(self, state: State) -> None:
+        """Take the values, and lock those that were locked."""
+        values, locked = state
+        for name in locked:
+            _lock_value(values[name])
+        vars(self).update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
         self._refuse_change(name)

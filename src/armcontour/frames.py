@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._quantities import WHOLE_TURN
 from armcontour.errors import InvalidInput
 
@@ -23,7 +23,7 @@ UNTURNED = _checks.lock_floats(np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(Value):
     """The position and orientation of a frame in another frame.
 
     Args:

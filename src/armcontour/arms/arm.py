@@ -217,9 +217,9 @@ class Arm(Locked, ABC):
             changes["payload"] = payload
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> _checks.State:
         """Everything but the dynamics, which are a library's and computed anew."""
-        return {name: x for name, x in vars(self).items() if name != "dynamics"}
+        return _checks.pack_state({k: x for k, x in vars(self).items() if k != "dynamics"})
 
     def _copy(self, **changes: Any) -> Self:
         other = object.__new__(type(self))

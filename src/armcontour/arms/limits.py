@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, digits, line_up
 from armcontour._quantities import (
     Acceleration,
@@ -52,7 +52,7 @@ UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Limits:
+class Limits(Value):
     """Limits of the joints and of the tool; what is not given is not limited.
 
     Args:

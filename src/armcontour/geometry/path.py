@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
@@ -31,7 +31,7 @@ SAME_BREAK = 1e-12
 
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Path:
+class Path(Value):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
     Rounding and smoothing put transitions between them, along which the curvature changes. Build

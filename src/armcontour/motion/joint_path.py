@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
@@ -30,7 +30,7 @@ NO_STOPS = _checks.lock_floats([])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointPath:
+class JointPath(Value):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
 
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, Value
 from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour._sampling import (
     LARGEST,
@@ -33,7 +33,7 @@ NEAR_A_TURN = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log:
+class Log(Value):
     """Set-points and measured positions of joints at the same times.
 
     Args:

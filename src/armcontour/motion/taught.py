@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory
@@ -32,7 +32,7 @@ def check_interval(period: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TaughtData:
+class TaughtData(Value):
     """Joint set-points at regular times.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -41,7 +41,7 @@ class Method(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch:
+class Stretch(Value):
     """A part of a trajectory that was planned by one rule.
 
     Args:
@@ -114,7 +114,7 @@ class TimedEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Samples:
+class Samples(Value):
     """A trajectory sampled at regular times.
 
     Args:
@@ -135,7 +135,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(Value):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._quantities import Choice, DeadTimes, Gains, JointInertias
 from armcontour.errors import InvalidInput
 
@@ -28,7 +28,7 @@ MOST_TIME_CONSTANTS = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ServoModel:
+class ServoModel(Value):
     """The joint servo: response of a joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
