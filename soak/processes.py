@@ -133,9 +133,10 @@ def judge(seed: int) -> list[str]:
         return [f"refused: {error}"]
     other = plan(drawn.text(True))[1].trajectory.duration
     motion = run.trajectory
-    t = np.union1d(np.linspace(0, motion.duration, TIMES), motion.breaks)
-    point, speed = tool(motion(t), motion(t, 1))
     spans = motion.contour_spans
+    ends = [y for x in spans for y in (*x.t, *(x.work or ()))]
+    t = np.unique(np.concatenate([np.linspace(0, motion.duration, TIMES), motion.breaks, ends]))
+    point, speed = tool(motion(t), motion(t, 1))
     work = np.any([(t >= x.work[0]) & (t <= x.work[1]) for x in spans if x.work], axis=0)
     step = speed.max() * motion.duration / TIMES
     share = np.linspace(0, 1, 200)[:, None, None]
