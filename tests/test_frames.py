@@ -230,3 +230,15 @@ def test_a_quaternion_of_four_digits_is_scaled() -> None:
     np.testing.assert_allclose(
         rotations("tool", [0.2588, 0.0, 0.0, 0.9659]), from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4
     )
+
+
+def test_degrees_given_for_radians_are_warned_of_with_what_was_meant() -> None:
+    with pytest.warns(UserWarning, match=r"180 rad is more than a whole turn: for degrees") as told:
+        Frame.rpy((0, 0, 0), (180, 0, 90))
+    assert str(told[0].message).endswith("give np.radians([180.0, 0.0, 90.0]).")
+    assert len(told) == 1 and told[0].filename == __file__
+
+
+@pytest.mark.parametrize("angle", [2 * np.pi, -6.2832, 6.28])
+def test_a_whole_turn_is_no_mistake(angle: float) -> None:
+    assert np.allclose(Frame.rpy((0, 0, 0), (0, 0, angle)).rotation, np.eye(3), atol=4e-3)

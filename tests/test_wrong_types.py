@@ -134,3 +134,109 @@ def test_the_sentence_says_what_is_needed_and_where_it_comes_from(
     ]
     for call, sentence in cases:
         refuses(call, ac.InvalidInput, sentence)
+
+
+# Values that are no numbers. Not-a-number itself goes through functions of arrays, as in numpy.
+NO_NUMBERS = (
+    *("a", None, 1 + 2j, object(), {}, ["a", "b"], [[1.0], [2.0, 3.0]], True, b"a"),
+    *(np.zeros(2, complex), np.array(["2020-01-01"], "M8[D]"), 10**400),
+)
+# Arrays of no state of an arm with two or six joints.
+NO_STATES = ([], [1.0, 2.0, 3.0], np.zeros((2, 3, 4)), 0.5)
+
+
+def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
+    calls: dict[str, Call], rounded: ac.RoundedPath, arm: ac.PlanarTwoLink, traced: ac.JointPath
+) -> None:
+    planned, servo = calls["check"][1][0], calls["compensate"][1][1]
+    space = ac.load_arm("ur5e")
+    functions: list[tuple[Callable[..., Any], int, tuple[Any, ...]]] = [
+        (rounded, 1, NO_NUMBERS),
+        (rounded.locate, 1, NO_NUMBERS),
+        (rounded.project, 1, (*NO_NUMBERS, *NO_STATES)),
+        (traced, 1, NO_NUMBERS),
+        (traced.locate, 1, NO_NUMBERS),
+        *((x, 1, NO_NUMBERS) for x in (planned, planned.motion, planned.s, planned.with_rests)),
+        *((x, 1, NO_NUMBERS) for x in (planned.time_at, planned.speed_at, planned.sample)),
+        (arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)),
+        (servo.command, 3, NO_NUMBERS),
+    ]
+    states = (*NO_NUMBERS, *NO_STATES)
+    for x in (arm, space):
+        functions += [(f, 1, states) for f in (x.forward, x.jacobian, x.links)]
+        functions += [(f, 2, states) for f in (x.jacobian_rate, x.tool_velocity)]
+        functions += [(f, 3, states) for f in (x.tool_acceleration, x.tool_motion, x.torque)]
+        functions.append((x.tool_jerk, 4, states))
+    functions += [(arm.joint_velocity, 2, states), (arm.joint_acceleration, 3, states)]
+    functions += [(space.pose, 1, states), (space.tool_twist_rate, 3, states)]
+    for function, count, wrong in functions:
+        dof = 6 if getattr(function, "__self__", None) is space else 2
+        right = np.full(dof, 0.3) if wrong is states or count == 3 else 0.1
+        for slot in range(count):
+            for other in wrong:
+                given = [right] * count
+                given[slot] = other
+                said = refused(function, given, {})
+                assert said.endswith(".") and "\n" not in said, (function, slot, other, said)
+
+
+@pytest.mark.parametrize("order", ["a", None, 0.5, -1, True, [1], np.zeros(2), 10**400])
+def test_derivatives_have_whole_orders(
+    calls: dict[str, Call],
+    rounded: ac.RoundedPath,
+    traced: ac.JointPath,
+    order: Any,
+    refuses: Callable[..., None],
+) -> None:
+    for curve in (rounded, traced, calls["check"][1][0]):
+        refuses(
+            lambda curve=curve: curve(0.0, order),
+            ac.InvalidInput,
+            "The order of a derivative must be a whole number from 0 to",
+        )
+    assert rounded(0.0, np.int64(1)).shape == (2,)
+
+
+def test_words_and_sides_of_arrays_are_refused(
+    rounded: ac.RoundedPath, refuses: Callable[..., None]
+) -> None:
+    refuses(lambda: rounded(0.0, side=np.zeros((2, 2))), ac.InvalidInput, "side must be left or")  # type: ignore[arg-type]
+    refuses(
+        lambda: ac.ServoModel(kp=1.0, kv=2.0, order=np.zeros(2)),  # type: ignore[arg-type]
+        ac.InvalidInput,
+        "order must be one of second, first, not",
+    )
+
+
+def test_a_joint_path_needs_an_interval_for_each_arc_length(
+    traced: ac.JointPath, refuses: Callable[..., None]
+) -> None:
+    # Compiled code would read past the end of the arrays.
+    for i in ([], [0, 1], [10**9], [-1]):
+        refuses(
+            lambda i=i: traced.motion(i, [0.1]),
+            ac.InvalidInput,
+            "one interval for each arc length, from 0 to",
+        )
+    assert traced.motion([0], [0.0])[0].shape == (1, 2)
+    assert traced.motion([], [])[0].shape == (0, 2)
+
+
+def test_parts_of_arms_are_of_their_class(
+    arm: ac.PlanarTwoLink, refuses: Callable[..., None]
+) -> None:
+    space = ac.load_arm("ur5e")
+    wrong: list[tuple[Callable[[Any], Any], str]] = [
+        (arm.with_limits, "with_limits needs a Limits"),
+        (arm.with_shapes, "with_shapes needs an ArmShapes"),
+        (lambda x: arm.with_dynamics(payload=x), "with_dynamics needs a Payload"),
+        (space.with_tool, "with_tool needs a Frame"),
+        (space.with_work, "with_work needs a Frame"),
+        (lambda x: ac.SerialArm(name="a", chain=x, limits=space.limits), "needs a Chain"),
+        (lambda x: ac.SerialArm(name="a", chain=space.chain, limits=x), "needs a Limits"),
+        (lambda x: ac.PlanarTwoLink(name="a", base=0, links=(1, 1), limits=x), "needs a Limits"),
+        (lambda x: ac.Scene(obstacles=x), "obstacles of a scene must be a list of Obstacles"),
+    ]
+    for make, words in wrong:
+        for other in (3.5, "text", [1.0]):
+            refuses(lambda make=make, other=other: make(other), ac.InvalidInput, words)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError
-from functools import wraps
+from collections.abc import Iterable, Mapping
+from dataclasses import FrozenInstanceError, fields, is_dataclass
+from functools import cache, wraps
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, Literal
 
@@ -24,6 +25,11 @@ LARGEST = 1e12
 SMALLEST = 1e-30
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
+# Attributes of a copied object by their names, and the names of those that are locked.
+State = tuple[dict[str, Any], tuple[str, ...]]
+
+# Highest derivative of a curve that anybody asks for.
+HIGHEST = 20
 
 # numpy's kinds of arrays that can be numbers; an array of objects if each object is a number.
 NUMERIC = "iufO"
@@ -73,6 +79,74 @@ def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return copy
 
 
+class Value:
+    """Base of frozen dataclasses with arrays: copies, in other processes too, are locked as well.
+
+    `copy.deepcopy` and `pickle` make arrays that may be written of those that may not.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # A dataclass with slots would define them, if the class itself does not.
+        for name in ("__getstate__", "__setstate__"):
+            if getattr(cls, name) is getattr(Value, name):
+                setattr(cls, name, getattr(Value, name))
+
+    def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
+        """The values of all fields, which of them are locked, and other attributes."""
+        own: Any = type(self)
+        names = _field_names(own)
+        values = [getattr(self, name) for name in names]
+        locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
+        others = getattr(self, "__dict__", None)
+        if others is not None:
+            others = {name: x for name, x in others.items() if name not in names}
+        return values, locked, others or None
+
+    def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
+        """Take the values, and lock those that were locked."""
+        values, locked, others = state
+        for k in locked:
+            _lock_value(values[k])
+        if others is not None:
+            vars(self).update(others)
+        own: Any = type(self)
+        for name, value in zip(_field_names(own), values, strict=True):
+            object.__setattr__(self, name, value)
+
+
+@cache
+def _field_names(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a dataclass; none for another class."""
+    return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
+
+
+def pack_state(values: Mapping[str, Any]) -> State:
+    """Attributes for a copy, with the names of those that are locked.
+
+    Args:
+        values: The attributes by their names.
+    """
+    return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
+
+
+def _is_locked_value(x: Any) -> bool:
+    """Whether a value is a read-only array, or a tuple of such arrays."""
+    if type(x) is np.ndarray:
+        return not x.flags.writeable
+    if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
+        return False
+    return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+
+
+def _lock_value(x: Any) -> None:
+    """Lock an array, or a tuple of arrays."""
+    for array in x if isinstance(x, tuple) else (x,):
+        array.setflags(write=False)
+
+
 class Locked:
     """Base of classes whose instances do not change once their constructor has returned.
 
@@ -99,6 +173,17 @@ class Locked:
                 vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
 
         cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+
+    def __getstate__(self) -> State:
+        """The values of all attributes, and which of them are locked."""
+        return pack_state(vars(self))
+
+    def __setstate__(self, state: State) -> None:
+        """Take the values, and lock those that were locked."""
+        values, locked = state
+        for name in locked:
+            _lock_value(values[name])
+        vars(self).update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
         self._refuse_change(name)
@@ -143,25 +228,7 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         InvalidInput: The values are not numbers (texts, truth values and masked ones are not), not
             finite or too large; the message names the first such index.
     """
-    if values is None:
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise InvalidInput(
-            f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
-        )
-    try:
-        given = np.asarray(values)
-        if given.dtype.kind not in NUMERIC:
-            raise InvalidInput(
-                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
-            )
-        array = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        # The first sentence of numpy's message is the reason.
-        reason = str(error).split(". ")[0].rstrip(".")
-        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
+    array = np.array(floats(name, values, unit))
     # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
     # the comparison.
     row = array.ravel("K")
@@ -180,6 +247,40 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
             index=int(where[0]) if array.ndim else None,
         )
     return array
+
+
+def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+    """Return `values` as a float array; as they are if they are one already, finite or not.
+
+    Args:
+        name: Name of the values, for messages.
+        values: The values.
+        unit: Unit of the values, for messages.
+
+    Raises:
+        InvalidInput: The values are not numbers: texts, truth values and masked ones are not.
+    """
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values
+    if values is None:
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise InvalidInput(
+            f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
+        )
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind not in NUMERIC and given.size:
+            raise InvalidInput(
+                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
+            )
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        # The first sentence of numpy's message is the reason.
+        reason = str(error).split(". ")[0].rstrip(".")
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
 
 
 def points(name: str, values: npt.ArrayLike) -> FloatArray:
@@ -345,9 +446,29 @@ def choice(name: str, value: str, known: tuple[str, ...]) -> str:
     Raises:
         InvalidInput: The value is another one; the message lists the known ones.
     """
-    if value not in known:
-        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {value!r}.")
+    # An array is compared value by value.
+    if not isinstance(value, str) or value not in known:
+        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {show(value)}.")
     return value
+
+
+def derivative(order: Any, most: int = HIGHEST) -> int:
+    """Return the order of a derivative, 0 for the value itself.
+
+    Args:
+        order: The order.
+        most: The highest one.
+
+    Raises:
+        InvalidInput: It is no whole number, or not from 0 to `most`.
+    """
+    if type(order) is int and 0 <= order <= most:
+        return order
+    if isinstance(order, np.integer):
+        return derivative(int(order), most)
+    raise InvalidInput(
+        f"The order of a derivative must be a whole number from 0 to {most}, but is {show(order)}."
+    )
 
 
 def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
@@ -396,6 +517,43 @@ def refuse_other(user: str, value: Any, kind: type, origin: str = "") -> None:
     raise InvalidInput(f"{user} needs {article} {kind.__name__}{comes} not {type(value).__name__}.")
 
 
+def listed(name: str, values: Any, kind: type, what: str) -> tuple[Any, ...]:
+    """The values of a list as a tuple.
+
+    Args:
+        name: Name of the list, for messages.
+        values: The list, or what gives its values one after the other.
+        kind: Class of each value.
+        what: The values in words, such as "Events".
+
+    Raises:
+        InvalidInput: No list of such values; a text and a mapping are none.
+    """
+    if isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping):
+        found = tuple(values)
+        if all(isinstance(x, kind) for x in found):
+            return found
+    raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+
+
+def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
+    """The names of a list as a tuple.
+
+    Args:
+        name: Name of the list, for messages.
+        values: The names.
+        count: Number of names; None for any.
+
+    Raises:
+        InvalidInput: No list of so many short texts.
+    """
+    what = "names" if count is None else f"{count} names"
+    found = listed(name, values, str, what)
+    if count is not None and len(found) != count:
+        raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+    return tuple(check_name(f"name in {name}", x) for x in found)
+
+
 def read_place(user: str, place: Any) -> FilePath:
     """The place of a file, which is text or a path.
 
@@ -420,11 +578,12 @@ def side(value: str) -> Literal["left", "right"]:
     Raises:
         InvalidInput: The value is another word.
     """
-    if value == "right":
-        return "right"
-    if value == "left":
-        return "left"
-    raise InvalidInput(f"side must be left or right, not {value!r}.")
+    if isinstance(value, str):
+        if value == "right":
+            return "right"
+        if value == "left":
+            return "left"
+    raise InvalidInput(f"side must be left or right, not {show(value)}.")
 
 
 def in_unit(unit: str) -> str:

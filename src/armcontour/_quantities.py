@@ -10,6 +10,10 @@ from typing import Annotated, Literal
 
 from armcontour._checks import FloatArray
 
+# Largest angle about an axis [rad]: a whole turn, written with three decimals. A larger one is
+# most likely in degrees.
+WHOLE_TURN = 6.284
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -18,12 +22,13 @@ class Quantity:
     Args:
         unit: The SI unit; "1" is a share, which users may write in percent.
         example: Text that users may write.
-        sign: Allowed range of the value; a "share" is from 0 to below 1.
+        sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
+            at most WHOLE_TURN either way.
     """
 
     unit: str
     example: str
-    sign: Literal["any", "positive", "not negative", "negative", "share"] = "any"
+    sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +58,7 @@ Tolerance = Annotated[float, Quantity("m", "0.2 mm", "positive")]
 Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]
 Acceleration = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive")]
 Angle = Annotated[float, Quantity("rad", "90 deg")]
+Turn = Annotated[float, Quantity("rad", "90 deg", "turn")]
 AngularDistance = Annotated[float, Quantity("rad", "2 deg", "not negative")]
 AngularRate = Annotated[float, Quantity("rad/s", "90 deg/s", "positive")]
 AngularRateChange = Annotated[float, Quantity("rad/s^2", "720 deg/s^2", "positive")]

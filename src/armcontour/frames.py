@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
+from armcontour._quantities import WHOLE_TURN
 from armcontour.errors import InvalidInput
 
 # Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
@@ -21,7 +23,7 @@ UNTURNED = _checks.lock_floats(np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(Value):
     """The position and orientation of a frame in another frame.
 
     Args:
@@ -55,8 +57,21 @@ class Frame:
         Args:
             position: Origin of the frame [m], (3,).
             angles: Roll, pitch and yaw [rad], (3,).
+
+        Warns:
+            UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
         """
-        return cls(position=np.asarray(position), rotation=from_rpy(angles))
+        given = _checks.numbers("roll, pitch and yaw", angles, "rad")
+        if (np.abs(given) > WHOLE_TURN).any():
+            largest = float(given.flat[int(np.abs(given).argmax())])
+            warnings.warn(
+                f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
+                f"turn: for degrees give np.radians({given.tolist()}).",
+                stacklevel=2,
+            )
+        return cls(
+            position=_checks.numbers("position of a frame", position, "m"), rotation=from_rpy(given)
+        )
 
     def __matmul__(self, other: Frame) -> Frame:
         """The frame `other`, which is given in this frame, in this frame's reference frame."""

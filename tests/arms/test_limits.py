@@ -87,8 +87,8 @@ def test_what_is_not_given_is_not_limited():
 
 
 def test_a_range_that_is_no_angle_is_refused(refuses):
-    for values in ("wide", [np.nan, 1.0], [[1.0]]):
-        refuses(lambda x=values: ac.Limits(joint_lower=x), ac.InvalidInput, "joint_lower", "angle")
+    for values, word in (("wide", "in rad"), ([np.nan, 1.0], "angle"), ([[1.0]], "angle")):
+        refuses(lambda x=values: ac.Limits(joint_lower=x), ac.InvalidInput, "joint_lower", word)
 
 
 def test_jerk_is_limited_where_it_is_finite(refuses):

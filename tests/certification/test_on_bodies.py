@@ -144,6 +144,28 @@ def overshooting():
     return ac.certify(parse_job(OVERSHOOT))
 
 
+def test_a_dwell_changes_nothing_but_the_time(overshooting):
+    # Bodies rest before the contour, at the same phase of the command interval.
+    waiting = ac.certify(parse_job(OVERSHOOT + "process: {dwell: 100 ms}\n"))
+    assert [x.kind for x in waiting.trajectory.spans] == ["dwell", "contour"]
+    assert waiting.trajectory.duration == pytest.approx(
+        overshooting.trajectory.duration + 0.1, abs=1e-6
+    )
+    one, other = (x.evaluation.contour_error.max for x in (overshooting, waiting))
+    assert other == pytest.approx(one, rel=1e-2)
+
+
+def test_the_moves_beside_the_contour_are_named(refuses):
+    job = parse_job(OVERSHOOT)
+    event = ac.Event(name="gas")
+    program = ac.Program(moves=(event, ac.Dwell(duration=0.1), Contour(path=job.path)))
+    refuses(
+        lambda: ac.certify(replace(job, path=program)),
+        ac.InvalidInput,
+        "for one contour, with or without dwells, but this program has 1 contour, 1 dwell, 1 event",
+    )
+
+
 def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     found = overshooting
     (contour,) = found.contours
@@ -212,9 +234,3 @@ def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     e = tried.experiment.evaluation
     off = max(e.contour_error.max, e.missed.max) * 1e3
     assert f"the contour error is {off:.4g} mm" in tried.on_bodies
-
-
-def test_the_moves_beside_the_contour_are_named():
-    with pytest.raises(ac.InvalidInput) as error:
-        ac.certify(parse_job(JOB + "process: {dwell: 100 ms}\n"))
-    assert "this program has 1 contour, 1 dwell: leave out process.dwell, or" in str(error.value)

@@ -212,3 +212,11 @@ def test_the_unit_of_a_quantity_is_the_one_written() -> None:
     assert unit_of("350 mm", LENGTH) == ("mm", 1e-3)
     assert unit_of(0.35, LENGTH) == ("m", 1.0)
     assert unit_of(None, SHARE) == ("%", 0.01)
+
+
+def test_degrees_without_their_unit_are_refused_where_angles_are_within_a_turn() -> None:
+    turn = Quantity("rad", "90 deg", "turn")
+    with pytest.raises(ValueError, match="but is 180 rad: for 180 degrees write 180 deg"):
+        read_quantity(180, turn)
+    assert read_quantity("720 deg", turn) == pytest.approx(4 * math.pi)
+    assert read_quantity("7 rad", turn) == 7.0 and read_quantity(-6.2832, turn) == -6.2832

@@ -21,6 +21,7 @@ from armcontour.jobs import (
     same_plan,
     steps_of,
     teach,
+    warnings_of,
 )
 from armcontour.jobs.avoiding import Cleared
 from armcontour.jobs.quantities import (
@@ -274,6 +275,23 @@ def test_coarse_set_points_are_said(job):
     (warning, same) = coarse.warnings
     assert warning.startswith("Run proposed: the command interval of 1 s is more than a tenth")
     assert same == overload
+
+
+def test_gains_that_are_probably_exchanged_are_said_once(job):
+    weak = ac.ServoModel(kp=150.0, kv=25.0)
+    (this,) = (x for x in job.runs if x.name == "proposed")
+    runs = (
+        this,
+        dataclasses.replace(this, name="again", compensation="none", compensation_options={}),
+    )
+    found = ac.run(dataclasses.replace(job, servo=weak, runs=runs))
+    said = [x for x in warnings_of(found.runs.values()) if "exchanged" in x]
+    assert len(said) == 1
+    assert said[0].startswith("Runs proposed, again: the servo has kp = 150 1/s and kv = 25 1/s")
+    # A clock that no controller has, in a motion that is long beside it.
+    slow = dataclasses.replace(runs[1], period=0.2)
+    of_clock = ac.run(dataclasses.replace(job, runs=(slow,))).runs["again"].warnings
+    assert any("0.2 s is longer than that of any controller" in x for x in of_clock)
 
 
 def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):

@@ -595,3 +595,25 @@ def test_an_arm_of_two_joints_is_refused_in_space(tmp_path, refuses):
     arm = ac.load_arm(tmp_path / "two.urdf")
     path = ac.Path.polyline([(0.3, 0.2, 0.0), (0.4, 0.2, 0.0)])
     refuses(lambda: ac.trace(path, arm), ac.InvalidInput, "two has 2 joints", "needs 3")
+
+
+def test_an_arm_of_parallel_joints_is_refused_for_what_it_is(refuses) -> None:
+    flat = ac.SerialArm(
+        name="scara",
+        chain=Chain(
+            joints=("a", "b", "c"),
+            rotations=np.tile(np.eye(3), (3, 1, 1)),
+            positions=[[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0]],
+            axes=np.tile([0.0, 0.0, 1.0], (3, 1)),
+            base=Frame(),
+            tip=Frame(position=(0.2, 0, 0)),
+            gravity=np.zeros(3),
+        ),
+        limits=ac.Limits(joint_acceleration=3.0),
+    )
+    path = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
+    refuses(
+        lambda: ac.plan(path, flat, flat.limits.replace(speed=0.1)),
+        ac.InvalidInput,
+        "The 3 joints of the arm scara are parallel, so its tool stays in a plane",
+    )

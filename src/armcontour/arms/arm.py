@@ -114,6 +114,7 @@ class Arm(Locked, ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
+        _checks.refuse_other("with_limits", limits, Limits, "such as Limits(joint_velocity=1.0)")
         own = limits.for_joints(self.dof)
         return self if own is self.limits else self._copy(limits=own)
 
@@ -122,8 +123,11 @@ class Arm(Locked, ABC):
 
         Args:
             name: For people.
+
+        Raises:
+            InvalidInput: It is no short text.
         """
-        return self._copy(name=name)
+        return self._copy(name=_checks.check_name("name of an arm", name))
 
     @cached_property
     def shapes(self) -> ArmShapes | None:
@@ -163,6 +167,10 @@ class Arm(Locked, ABC):
 
     def _refuse_shapes(self, shapes: ArmShapes | None) -> None:
         """Refuse shapes of links that the arm does not have."""
+        if shapes is not None:
+            from armcontour.scene import ArmShapes
+
+            _checks.refuse_other("with_shapes", shapes, ArmShapes)
         for x in () if shapes is None else shapes.shapes:
             if not 0 <= x.link <= self.dof:
                 raise InvalidInput(
@@ -205,12 +213,13 @@ class Arm(Locked, ABC):
             if values is not None
         }
         if payload is not None:
+            _checks.refuse_other("with_dynamics", payload, Payload, "such as Payload(mass=2.0)")
             changes["payload"] = payload
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> _checks.State:
         """Everything but the dynamics, which are a library's and computed anew."""
-        return {name: x for name, x in vars(self).items() if name != "dynamics"}
+        return _checks.pack_state({k: x for k, x in vars(self).items() if k != "dynamics"})
 
     def _copy(self, **changes: Any) -> Self:
         other = object.__new__(type(self))
@@ -231,7 +240,7 @@ class Arm(Locked, ABC):
         Raises:
             InvalidInput: The number of columns is wrong or the shapes do not fit together.
         """
-        arrays = [np.asarray(x, dtype=np.float64) for x in states]
+        arrays = [_checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape
         if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
             shape = self._common_shape(arrays)
@@ -349,7 +358,7 @@ class Arm(Locked, ABC):
             ddq: Joint accelerations [rad/s²], same shape.
             dddq: Joint jerks [rad/s³], same shape.
         """
-        at, rate, second = (np.asarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        at, rate, second = (_checks.floats("states of an arm", x) for x in (q, dq, ddq))
         total = np.abs(rate).sum(axis=-1, keepdims=True)
         way = rate / np.where(total > 0, total, 1.0)
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, cross_matrix, rotations
@@ -21,7 +21,7 @@ GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Payload:
+class Payload(Value):
     """A load at the tool, in the frame of the chain's tip.
 
     Args:
@@ -50,7 +50,7 @@ class Payload:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Chain:
+class Chain(Value):
     """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
 
     Joint i turns by q[i] about `axes[i]`. The frame of joint i is also the frame of link i; at

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.chain import Chain, joint_frames
 from armcontour.errors import InvalidInput
@@ -43,7 +44,7 @@ class Dynamics:
 
     def friction(self, dq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of viscous and Coulomb friction."""
-        rate = np.asarray(dq, dtype=np.float64)
+        rate = _checks.floats("joint velocities", dq, "rad/s")
         viscous, coulomb = self._friction
         return np.asarray(viscous * rate + coulomb * np.sign(rate))
 
@@ -161,7 +162,7 @@ class Dynamics:
         Raises:
             InvalidInput: The shapes differ, or the number of columns is not that of the joints.
         """
-        arrays = [np.asarray(x, dtype=np.float64) for x in states]
+        arrays = [_checks.floats("states of an arm", x) for x in states]
         shape, dof = arrays[0].shape, len(self.chain)
         if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
             raise InvalidInput(

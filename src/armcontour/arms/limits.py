@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, digits, line_up
 from armcontour._quantities import (
     Acceleration,
@@ -52,7 +52,7 @@ UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Limits:
+class Limits(Value):
     """Limits of the joints and of the tool; what is not given is not limited.
 
     Args:
@@ -154,10 +154,7 @@ class Limits:
         values = getattr(self, name)
         if values is None:
             return
-        try:
-            array = _checks.lock_floats(values)
-        except (TypeError, ValueError):
-            array = _checks.lock_floats(np.nan)
+        array = _checks.lock_floats(_checks.floats(name, values, "rad"))
         if array.ndim > 1 or np.isnan(array).any():
             raise InvalidInput(f"{name} must be one angle per joint in rad.")
         far = np.isfinite(array) & (np.abs(array) > _checks.LARGEST)

@@ -59,14 +59,18 @@ class PlanarTwoLink(Arm):
         assumed: str = "",
         limits_hint: str = "",
     ) -> None:
-        self.name = name
+        _checks.refuse_other("A PlanarTwoLink", limits, Limits, "such as Limits(speed=0.1)")
+        lengths = _checks.listed("links", links, object, "two lengths in m")
+        if len(lengths) != 2:
+            raise InvalidInput(f"A PlanarTwoLink has two link lengths, not {len(lengths)}.")
+        self.name = _checks.check_name("name of an arm", name)
         self.base = _checks.number("base", base, "m")
-        self.link1 = _checks.positive("first link length", links[0], "m")
-        self.link2 = _checks.positive("second link length", links[1], "m")
+        self.link1 = _checks.positive("first link length", lengths[0], "m")
+        self.link2 = _checks.positive("second link length", lengths[1], "m")
         self.limits = limits.for_joints(2)
         self.source = source
         self.limits_hint = limits_hint
-        self.joint_names = tuple(joint_names)
+        self.joint_names = _checks.check_names("joint_names", joint_names, 2)
         self.chain = self._chain(tubes, payload, assumed)
         if tubes is not None:
             self.shapes = _capsules(tubes, (self.link1, self.link2))
@@ -100,7 +104,9 @@ class PlanarTwoLink(Arm):
             Unreachable: A point is out of reach or singular; `index` is the first such point.
         """
         sign = 1.0 if self._branch(branch) == "positive" else -1.0
-        at = np.asarray(points, dtype=np.float64)
+        at = _checks.floats("tool points", points, "m")
+        if at.shape[-1:] != (2,):
+            raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {at.shape}.")
         c, y = at[..., 0] - self.base, at[..., 1]
         self._refuse_out_of_reach(at, np.hypot(c, y))
         # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
@@ -124,7 +130,8 @@ class PlanarTwoLink(Arm):
     def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Time derivative of the Jacobian at the joint velocities `dq`, (n, 2, 2)."""
         q1, q12 = self._angles(q)
-        rate = np.asarray(dq, dtype=np.float64)
+        rate = _checks.floats("joint velocities", dq, "rad/s")
+        self._common_shape([rate])
         rate1, rate12 = rate[..., 0, None], (rate[..., 0] + rate[..., 1])[..., None]
         far = -rate12 * self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
         near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
@@ -163,7 +170,7 @@ class PlanarTwoLink(Arm):
         Raises:
             Unreachable: The arm is singular at one of the joint positions.
         """
-        return self._solve(q, np.asarray(velocity, dtype=np.float64))
+        return self._solve(q, _checks.floats("tool velocities", velocity, "m/s"))
 
     def joint_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
@@ -180,11 +187,14 @@ class PlanarTwoLink(Arm):
         Raises:
             Unreachable: The arm is singular at one of the joint positions.
         """
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
-        return self._solve(q, np.asarray(acceleration, dtype=np.float64) - coupling)
+        rate, wanted = (_checks.floats("states of an arm", x) for x in (dq, acceleration))
+        self._common_shape([_checks.floats("states of an arm", q), rate, wanted])
+        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, rate), rate)
+        return self._solve(q, wanted - coupling)
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2)."""
+        self._common_shape([_checks.floats("states of an arm", q), right])
         jacobian = self.jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
@@ -231,7 +241,8 @@ class PlanarTwoLink(Arm):
 
     def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Angles of the first and of the second link from the y axis [rad]."""
-        at = np.asarray(q, dtype=np.float64)
+        at = _checks.floats("joint positions", q, "rad")
+        self._common_shape([at])
         return at[..., 0], at[..., 0] + at[..., 1]
 
     def _branch(self, branch: str | None) -> str:
@@ -242,7 +253,7 @@ class PlanarTwoLink(Arm):
         """
         if branch is None:
             return self.branches[0]
-        if branch not in self.branches:
+        if not isinstance(branch, str) or branch not in self.branches:
             raise InvalidInput(
                 f"The arm {self.name} has the branches {', '.join(self.branches)}, not {branch!r}."
             )

@@ -52,7 +52,9 @@ class SerialArm(Arm):
         limits_hint: str = "",
         notes: tuple[str, ...] = (),
     ) -> None:
-        self.name = name
+        _checks.refuse_other("A SerialArm", chain, Chain)
+        _checks.refuse_other("A SerialArm", limits, Limits, "such as Limits(joint_velocity=1.0)")
+        self.name = _checks.check_name("name of an arm", name)
         self.chain: Chain = chain
         self.joint_names = chain.joints
         self.limits = limits.for_joints(len(chain))
@@ -76,6 +78,9 @@ class SerialArm(Arm):
                 tool axis.
             payload: Load at the tip; by default the load of this arm.
         """
+        _checks.refuse_other("with_tool", tool, Frame, "such as Frame(position=(0, 0, 0.1))")
+        if payload is not None:
+            _checks.refuse_other("with_tool", payload, Payload, "such as Payload(mass=2.0)")
         carried = self.chain.payload if payload is None else payload
         return self._with(self.chain.replace(tool=tool, payload=carried))
 
@@ -85,6 +90,7 @@ class SerialArm(Arm):
         Args:
             work: Work frame of the paths, in the frame of the base.
         """
+        _checks.refuse_other("with_work", work, Frame, "such as Frame(position=(0.4, 0, 0))")
         return self._with(self.chain.replace(base=work.inverse))
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:

@@ -156,17 +156,19 @@ class Sharing:
         """Refuse a job that certificates on rigid bodies are not made for.
 
         Raises:
-            InvalidInput: The program has several moves, or the arm or the servo has no rigid
-                bodies.
+            InvalidInput: The program has several contours, rapids or events between, or the arm or
+                the servo has no rigid bodies.
         """
         this, rounding = self.this, self.this.rounding
         if rounding is not None and rounding.free:
             # The moves are the same, and need no shape.
             this = replace(this, rounding=rounding.with_arcs)
         program, robot = programs_of(self.job, this)[0], robot_of(self.job, this, self.goal)
-        if len(program.moves) > 1:
+        others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
+        if len(program.contours) > 1 or others:
             raise InvalidInput(
-                "A certificate on rigid bodies is for one contour alone, but this program has "
+                "A certificate on rigid bodies is for one contour, with or without dwells, but "
+                "this program has "
                 f"{_list_moves(program)}, or certify with plant: servo."
             )
         Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
@@ -347,8 +349,6 @@ def _list_moves(program: Program) -> str:
     leave = []
     if counts["rapid"]:
         leave.append("process.approach and process.retract")
-    if counts["dwell"]:
-        leave.append("process.dwell")
     mend = f"leave out {' and '.join(leave)}" if leave else ""
     if counts["contour"] > 1 or not leave:
         mend = "make a job of each contour" + (f", {mend}" if mend else "")

@@ -11,7 +11,7 @@ import numpy as np
 from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.compensation import compensate
+from armcontour.compensation import compensate_quietly
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, settling_time
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
@@ -106,7 +106,7 @@ class Robot:
 
     def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
         """Taught data of a plan, every `period` or command interval of the run [s]."""
-        return compensate(
+        return compensate_quietly(
             plan,
             self.model,
             method=self.run.compensation,

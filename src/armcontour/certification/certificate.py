@@ -399,6 +399,7 @@ class Certificate:
             trajectory=self.trajectory,
             explanation=None,
             taught=self.taught,
+            servo=self.job.servo,
             execution=self.execution,
             evaluation=self.evaluation,
             experiment=self.experiment,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunPlan
+    from armcontour.motion import TimedEvent
     from armcontour.program import Event
 
 # Labels of the set-points for the robot, and of the plan without compensation.
@@ -87,11 +88,11 @@ class Exports:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
         from armcontour.errors import locate_errors
-        from armcontour.io.exports import WITH_ANALOG, write_table
+        from armcontour.io.exports import takes_analog, write_table
 
-        if table.analog and target.kind not in WITH_ANALOG:
+        if table.analog and not takes_analog(target.kind, target.template):
             table = dataclasses.replace(table, analog={})
-        outputs = self.outputs.get("", {}) | self.outputs.get(target.name, {})
+        outputs = self.outputs_of(target)
         with locate_errors(target.option):
             write_table(
                 table,
@@ -100,6 +101,21 @@ class Exports:
                 template=target.template,
                 outputs=outputs if outputs and target.kind in WITH_OUTPUTS else None,
             )
+
+    def outputs_of(self, target: Target) -> Outputs:
+        """The outputs of events in one of the files."""
+        return self.outputs.get("", {}) | self.outputs.get(target.name, {})
+
+    def warn_of_events(self, target: Target, events: Iterable[TimedEvent]) -> list[str]:
+        """Sentences on events that one of the files does not switch."""
+        from armcontour.io.exports import describe_unswitched
+
+        return describe_unswitched(
+            events,
+            target.template,
+            self.outputs_of(target),
+            lambda event, output: f"--output {event}={output}",
+        )
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
         """Keyword arguments for a table of the arm; tool points only if a file has them."""
@@ -289,7 +305,7 @@ def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports
 ) -> list[str]:
     """Export taught data and plan of one run to the result folder; returns warnings."""
-    from armcontour.io.exports import WITH_ANALOG, make_table
+    from armcontour.io.exports import WITH_ANALOG, make_table, takes_analog
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
@@ -297,7 +313,7 @@ def write_exports(
         f"{y.option}, run {name}: the format has no place for analog outputs "
         f"({', '.join(analog)}): {', '.join(WITH_ANALOG)} have."
         for y in x.targets
-        if analog and y.kind not in WITH_ANALOG
+        if analog and not takes_analog(y.kind, y.template)
     ]
     for label, data, period in (
         (TAUGHT, result.taught, None),
@@ -307,8 +323,12 @@ def write_exports(
         table = make_table(data, name=title, period=period, analog=analog, **options)
         for target in x.targets:
             folder.place(f"{name}/export/{label}{target.ending}", partial(x.write, target, table))
-            if label == TAUGHT and target.kind in JOINED_BY_QUINTICS:
+            if label != TAUGHT:
+                continue
+            if target.kind in JOINED_BY_QUINTICS:
                 warnings += _warn_of_jumps(target, table, result.run.limits, name)
+            for said in x.warn_of_events(target, table.events):
+                warnings.append(f"{target.option}, run {name}: {said}")
     return warnings
 
 
@@ -379,6 +399,8 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     x = Exports(targets=(target,), outputs=read_outputs(options.output or [], [target]))
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(x.write, target, table), folder=kind == "mcap")
+    for said in x.warn_of_events(target, table.events):
+        Console().say(f"Warning: {said[0].upper()}{said[1:]}")
     what = REFERENCE if options.reference else TAUGHT
     if run.analog:
         Console().say(

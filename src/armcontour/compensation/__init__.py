@@ -1,5 +1,18 @@
 """Compensation of the servos' delay: taught data that makes joints follow a trajectory."""
 
-from armcontour.compensation.compensator import METHODS, compensate, set_point_count
+from armcontour.compensation.compensator import (
+    METHODS,
+    compensate,
+    compensate_quietly,
+    set_point_count,
+)
+from armcontour.compensation.doubts import doubt_gains, doubt_interval
 
-__all__ = ["METHODS", "compensate", "set_point_count"]
+__all__ = [
+    "METHODS",
+    "compensate",
+    "compensate_quietly",
+    "doubt_gains",
+    "doubt_interval",
+    "set_point_count",
+]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.compensation.doubts import doubt_gains, doubt_interval, refuse_long_interval
 from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.errors import InvalidInput
 from armcontour.motion import TaughtData, Trajectory, check_interval
@@ -57,13 +59,45 @@ def compensate(
             whether the controller adds the gravity torque, True by default; `known`, the arm as its
             controller knows it, for example without a payload that was found later.
 
+    Warns:
+        UserWarning: The interval is longer than that of any controller, or the gains give hardly
+            any damping, as exchanged ones do.
+
     Raises:
         InvalidInput: An argument has the wrong type, a method or option is unknown, gains do not
-            fit the joints or the interval, the set-points need too much memory, or
-            "inverse_dynamics" has no arm with masses or a servo of first order.
+            fit the joints or the interval, the interval is longer than the motion, the set-points
+            need too much memory, or "inverse_dynamics" has no arm with masses or a servo of first
+            order.
         CompensationError: Poles are not stable, the servo is of first order for pole placement, or
             set-points exceed the limits.
     """
+    taught = compensate_quietly(
+        trajectory,
+        servo,
+        method=method,
+        period=period,
+        arm=arm,
+        limits=limits,
+        memory=memory,
+        **options,
+    )
+    for doubt in (*doubt_interval(taught.period), *doubt_gains(servo)):
+        warnings.warn(doubt[0].upper() + doubt[1:], stacklevel=2)
+    return taught
+
+
+def compensate_quietly(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    *,
+    method: str,
+    period: float,
+    arm: Arm | None = None,
+    limits: Limits | None = None,
+    memory: float = _memory.DEFAULT,
+    **options: Any,
+) -> TaughtData:
+    """What `compensate` gives, without its warnings: jobs have their own."""
     _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
     _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
     if arm is not None:
@@ -74,6 +108,7 @@ def compensate(
     interval = check_interval(period)
     _refuse_options(method, options)
     model = servo.for_joints(trajectory.dof)
+    refuse_long_interval(interval, trajectory.duration)
     model.refuse_too_fast(interval)
     count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
     _refuse_too_many(count, count * trajectory.dof * SET_POINT[method], interval, memory)

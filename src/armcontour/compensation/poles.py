@@ -111,6 +111,9 @@ def fastest_poles(
             saturate; or the servo is of first order.
         InvalidInput: There is no limit of joint acceleration.
     """
+    _checks.refuse_other("fastest_poles", servo, ServoModel)
+    _checks.refuse_other("fastest_poles", trajectory, Trajectory, "as plan gives it")
+    _checks.refuse_other("fastest_poles", limits, Limits, "such as arm.limits")
     interval = check_interval(period)
     bounds = _needed_bounds(limits, trajectory.dof)
     model = servo.for_joints(trajectory.dof)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, place_and_time
 
 
@@ -28,7 +28,7 @@ class Missed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorProfile:
+class ErrorProfile(Value):
     """An error over time: a distance [m], or an angle [rad].
 
     Between the contours of a program nothing is judged: there, all columns except `t` are NaN.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, degrees, extremes, line_up, mm, place_and_time, several
 from armcontour.arms import Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
@@ -31,7 +31,7 @@ NEAR = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation:
+class Evaluation(Value):
     """Errors, speeds and use of limits of an execution.
 
     Args:

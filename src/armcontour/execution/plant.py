@@ -124,8 +124,9 @@ def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
     """Refuse taught data whose number of joints is not that of the arm.
 
     Raises:
-        InvalidInput: The numbers differ.
+        InvalidInput: The numbers differ, or it is no taught data.
     """
+    _checks.refuse_other("A plant", taught, TaughtData, "as compensate gives it")
     if taught.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "

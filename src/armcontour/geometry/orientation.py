@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, several
 from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
@@ -31,7 +31,7 @@ LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Orientation:
+class Orientation(Value):
     """Tool orientation along a path, in n pieces.
 
     On piece i, at distance u after its start, the tool's axes are the columns of
@@ -154,7 +154,7 @@ class Orientation:
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
-        at = np.asarray(s, dtype=np.float64)
+        at = _checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.on_piece(i, at - self.breaks[i])
 
@@ -165,7 +165,7 @@ class Orientation:
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = np.asarray(s, dtype=np.float64)
+        at = _checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.rates_on_piece(i, at - self.breaks[i])
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
@@ -31,7 +31,7 @@ SAME_BREAK = 1e-12
 
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Path:
+class Path(Value):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
     Rounding and smoothing put transitions between them, along which the curvature changes. Build
@@ -81,6 +81,7 @@ class Path:
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
+        _checks.refuse_other("A path", demand, Demand, "such as Demand(speed=0.1)")
         given = _checks.points("points of a path", points)
         kept = _without_repeats(given)
         if len(kept) < 2:
@@ -264,11 +265,11 @@ class Path:
             Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
 
         Raises:
-            InvalidInput: An arc length is outside the path.
+            InvalidInput: An arc length is no number or outside the path, or there is no such order.
         """
         at = check_arc_length(s, self.length)
         i = self.locate(at, side=side)
-        return self.segments.at(i, at - self.breaks[i], order)
+        return self.segments.at(i, at - self.breaks[i], _checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that contains each arc length.
@@ -277,7 +278,8 @@ class Path:
             s: Arc lengths [m], any shape.
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
-        found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
+        at = _checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
@@ -403,7 +405,7 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     Raises:
         InvalidInput: An arc length is outside the path.
     """
-    at = np.asarray(s, dtype=np.float64)
+    at = _checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
     outside = ~((at >= -slack) & (at <= length + slack))
     if outside.any():

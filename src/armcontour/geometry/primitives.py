@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray, number, numbers, positive
 from armcontour._quantities import Distance, Speed
 from armcontour.errors import InvalidInput
@@ -181,12 +182,13 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     Raises:
         InvalidInput: There is no segment, an item is not a Line or Arc, or one has no length.
     """
-    listed = list(segments)
+    listed = list(_checks.listed("segments of a path", segments, object, "Lines and Arcs"))
     for i, x in enumerate(listed):
         if not isinstance(x, (Line, Arc)):
             raise InvalidInput(
                 f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
             )
+        _checks.refuse_other(f"Segment {i + 1}", x.demand, Demand, "such as Demand(speed=0.1)")
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

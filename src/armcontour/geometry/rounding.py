@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
@@ -65,7 +65,7 @@ WISHES = {"corner error tolerance": "m", "corner speed": "m/s", "corner accelera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Corners:
+class Corners(Value):
     """The n corners of an objective path in path order, and the arcs that replace them.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._quintics import evaluate, re_expand
 from armcontour.errors import InvalidInput
 
@@ -34,7 +34,7 @@ NO_TAGS = _checks.lock_copy(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
-class Segments:
+class Segments(Value):
     """Lines, arcs and transitions in the plane or in space, one per row.
 
     A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with

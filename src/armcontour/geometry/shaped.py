@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, line_up, mm
 from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
@@ -56,7 +56,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothCurve:
+class SmoothCurve(Value):
     """A curve of quintics over arc length, which a chain of arcs follows closely.
 
     Its curvature varies along each quintic, and jumps between quintics only where the shape wants
@@ -167,7 +167,9 @@ class ShapedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        found = np.interp(np.asarray(s, dtype=np.float64), self.places[:, 0], self.places[:, 1])
+        found = np.interp(
+            _checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
+        )
         return np.asarray(np.clip(found, 0.0, self.length))
 
 

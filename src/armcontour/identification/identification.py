@@ -118,6 +118,7 @@ def identify(
             if value is not None:
                 raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
         return _identify_servo(log, model, interpolation, longest, progress)
+    _checks.refuse_other("identify", arm, Arm, "such as load_arm('ur5e')")
     if model != "auto":
         raise InvalidInput("model is for joints without an arm: leave it out, or leave arm out.")
     every = [arranged(x, arm) for x in ([log] if isinstance(log, Log) else log)]

@@ -33,7 +33,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import AtLeast, Choice, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Quantity, Some
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -41,12 +41,13 @@ from armcontour.io.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 PLAIN: dict[Any, Any] = {bool: StrictBool, int: StrictInt, float: Number}
-BOUNDS = {
+BOUNDS: dict[str, dict[str, float]] = {
     "any": {},
     "positive": {"exclusiveMinimum": 0},
     "not negative": {"minimum": 0},
     "negative": {"exclusiveMaximum": 0},
     "share": {"minimum": 0, "exclusiveMaximum": 1},
+    "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
 # Shapes of arrays in docstrings, which are left out of the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
@@ -273,7 +274,7 @@ def _number(kind: Quantity) -> Any:
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."
-    schema = {
+    schema: dict[str, Any] = {
         "description": text,
         "anyOf": [{"type": "number", **BOUNDS[kind.sign]}, {"type": "string"}],
         "examples": [kind.example],

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from armcontour._quantities import Angle, Choice, Distance
+from armcontour._quantities import Choice, Distance, Turn
 from armcontour._text import show
 from armcontour.io.forms import Place
 from armcontour.io.keys import Number
 from armcontour.scene.scene import BASE, PART, Margins
 
-Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
+Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from armcontour._checks import LARGEST
 from armcontour._numbers import plain_number
-from armcontour._quantities import Quantity
+from armcontour._quantities import WHOLE_TURN, Quantity
 from armcontour._text import show
 
 # Longest text of a quantity.
@@ -151,12 +151,18 @@ def read_quantity(value: Any, kind: Quantity) -> float:
         "not negative": (found < 0, "not be negative"),
         "negative": (found >= 0, "be below zero"),
         "share": (not 0 <= found < 1, "be from 0 to below 1, which is 100 %"),
+        "turn": (
+            abs(found) > WHOLE_TURN and not isinstance(value, str),
+            "be at most a whole turn without a unit",
+        ),
     }[kind.sign]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     written = value.strip() if isinstance(value, str) else f"{found:g}{unit}"
     if outside:
         percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
         hint = f": for {written} percent write {written} %" if percent else ""
+        if kind.sign == "turn":
+            hint = f": for {found:g} degrees write {found:g} deg"
         raise ValueError(f"must {words}, but is {written}{hint}")
     if abs(found) > LARGEST:
         raise ValueError(f"must be between -{LARGEST:g} and {LARGEST:g}{unit}, but is {written}")

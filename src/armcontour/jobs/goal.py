@@ -25,7 +25,8 @@ class Goal:
             there is one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
         plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
-            "rigid_body" is the arm's rigid bodies, for jobs of one contour.
+            "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or
+            without dwells.
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
         box: Uncertainty of the robot's parameters; None takes the model as exact.
@@ -73,6 +74,8 @@ class Goal:
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
+        if self.box is not None:
+            _checks.refuse_other("A Goal", self.box, Box)
         _checks.choice("saturation", self.saturation, SATURATION)
         _checks.choice("plant", self.plant, PLANTS)
         if self.plant == "rigid_body" and self.saturation == "report":

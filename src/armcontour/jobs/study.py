@@ -17,6 +17,7 @@ from armcontour._progress import Progress, Step, under
 from armcontour._threads import Beside
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance
+from armcontour.compensation import doubt_gains, doubt_interval
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, execute
@@ -49,6 +50,7 @@ from armcontour.jobs.weak_points import (
 )
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
+from armcontour.servo import ServoModel
 from armcontour.timing import Explanation, Tracing, assigned_time, refuse_unkept_jerk
 
 STEPS = (
@@ -219,6 +221,8 @@ class TimedRun:
                 f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
                 "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
             )
+        else:
+            found += doubt_interval(period)
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
         if self.clearance is None:
@@ -242,9 +246,16 @@ class RunPlan(TimedRun):
 
     Args:
         taught: The taught data.
+        servo: The servo for which it was made.
     """
 
     taught: TaughtData
+    servo: ServoModel | None = None
+
+    def _find_weak_points(self) -> tuple[str, ...]:
+        """What `weak_points` gives."""
+        found = super(RunPlan, self)._find_weak_points()
+        return found if self.servo is None else (*found, *doubt_gains(self.servo))
 
     def __str__(self) -> str:
         """Method, duration and set-points of the run."""
@@ -561,6 +572,7 @@ def _teach(
         path=path,
         trajectory=trajectory,
         taught=taught,
+        servo=job.servo,
         traced=traced,
         exceeded=tuple(beyond),
         clearance=cleared.clearance,

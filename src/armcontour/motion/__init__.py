@@ -18,10 +18,11 @@ from armcontour.motion.laws import (
 from armcontour.motion.log import Log
 from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.smoothing import smooth
-from armcontour.motion.taught import TaughtData, check_interval
+from armcontour.motion.taught import LONGEST_CLOCK, TaughtData, check_interval
 from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [
+    "LONGEST_CLOCK",
     "Execution",
     "JointAverage",
     "JointPath",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, Value
 from armcontour._describing import brief, line_up, milliseconds
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
@@ -15,7 +15,7 @@ from armcontour.motion.taught import TaughtData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Execution:
+class Execution(Value):
     """Motion of the joints of a plant, from the first set-point until rest.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
@@ -30,7 +30,7 @@ NO_STOPS = _checks.lock_floats([])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointPath:
+class JointPath(Value):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
 
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
@@ -54,7 +54,10 @@ class JointPath:
 
     def __post_init__(self) -> None:
         for name in ("breaks", "coefficients", "stops"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+            values = _checks.floats(f"{name} of a joint path", getattr(self, name))
+            object.__setattr__(self, name, _checks.lock_floats(values))
+        if self.breaks.ndim != 1 or self.stops.ndim != 1:
+            raise InvalidInput("breaks and stops of a joint path must be rows of numbers.")
         n = len(self.breaks) - 1
         if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
@@ -191,9 +194,9 @@ class JointPath:
             side: At a break, "right" for the interval after it, "left" for the interval before it.
 
         Raises:
-            InvalidInput: An arc length is outside the path.
+            InvalidInput: An arc length is no number or outside the path, or there is no such order.
         """
-        at = np.asarray(s, dtype=np.float64)
+        at = _checks.floats("arc lengths", s, "m")
         low, high = float(self.breaks[0]), float(self.breaks[-1])
         slack = 1e-12 * (high - low)
         outside = ~((at >= low - slack) & (at <= high + slack))
@@ -204,7 +207,7 @@ class JointPath:
                 f"to {high:.9g} m.",
                 s=value,
             )
-        return self.on_interval(self.locate(at, side=side), at, order)
+        return self.on_interval(self.locate(at, side=side), at, _checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the interval that contains each arc length.
@@ -213,7 +216,8 @@ class JointPath:
             s: Arc lengths [m], any shape.
             side: "right" for the interval after a break, "left" for the interval before the break.
         """
-        found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
+        at = _checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
@@ -233,9 +237,21 @@ class JointPath:
         Args:
             i: Indices of intervals, (n,).
             s: Arc lengths from the start of the path [m], (n,).
+
+        Raises:
+            InvalidInput: There is no such interval, or not one for each arc length.
         """
-        at = np.require(np.ravel(s), np.float64, ["W"])
+        at = np.require(np.ravel(_checks.floats("arc lengths", s, "m")), np.float64, ["W"])
         pieces = np.require(np.ravel(i), np.intp, ["W"])
+        last = len(self.breaks) - 2
+        # Compiled code would read past the end.
+        if pieces.shape != at.shape or (
+            len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last
+        ):
+            raise InvalidInput(
+                f"A joint path needs one interval for each arc length, from 0 to {last}, but got "
+                f"{len(pieces)} for {len(at)}."
+            )
         found = motion(self.breaks, self.coefficients, pieces, at)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in found)
         return q, first, second

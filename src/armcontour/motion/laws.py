@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.motion._intervals import interval_times, law_of_squares
@@ -21,7 +21,7 @@ from armcontour.motion.joint_path import JointPath
 HALVINGS = 50
 
 
-class Law(ABC):
+class Law(Value, ABC):
     """Joint positions over time, from 0 to the last break; smooth between breaks.
 
     Attributes:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, Value
 from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour._sampling import (
     LARGEST,
@@ -19,6 +19,7 @@ from armcontour._sampling import (
     find_large,
     find_short_step,
 )
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 
 # What is known of a command between two samples of a log: not more.
@@ -32,7 +33,7 @@ NEAR_A_TURN = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log:
+class Log(Value):
     """Set-points and measured positions of joints at the same times.
 
     Args:
@@ -81,7 +82,8 @@ class Log:
                 f"{self.source} has commands for {dof} joints, but measured positions of "
                 f"{arrays['measured'].shape[1]}."
             )
-        names = tuple(self.joint_names) or tuple(f"joint {j + 1}" for j in range(dof))
+        given = _checks.check_names(f"{self.source}: joint_names", self.joint_names)
+        names = given or tuple(f"joint {j + 1}" for j in range(dof))
         if len(names) != dof or len(set(names)) != dof:
             raise InvalidInput(
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
@@ -248,6 +250,10 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
         InvalidInput: There are none.
     """
     for name, value in (("first", start), ("last", end)):
+        if not isinstance(value, int | float | np.number):
+            raise InvalidInput(
+                f"The {name} time of {source} must be a number in s, not {show(value)}."
+            )
         if math.isnan(value):
             raise InvalidInput(f"The {name} time to use must be a number of seconds, not nan.")
     used = (np.asarray(t) >= start) & (np.asarray(t) <= end)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory
@@ -18,6 +18,8 @@ WHOLE = 1e-9
 # Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
 # ones say nothing about the motion between set-points.
 INTERVALS = (1e-6, 10.0)
+# No controller takes set-points more slowly [s]; industrial ones take them every 1 to 40 ms.
+LONGEST_CLOCK = 0.1
 
 
 def check_interval(period: float) -> float:
@@ -30,7 +32,7 @@ def check_interval(period: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TaughtData:
+class TaughtData(Value):
     """Joint set-points at regular times.
 
     Args:
@@ -54,6 +56,7 @@ class TaughtData:
     start_time: float = 0.0
 
     def __post_init__(self) -> None:
+        _checks.refuse_other("Taught data", self.trajectory, Trajectory, "as plan gives it")
         check_interval(self.period)
         values = _checks.numbers("set-points", self.q, "rad")
         if values.ndim != 2 or len(values) == 0:

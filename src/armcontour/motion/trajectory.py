@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -41,7 +41,7 @@ class Method(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch:
+class Stretch(Value):
     """A part of a trajectory that was planned by one rule.
 
     Args:
@@ -114,7 +114,7 @@ class TimedEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Samples:
+class Samples(Value):
     """A trajectory sampled at regular times.
 
     Args:
@@ -135,7 +135,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(Value):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
 
     Args:
@@ -346,6 +346,7 @@ class Trajectory:
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
+        t = _checks.floats("t", t, "s")
         found = self(np.clip(t, 0.0, self.duration), order)
         if order:
             found[(t < 0) | (t > self.duration)] = 0.0
@@ -457,11 +458,8 @@ class Trajectory:
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = np.asarray(t)
-        if at.dtype != np.float64:
-            at = _checks.numbers("t", t, "s")
-        if order not in range(4):
-            raise InvalidInput(f"The order must be from 0 to 3, but is {order}.")
+        at = _checks.floats("t", t, "s")
+        _checks.derivative(order, 3)
         slack = SLACK * self.duration
         outside = ~((at >= -slack) & (at <= self.duration + slack))
         if outside.any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -23,7 +23,6 @@ from armcontour._quantities import (
     Speed,
     Time,
 )
-from armcontour._text import show
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
@@ -306,11 +305,7 @@ class Process:
         Raises:
             InvalidInput: No list of objects of that class; a text is none.
         """
-        given = getattr(self, name)
-        listed = isinstance(given, Iterable) and not isinstance(given, str | Mapping)
-        found = tuple(given) if listed else (None,)
-        if not all(isinstance(x, kind) for x in found):
-            raise InvalidInput(f"{name} of a process must be a list of {what}, not {show(given)}.")
+        found = _checks.listed(f"{name} of a process", getattr(self, name), kind, what)
         object.__setattr__(self, name, found)
 
     def _make_layers(self) -> None:

@@ -87,7 +87,9 @@ class Scene:
     margins: Margins = MARGINS
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        found = _checks.listed("obstacles of a scene", self.obstacles, Obstacle, "Obstacles")
+        object.__setattr__(self, "obstacles", found)
+        _checks.refuse_other("A Scene", self.margins, Margins)
         seen: set[str] = set()
         for x in self.obstacles:
             if x.name in seen:

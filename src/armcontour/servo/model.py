@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, Value
 from armcontour._quantities import Choice, DeadTimes, Gains, JointInertias
 from armcontour.errors import InvalidInput
 
@@ -28,7 +28,7 @@ MOST_TIME_CONSTANTS = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ServoModel:
+class ServoModel(Value):
     """The joint servo: response of a joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
@@ -182,11 +182,17 @@ class ServoModel:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
+
+        Raises:
+            InvalidInput: The accelerations are missing.
         """
+        at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
         if self.kv is None:
-            return np.asarray(q + dq / self.kp)
-        assert ddq is not None
-        return np.asarray(q + dq / self.kp + ddq / (self.kp * self.kv))
+            return np.asarray(at + rate / self.kp)
+        if ddq is None:
+            raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
+        second = _checks.floats("ddq", ddq, "rad/s²")
+        return np.asarray(at + rate / self.kp + second / (self.kp * self.kv))
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).

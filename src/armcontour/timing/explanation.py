@@ -169,6 +169,7 @@ def explain(
     if not hasattr(arm, "dof"):
         _checks.refuse_other("explain", arm, Arm, "such as load_arm('ur5e')")
     bounds = choose_limits("explain", arm, limits)
+    constraints = _checks.listed("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:

@@ -22,6 +22,8 @@ from armcontour.tracing.refinement import refine
 # With redundant degrees of freedom the first knots lie closer together by this factor, as the
 # null-space motion is interpolated between them.
 FINER = 3
+# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
+PARALLEL = 1e-9
 # Distance between the places of a sketch, over the length of all the arm's links.
 SKETCHED = 0.01
 
@@ -98,6 +100,7 @@ def trace_all(
         )
     _checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
+        _checks.refuse_other("trace", limits, Limits, "such as arm.limits")
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
@@ -110,8 +113,25 @@ def trace_all(
             f"The arm {arm.name} has no named branches: give start, joint positions near those at "
             "the start of the path."
         )
+    _refuse_flat(arm)
     near = None if start is None else _check_start(arm, start)
     return _trace_serial(path, arm, near, tolerance, most)
+
+
+def _refuse_flat(arm: SerialArm) -> None:
+    """Refuse an arm in space whose joints are all parallel, so that its tool stays in a plane.
+
+    Raises:
+        InvalidInput: The arm is such an arm: it is singular everywhere.
+    """
+    # The rows of the angular velocity are the axes of the joints.
+    axes = arm.twist_jacobian(np.zeros(arm.dof))[3:]
+    if arm.dof > 2 and np.linalg.matrix_rank(axes, tol=PARALLEL) < 2:
+        raise InvalidInput(
+            f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
+            "plane: of such arms those with two links are known, PlanarTwoLink, and others need "
+            "joints that turn about other axes too."
+        )
 
 
 def sketch_all(

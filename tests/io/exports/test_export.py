@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
@@ -50,8 +51,59 @@ def test_the_ending_or_the_name_says_the_format_and_bytes_are_the_same_twice(
 
 
 def test_a_template_needs_no_format(six: ac.TaughtData, tmp_path: FilePath) -> None:
-    export(six, tmp_path / "part.src", template="kuka")
+    outputs = {"tool": 17}
+    with pytest.warns(UserWarning, match="switched for gas,"):
+        export(six, tmp_path / "part.src", template="kuka", outputs=outputs)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
+
+
+def test_events_without_an_output_are_warned_of_once(
+    taught: Callable[..., ac.TaughtData], tmp_path: FilePath
+) -> None:
+    events = taught(np.zeros((1, 6))).trajectory.events
+    switches = tuple(x for x in events if x.name == "tool")
+    six = taught(np.zeros((20, 6)), events=switches)
+    for template, output in (("kuka", "17"), ("abb", "'doTool'")):
+        with pytest.warns(UserWarning) as told:
+            export(six, tmp_path / "part.txt", template=template)
+        assert [str(x.message) for x in told] == [
+            f"Template {template}: nothing is switched for tool, as no output is named: the "
+            "program has comments in these places. Name an output, such as "
+            f"outputs={{'tool': {output}}}."
+        ]
+        assert told[0].filename == __file__
+    # Values that these programs cannot switch.
+    with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
+        export(
+            taught(np.zeros((20, 6))),
+            tmp_path / "part.txt",
+            template="abb",
+            outputs={"tool": "doTool"},
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(six, tmp_path / "part.txt", template="abb", outputs={"tool": "doTool"})
+        export(taught(np.zeros((20, 6)), events=()), tmp_path / "part.txt", template="kuka")
+        export(six, tmp_path / "part.csv")
+        # Templates of users may switch events by their names.
+        own = tmp_path / "own.txt.j2"
+        own.write_text("{% for x in events %}{{ x.name }}{% endfor %}")
+        export(six, tmp_path / "part.txt", template=own)
+
+
+def test_our_templates_have_no_analog_outputs(
+    taught: Callable[..., ac.TaughtData], tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    refuses(
+        lambda: export(
+            taught(np.zeros((20, 6)), events=()),
+            tmp_path / "part.src",
+            template="kuka",
+            analog={"power": lambda t: 0 * t},
+        ),
+        InvalidInput,
+        "The template kuka has no place for the analog output power: it is a column in csv",
+    )
 
 
 def test_the_uncompensated_reference_is_exported_every_period(

@@ -6,10 +6,11 @@ from armcontour.io.exports.exporting import (
     export,
     formats,
     refuse_unknown_outputs,
+    takes_analog,
     write_table,
 )
 from armcontour.io.exports.table import Table, make_table
-from armcontour.io.exports.template import templates
+from armcontour.io.exports.template import describe_unswitched, templates
 from armcontour.io.exports.text import csv_text
 
 __all__ = [
@@ -17,10 +18,12 @@ __all__ = [
     "Table",
     "chosen_format",
     "csv_text",
+    "describe_unswitched",
     "export",
     "formats",
     "refuse_unknown_outputs",
     "make_table",
+    "takes_analog",
     "templates",
     "write_table",
 ]

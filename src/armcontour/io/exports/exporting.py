@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
@@ -15,7 +16,7 @@ from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
 from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.tables import write_csv, write_npz, write_parquet
-from armcontour.io.exports.template import write_template
+from armcontour.io.exports.template import SHIPPED, describe_unswitched, write_template
 from armcontour.io.exports.urscript import write_urscript
 from armcontour.motion import TaughtData, Trajectory
 
@@ -29,7 +30,7 @@ FORMATS = {
     "urscript": ".script",
     "template": "",
 }
-# Formats with analog outputs.
+# Formats with analog outputs; of templates those of users.
 WITH_ANALOG = ("csv", "parquet", "npz", "template")
 _PLAIN: dict[str, Callable[[Table, FilePath], None]] = {
     "csv": write_csv,
@@ -81,7 +82,12 @@ def export(
         tool_motion: Whether csv, parquet, npz and template get the tool's point, orientation
             (quaternion) and speed. For taught data they are those of the set-points.
         analog: Analog outputs by their names, for the same formats: functions from times of the
-            plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them.
+            plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them. The templates
+            kuka and abb have none.
+
+    Warns:
+        UserWarning: A program of the template kuka or abb does not switch an event, as no output is
+            named.
 
     Raises:
         InvalidInput: The format is unknown or does not have an option, an output is of an unknown
@@ -108,6 +114,10 @@ def export(
         lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
         folder=kind == "mcap",
     )
+    for said in describe_unswitched(
+        table.events, template, outputs, lambda event, output: f"outputs={{{event!r}: {output!r}}}"
+    ):
+        warnings.warn(f"Template {template}: {said}", stacklevel=2)
 
 
 def refuse_unknown_outputs(
@@ -161,10 +171,11 @@ def write_table(
     kind = chosen_format(file, format, template)
     if outputs is not None and kind not in ("urscript", "template"):
         raise InvalidInput(f"Outputs are for urscript and template, not for {kind}.")
-    if table.analog and kind not in WITH_ANALOG:
+    if table.analog and not takes_analog(kind, template):
+        called = f"format {kind}" if template is None else f"template {template}"
         raise InvalidInput(
-            f"The format {kind} has no place for the analog output {next(iter(table.analog))}: it "
-            f"is a column in {', '.join(WITH_ANALOG)}."
+            f"The {called} has no place for the analog output {next(iter(table.analog))}: it is a "
+            f"column in {', '.join(WITH_ANALOG)}."
         )
     if kind == "urscript":
         write_urscript(table, file, outputs)
@@ -172,6 +183,16 @@ def write_table(
         write_template(table, file, template, outputs)
     else:
         _PLAIN[kind](table, file)
+
+
+def takes_analog(kind: str, template: str | FilePath | None = None) -> bool:
+    """Whether a format has analog outputs.
+
+    Args:
+        kind: A name of `formats()`.
+        template: The template, for that format.
+    """
+    return kind in WITH_ANALOG and not (isinstance(template, str) and template in SHIPPED)
 
 
 def chosen_format(file: FilePath, format: str | None, template: Any = None) -> str:
@@ -187,6 +208,9 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
             format, or the template is missing.
     """
     listed = ", ".join(f"{x} ({end})" if end else x for x, end in FORMATS.items())
+    for name, given in (("format", format), ("template", template)):
+        if not isinstance(given, str | FilePath | None):
+            raise InvalidInput(f"The {name} of an export is text, not {show(given)}.")
     kind = format
     if kind is None and template is not None:
         kind = "template"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -15,15 +15,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import quaternions
-from armcontour.motion import Samples, TaughtData, TimedEvent, Trajectory
+from armcontour.motion import LONGEST_CLOCK, Samples, TaughtData, TimedEvent, Trajectory
 
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
 # Set-points this near to their plan are places of it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
-# A shorter period may be longer than a tiny motion: it is a command interval [s].
-LONG_PERIOD = 0.1
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Rows of which the motion of the tool is computed at once.
@@ -212,6 +210,7 @@ def make_table(
         raise InvalidInput(
             f"Only taught data and trajectories can be exported, not {type(data).__name__}."
         )
+    derivatives = _checks.whole("derivatives", derivatives, 0, 2)
     if isinstance(data, TaughtData):
         samples, step = _set_points(data, period, derivatives), data.period
         start, events = data.start_time, data.trajectory.events
@@ -308,7 +307,8 @@ def refuse_long_period(period: float, duration: float, name: str) -> None:
     Raises:
         InvalidInput: The period is longer than the motion, and than any command interval.
     """
-    if period > max(duration, LONG_PERIOD):
+    # A command interval may be longer than a tiny motion.
+    if period > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
             f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
             f"{name!r} would be left but its ends; give a shorter period.",
@@ -344,10 +344,8 @@ def _joint_names(given: Sequence[str] | None, arm: Arm | None, dof: int) -> tupl
     Raises:
         InvalidInput: The given names are not a list.
     """
-    if isinstance(given, str) or not isinstance(given, Iterable | None):
-        raise InvalidInput(f"joint_names must be a list of {dof} names, not {given!r}.")
     if given is not None:
-        return tuple(given)
+        return _checks.listed("joint_names", given, str, f"{dof} names")
     return arm.joint_names if arm else tuple(f"joint {i}" for i in range(1, dof + 1))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -13,13 +13,18 @@ from typing import Any, NoReturn
 import numpy as np
 
 from armcontour._files import read_text
-from armcontour._text import show
+from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, format_event
+from armcontour.motion import TimedEvent
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
+# Outputs as these controllers name them, for messages.
+EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17}
+# So many events are named in one sentence.
+MOST_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +107,43 @@ def template_of(
         raise InvalidInput(f"{source}: {_sentence(error)}.") from None
     except Exception as error:  # a user's template can raise any exception
         raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
+
+
+def describe_unswitched(
+    events: Iterable[TimedEvent],
+    template: str | FilePath | None,
+    outputs: Mapping[str, int | str] | None,
+    name_output: Callable[[str, int | str], str],
+) -> list[str]:
+    """Sentences on events that a program of the package's templates does not switch.
+
+    The templates of users may switch events without outputs.
+
+    Args:
+        events: The events.
+        template: The template; None for other formats.
+        outputs: The outputs of events by their names.
+        name_output: How users name the output of an event.
+    """
+    if not isinstance(template, str) or template not in SHIPPED:
+        return []
+    left = [x for x in events if x.name not in (outputs or {})]
+    valued = {x.name: None for x in left if not isinstance(x.value, bool)}
+    switches = {x.name: None for x in left if x.name not in valued}
+    found = []
+    if switches:
+        example = name_output(next(iter(switches)), EXAMPLES[template])
+        found.append(
+            f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
+            f"named: the program has comments in these places. Name an output, such as {example}."
+        )
+    if valued:
+        found.append(
+            f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
+            "on or off: the program has comments in these places. Such values need a template of "
+            "your own."
+        )
+    return found
 
 
 def write_template(

@@ -191,7 +191,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
             rotations=from_rpy(_array(file, "angles", data, (n, 3))),
             positions=_array(file, "positions", data, (n, 3)),
             axes=directions,
-            tip=Frame.rpy(position, angles),
+            tip=Frame(position=position, rotation=from_rpy(angles)),
             assumed=str(data.get("assumed", "")).strip(),
             **values,
         ),

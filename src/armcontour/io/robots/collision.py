@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour._text import list_some, show
 from armcontour._xacro.packages import find_near
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, from_rpy
 from armcontour.io.mesh_file import MESHES, read_mesh
 from armcontour.io.robots.description import attribute, origin_of, three
 from armcontour.io.robots.tree import Tree
@@ -75,7 +75,9 @@ def collisions(tree: Tree, link: str) -> Iterator[Collision]:
         if geometry is None or len(geometry) != 1:
             raise InvalidInput(f"{where} needs one geometry: a box, cylinder, sphere or mesh.")
         xyz, rpy = origin_of(element, where)
-        yield Collision(where=where, geometry=geometry[0], place=Frame.rpy(xyz, rpy))
+        yield Collision(
+            where=where, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
+        )
 
 
 def shape_of(

@@ -15,7 +15,7 @@ from armcontour._text import list_some, show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, exp, to_rpy
+from armcontour.frames import Frame, exp, from_rpy, to_rpy
 from armcontour.io.robots.tree import Joint, Tree
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
@@ -100,7 +100,9 @@ class Description:
                 found[joint.child] = number[joint.name], Frame()
             else:
                 link, place = found[joint.parent]
-                found[joint.child] = link, place @ Frame.rpy(*self._locked_origin(joint))
+                xyz, rpy = self._locked_origin(joint)
+                here = Frame(position=xyz, rotation=from_rpy(rpy))
+                found[joint.child] = link, place @ here
         return found
 
     def _rewrite(self, heavy: bool) -> str:
@@ -148,7 +150,7 @@ class Description:
             )
         if value == 0:
             return xyz, rpy
-        place, along = Frame.rpy(xyz, rpy), self._axis(joint) * value
+        place, along = Frame(position=xyz, rotation=from_rpy(rpy)), self._axis(joint) * value
         if joint.kind == "prismatic":
             return xyz + place.rotation @ along, rpy
         return xyz, to_rpy(place.rotation @ exp(along))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -138,29 +139,36 @@ def export(x: Request) -> Frame:
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
             stem = stem[:MOST_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
-        export(
-            plan.taught if taught else plan.trajectory,
-            file,
-            arm=x.job.arm,
-            format=kind,
-            template=template,
-            period=None if taught else x.option("period", plan.run.period),
-            name=f"{x.job.name} {'taught' if taught else 'reference'}",
-            outputs=x.options.get("outputs"),
-            derivatives=int(x.option("derivatives", 2)),
-            tool_motion=bool(x.option("tool_motion", False)),
-            analog=_analog(kind, plan, x.job, analog_outputs),
-        )
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            export(
+                plan.taught if taught else plan.trajectory,
+                file,
+                arm=x.job.arm,
+                format=kind,
+                template=template,
+                period=None if taught else x.option("period", plan.run.period),
+                name=f"{x.job.name} {'taught' if taught else 'reference'}",
+                outputs=x.options.get("outputs"),
+                derivatives=int(x.option("derivatives", 2)),
+                tool_motion=bool(x.option("tool_motion", False)),
+                analog=_analog(kind, template, plan, x.job, analog_outputs),
+            )
         name, content = _content_of(file)
-    header = {"run": plan.run.name, "points": len(plan.taught.q), "warnings": plan.warnings}
+    header = {
+        **{"run": plan.run.name, "points": len(plan.taught.q)},
+        "warnings": (*plan.warnings, *(str(y.message) for y in told)),
+    }
     return _file(name, content, header)
 
 
-def _analog(kind: str, plan: RunPlan, job: Job, outputs: Callable[..., Any]) -> Any:
+def _analog(
+    kind: str, template: str | None, plan: RunPlan, job: Job, outputs: Callable[..., Any]
+) -> Any:
     """The analog outputs of a plan, for formats that have them."""
-    from armcontour.io.exports import WITH_ANALOG
+    from armcontour.io.exports import takes_analog
 
-    if kind not in WITH_ANALOG:
+    if not takes_analog(kind, template):
         return None
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
 
