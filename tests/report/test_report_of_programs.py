@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from armcontour.evaluation import evaluate
 from armcontour.geometry import Demand, Line, Path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
@@ -411,9 +412,14 @@ def test_errors_in_space_are_magnified_about_their_contours(in_space: Study) -> 
         ],  # type: ignore[union-attr]
         axis=0,
     )
-    assert nearest.max() == pytest.approx(result.evaluation.contour_error.max, rel=2e-2)
+    # Samples are drawn; the largest error is between two of them, where a contour begins.
+    sampled = evaluate(
+        dataclasses.replace(result.execution, plant=None), result.path
+    ).contour_error.max
+    assert nearest.max() == pytest.approx(sampled, rel=2e-2)
+    assert sampled < result.evaluation.contour_error.max < 1.03 * sampled
     moved = np.linalg.norm(at - tool, axis=1)
-    assert np.nanmax(moved) == pytest.approx(9 * result.evaluation.contour_error.max, rel=2e-2)
+    assert np.nanmax(moved) == pytest.approx(9 * sampled, rel=2e-2)
     assert np.isnan(tool[:, 0]).sum() == 2
 
 

@@ -235,10 +235,14 @@ def judge_piece(piece: Piece, limit: float | None, *, between: bool = True) -> J
         limit: The assigned velocity of the whole path [m/s]; None without one.
         between: Whether the tool speed is bounded between the times of the execution, too.
     """
+    error, over_time = piece.contour_error, np.maximum(piece.found.distance, piece.found.missed)
+    # A peak between two times counts for the nearer one.
+    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
+    over_time[peak] = max(over_time[peak], error.max)
     return Judged(
-        error=piece.contour_error,
+        error=error,
         missed=piece.missed,
-        over_time=np.maximum(piece.found.distance, piece.found.missed),
+        over_time=over_time,
         missed_over_time=piece.found.missed,
         speed=piece.speed_shares(limit, between=between),
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
@@ -33,8 +34,13 @@ class CornerDeviation:
     contour: int | None = None
 
 
+# The largest values beside some samples, (m,), given these samples, (m,), and a function of tool
+# points, (m, n, dimension), that has a value for each of them, (m, n).
+Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
+
+
 def corner_deviations(
-    tool: FloatArray, objective: Path, s: FloatArray | None = None
+    tool: FloatArray, objective: Path, s: FloatArray | None = None, beside: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
     """Cornering deviations at every corner of a path.
 
@@ -42,6 +48,7 @@ def corner_deviations(
         tool: Tool points [m], (n, dimension).
         objective: The path with its corners.
         s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
+        beside: Finds what is larger between the points than at them; None if nothing is known.
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
@@ -61,8 +68,27 @@ def corner_deviations(
     points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
     off = tool[near] - points[of]
     across = _across(objective, corners)
-    rounding = np.minimum.reduceat(length(off), starts)
-    overshoot = np.maximum.reduceat(dot(off, across[of]), starts)
+    away, past = length(off), dot(off, across[of])
+    rounding = np.minimum.reduceat(away, starts)
+    overshoot = np.maximum.reduceat(past, starts)
+    if beside is not None:
+        nearest, farthest = (
+            _first_of_each(x == y[of], of) for x, y in ((away, rounding), (past, overshoot))
+        )
+        # What is largest where the tool comes and goes is not so between samples.
+        inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
+        farthest, count = farthest[inner], len(corners)
+        here, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
+
+        # Squares are smooth, also where the tool passes through the corner.
+        def both(x: FloatArray) -> FloatArray:
+            gap = x - here
+            return np.concatenate(
+                [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
+            )
+
+        found = beside(order[near[np.concatenate([nearest, farthest])]], both)
+        rounding, overshoot[inner] = np.sqrt(-found[:count]), found[count:]
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
         for vertex, point, cr, co in zip(
@@ -75,6 +101,12 @@ def _expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]
     """All indices of several ranges in order, and the number of the range of each index."""
     of, number = number_parts(last - first)
     return first[of] + number, of
+
+
+def _first_of_each(chosen: BoolArray, group: IntArray) -> IntArray:
+    """The first chosen row of each group of rows, which are in order."""
+    rows = np.flatnonzero(chosen)
+    return np.asarray(rows[np.unique(group[rows], return_index=True)[1]])
 
 
 def _across(path: Path, corners: IntArray) -> FloatArray:

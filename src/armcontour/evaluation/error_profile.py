@@ -10,6 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, place_and_time
+from armcontour.evaluation.peaks import Peak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +76,7 @@ class ErrorProfile(Value):
         s: FloatArray,
         until: float,
         side: FloatArray | None = None,
+        peak: Peak | None = None,
     ) -> ErrorProfile:
         """Make the profile from the first time to `until`; the last value is kept to the end.
 
@@ -84,7 +86,13 @@ class ErrorProfile(Value):
             s: Arc length of the nearest point of the path [m], (n,).
             until: End of the profile [s].
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
+            peak: A higher value between the times, which becomes one of the values; or None.
         """
+        if peak is not None:
+            k = int(np.searchsorted(t, peak.t))
+            t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
+            if side is not None:
+                side = np.insert(side, k, side[max(k - 1, 0)])
         end = np.array([until])
         if t[-1] < until:
             t, values, s = (

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.nearest import pack, pad
+from armcontour.geometry.nearest import find_nearest, pack, pad
 
 # The leash is at least this many times the largest distance of some of the points from the path,
 # and this many steps of the tool; it is doubled until it is long enough.
@@ -33,12 +33,58 @@ class Followed:
         missed: Largest distance from the path to the tool, of the places that are passed from each
             point to the next [m], (n,); -1 where it cannot be the largest one.
         missed_s: Where these distances are [m], (n,).
+        geometry: The path from `geometry.nearest.pack`, (rows, 12).
     """
 
     distance: FloatArray
     s: FloatArray
     missed: FloatArray
     missed_s: FloatArray
+    geometry: FloatArray
+
+    def turns(self, least: float) -> FloatArray:
+        """By how much the path turns from each point to the next one [rad], (n - 1,).
+
+        Args:
+            least: Turns below this do not count [rad]: all may be 0 where all are.
+        """
+        rows = self.geometry
+        angle = (rows[:, 9] * rows[:, 10])[:, None]
+        last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
+        corner = 2 * np.arcsin(np.minimum(length(last[:-1] - rows[1:, 3:6]) / 2, 1.0))
+        ahead = np.abs(np.diff(self.s))
+        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max() <= least:
+            return np.zeros(len(ahead))
+        # A corner is a step of the sum of all turns.
+        places = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
+        steps = np.zeros(len(places))
+        steps[1::2], steps[2::2] = angle[:, 0], corner
+        return np.asarray(np.abs(np.diff(np.interp(self.s, places, np.cumsum(steps)))))
+
+    def near(
+        self, points: FloatArray, ends: tuple[float, float], off: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances and places of a tool between two of the points [m], (n,) each.
+
+        Args:
+            points: Tool points in order [m], (n, dimension).
+            ends: Places of both points [m].
+            off: The larger one of their distances [m].
+        """
+        padded = pad(points)
+        travel = float(length(points - points[0]).max())
+        leash = SLACK * max(off, travel, SHORTEST)
+        low, high = min(ends), max(ends)
+        begins = self.geometry[:, 11]
+        farthest = float(begins[-1] + self.geometry[-1, 10]) + 2 * (off + travel)
+        while True:
+            first = int(np.searchsorted(begins, low - leash, side="right")) - 1
+            last = int(np.searchsorted(begins, high + leash, side="right"))
+            rows = self.geometry[max(first, 0) : last]
+            distance, s, reached, held = _follow(padded, rows, high + leash, leash, len(points))
+            if leash > farthest or (reached >= len(points) and not held):
+                return distance, s
+            leash *= 2
 
 
 def follow_path(
@@ -58,7 +104,7 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.evaluation._following import follow, measure_missed
+    from armcontour.evaluation._following import measure_missed
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -66,7 +112,7 @@ def follow_path(
     leash = _find_least_leash(path, points[:last])
     farthest = path.length + float(length(points - path.starts[0]).max())
     while True:
-        distance, s, reached, held = follow(padded, geometry, begin, leash, last)
+        distance, s, reached, held = _follow(padded, geometry, begin, leash, last)
         if leash > farthest or (reached >= last and not held):
             break
         leash *= 2
@@ -79,11 +125,29 @@ def follow_path(
         if len(missed[others]) and missed[others].max() > missed[at]:
             worst = int(np.argmax(missed[others])) + others.start
             missed[at], where[at] = missed[worst], where[worst]
-    return Followed(distance=distance[own], s=s[own], missed=missed[own], missed_s=where[own])
+    return Followed(
+        distance=distance[own],
+        s=s[own],
+        missed=missed[own],
+        missed_s=where[own],
+        geometry=geometry,
+    )
+
+
+def _follow(
+    points: FloatArray, geometry: FloatArray, start: float, leash: float, needed: int
+) -> tuple[FloatArray, FloatArray, int, bool]:
+    """What the compiled `follow` gives."""
+    from armcontour.evaluation._following import follow
+
+    found: tuple[FloatArray, FloatArray, int, bool] = follow(points, geometry, start, leash, needed)
+    return found
 
 
 def _find_least_leash(path: Path, points: FloatArray) -> float:
     """A leash [m] that is not needlessly long for any of the points."""
-    some = path.project(points[:: max(1, len(points) // SOME)]).distance.max()
+    some = find_nearest(
+        path.segments, points[:: max(1, len(points) // SOME)], in_order=True
+    ).distance.max()
     steps = length(np.diff(points, axis=0))
     return SLACK * max(float(some), float(steps.max(initial=0.0)), SHORTEST)

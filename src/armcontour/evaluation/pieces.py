@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.angular_deviation import angle_off
 from armcontour.evaluation.cornering_deviations import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.following import Followed, follow_path
+from armcontour.evaluation.peaks import CLOSE, ROUNDING, SHARP, Hidden, Measure, find_peak
 from armcontour.evaluation.speed_shares import measure_shares
 from armcontour.geometry import Path
-from armcontour.geometry.biarcs import length
-from armcontour.motion import Execution, Span
+from armcontour.geometry.biarcs import dot, length
+from armcontour.motion import Execution, FineMotion, Span
 from armcontour.program import Program
 
+# Errors at some times, and the places of the tool on the path then, (n,) each.
+Errors = tuple[FloatArray, FloatArray]
+# Where smooth functions of the tool point are looked at between two samples, as shares of the time.
+FEW = np.arange(9) / 8
+# How often, each time in a sixteenth of the time.
+CLOSER = 3
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
 
@@ -34,6 +42,7 @@ class Piece:
         objective: The path before rounding, or None if unknown.
         which: The samples of the piece.
         until: End of the piece [s].
+        since: Its start [s]; by default that of its first sample.
         beyond: Index after the last sample at which the tool may still be on the path.
         work: Places between which parts of the path count that the tool leaves out [m].
         before_work: The same on the objective path, or None if unknown.
@@ -49,6 +58,7 @@ class Piece:
     work: tuple[float, float]
     before_work: tuple[float, float] | None = None
     offset: float = 0.0
+    since: float | None = None
 
     @cached_property
     def t(self) -> FloatArray:
@@ -100,19 +110,18 @@ class Piece:
         points, own = self._around
         return follow_path(path, points, work=work, judged=own)
 
-    @property
+    @cached_property
     def contour_error(self) -> ErrorProfile:
         """Distance from the tool to the path [m]."""
-        s = self.found.s
         side = None
         if self.path.dimension == 2:
-            side = _side(self.path, s, self.tool - self.on_path)
-        return self._over_time(self.found.distance, s, side)
+            side = _side(self.path, self.found, self.tool)
+        return self._off_path(self.found, side)
 
     @property
     def missed(self) -> Missed:
         """Largest distance from the path to the tool [m]."""
-        return self._most_missed(self.found)
+        return self._most_missed(self.path, self.work, self.found, self.contour_error)
 
     def speed_shares(self, limit: float | None, *, between: bool = False) -> FloatArray:
         """Tool speed over the velocity assigned at its place, (n,); see `measure_shares`."""
@@ -126,49 +135,206 @@ class Piece:
         off = length(self.tool - self.executed.arm.forward(planned))
         return self._over_time(off, self.found.s)
 
-    @property
+    @cached_property
     def objective_error(self) -> ErrorProfile | None:
         """Distance from the tool to the objective path [m]; None if unknown."""
         found = self.off_objective
-        return None if found is None else self._over_time(found.distance, found.s)
+        return None if found is None else self._off_path(found)
 
     @property
     def objective_missed(self) -> Missed | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
-        found = self.off_objective
-        return None if found is None else self._most_missed(found)
+        found, error = self.off_objective, self.objective_error
+        if self.objective is None or found is None or error is None:
+            return None
+        work = self.before_work or (0.0, self.objective.length)
+        return self._most_missed(self.objective, work, found, error)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
         """Angle between the tool and the required tool orientation [rad]; None if not required."""
-        arm = self.executed.arm
-        if self.path.orientation is None or not isinstance(arm, SerialArm):
+        arm, orientation = self.executed.arm, self.path.orientation
+        if orientation is None or not isinstance(arm, SerialArm):
             return None
-        angle = angle_off(self.path.orientation, self.found.s, arm.pose(self.q)[1])
-        return self._over_time(angle, self.found.s)
 
-    @property
+        def measure(i: int, t: FloatArray) -> Errors | None:
+            q = self._between(i, t)
+            if q is None:
+                return None
+            tool, turned = arm.pose(q)
+            s = self._near(self.found, i, tool)[1]
+            return angle_off(orientation, s, turned), s
+
+        angle = angle_off(orientation, self.found.s, arm.pose(self.q)[1])
+        return self._over_time(angle, self.found.s, measure)
+
+    @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
         """Cornering deviations at the corners of the objective path; empty if unknown."""
         if self.objective is None or self.off_objective is None:
             return ()
         judged = self.t <= self.until
-        return corner_deviations(self.tool[judged], self.objective, self.off_objective.s[judged])
-
-    def _most_missed(self, found: Followed) -> Missed:
-        """The place of a path that is the farthest from the tool, of all that it passes."""
-        i = int(np.argmax(found.missed))
-        return Missed(
-            max=max(0.0, float(found.missed[i])),
-            t_max=float(self.t[i]),
-            s_max=float(found.missed_s[i]) + self.offset,
+        return corner_deviations(
+            self.tool[judged],
+            self.objective,
+            self.off_objective.s[judged],
+            None if self.executed.plant is None else self._largest_beside,
         )
 
+    def _largest_beside(
+        self, which: IntArray, of: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """The largest values of smooth functions of tool points, at some samples and beside them.
+
+        Args:
+            which: Indices of samples of the piece that are higher than those beside them, (m,).
+            of: Gives values of tool points, from (m, n, dimension) to (m, n).
+        """
+        n = len(self.t)
+        around = np.clip(which + np.arange(-1, 2)[:, None], 0, n - 1)
+        before, best, after = np.asarray(of(self.tool[around].swapaxes(0, 1))).T
+        # The top of a parabola is on the side of the higher neighbour.
+        i = np.clip(which - (before > after), 0, n - 2)
+        plant, start = self.executed.plant, self.which.start
+        assert plant is not None
+        fine = plant.motion_between(self.executed, np.unique(i) + start)
+        if fine is None:
+            return np.asarray(best)
+        first, width = self.t[i], self.t[i + 1] - self.t[i]
+        at, step = first[:, None] + width[:, None] * FEW, width * FEW[1]
+        for _ in range(CLOSER):
+            tool = self.executed.arm.forward(fine(at.ravel()))
+            found = of(tool.reshape(*at.shape, -1))
+            best = np.maximum(best, found.max(axis=1))
+            rows, k = np.arange(len(i)), np.clip(found.argmax(axis=1), 1, len(FEW) - 2)
+            low, top, high = (found[rows, k + side] for side in (-1, 0, 1))
+            bend = low + high - 2 * top
+            shift = np.where(bend < 0, (low - high) / np.where(bend < 0, 2 * bend, 1.0), 0.0)
+            middle = at[rows, k] + np.clip(shift, -1, 1) * step
+            step = step / 16
+            at = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
+            at = np.clip(at, first[:, None], (first + width)[:, None])
+        return np.asarray(best)
+
+    def _most_missed(
+        self, path: Path, work: tuple[float, float], found: Followed, error: ErrorProfile
+    ) -> Missed:
+        """The place of a path that is the farthest from the tool, of all that it passes.
+
+        Args:
+            path: The path.
+            work: Places between which it counts [m].
+            found: How the tool follows it.
+            error: Distance from the tool to the path.
+        """
+        far, where = found.missed, found.missed_s
+        guessed = np.zeros(len(far), dtype=bool)
+        if self.executed.plant is not None and len(far) > 2:
+            # Elsewhere than at a sample's own place the tool's way was taken for straight.
+            guessed = (np.abs(where - found.s) > ROUNDING) & (far >= 0)
+        given = np.where(guessed, -1.0, far)
+        i = int(np.argmax(given))
+        most = Missed(
+            max=max(0.0, float(given[i])),
+            t_max=float(self.t[i]),
+            s_max=float(where[i]) + self.offset,
+        )
+        if self.executed.plant is None:
+            return most
+        rows = np.flatnonzero(guessed)
+        rows = rows[far[rows] + self._bent[rows] > most.max]
+        bounds = (far + self._bent)[rows].tolist()
+        near = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
+        # The place from which the tool is the farthest may be as far from the tool's way.
+        places = [(error.max, near, error.s_max - self.offset)]
+        places += zip(bounds, rows.tolist(), where[rows].tolist(), strict=True)
+        for bound, k, s in sorted(places, reverse=True):
+            if bound > most.max * (1 + CLOSE) and work[0] <= s <= work[1]:
+                value, t = self._distance_to_way(path([s])[0], k)
+                # The tool may come nearer outside of the piece.
+                value = min(value, bound)
+                if value > most.max:
+                    most = Missed(max=value, t_max=t, s_max=s + self.offset)
+        return most
+
+    @cached_property
+    def _bent(self) -> FloatArray:
+        """How far the tool's way may be from straight beside each sample [m], (n,)."""
+        return np.pad(length(np.diff(self.tool, 2, axis=0)) / 4, 1, mode="edge")
+
+    @cached_property
+    def _way(self) -> FloatArray:
+        """How far the tool has moved from the first sample to each [m], (n,)."""
+        return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
+
+    def _distance_to_way(self, point: FloatArray, i: int) -> tuple[float, float]:
+        """Distance from a point to the tool's way about sample i of the piece [m], and when [s]."""
+        reach = 2 * float(length(self.tool[i] - point))
+        # The tool's way by which the first and the last of these are away from the sample.
+        low, high = np.searchsorted(self._way, self._way[i] + np.array([-reach, reach])).tolist()
+        low, high = min(low, i), max(high, i + 1)
+        k = low + int(np.argmin(length(self.tool[low:high] - point)))
+        # Squares are smooth, also where the way goes through the point.
+        found = self._largest_beside(np.array([k]), lambda x: -dot(x - point, x - point))
+        return float(np.sqrt(-found[0])), float(self.t[k])
+
+    def _off_path(self, found: Followed, side: FloatArray | None = None) -> ErrorProfile:
+        """The profile of distances from a path."""
+
+        def measure(i: int, t: FloatArray) -> Errors | None:
+            q = self._between(i, t)
+            return None if q is None else self._near(found, i, self.executed.arm.forward(q))
+
+        hidden = None
+        if self.executed.plant is not None:
+            # Where the path turns sharply, a peak has room for half of the tool's way there.
+            sharp = np.flatnonzero(found.turns(SHARP) > SHARP)
+            hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
+        return self._over_time(found.distance, found.s, measure, side, hidden)
+
     def _over_time(
-        self, values: FloatArray, s: FloatArray, side: FloatArray | None = None
+        self,
+        values: FloatArray,
+        s: FloatArray,
+        measure: Measure | None = None,
+        side: FloatArray | None = None,
+        hidden: Hidden | None = None,
     ) -> ErrorProfile:
         """The profile of values at the samples, (n,), with the arc lengths of their points."""
-        return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side)
+        peak = None
+        if self.executed.plant is not None and measure is not None:
+            since = float(self.t[0]) if self.since is None else self.since
+            until = min(self.until, float(self.executed.t[-1]))
+            peak = find_peak(self.t, values, measure, since=since, until=until, hidden=hidden)
+        if peak is not None:
+            peak = peak._replace(s=peak.s + self.offset)
+        return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side, peak)
+
+    def _between(self, i: int, t: FloatArray) -> FloatArray | None:
+        """Joint positions between sample i of the piece and the next one [rad], (n, dof).
+
+        Args:
+            i: Index of the sample; -1 for the one before the piece.
+            t: Times [s], (n,).
+        """
+        if i not in self._fine:
+            plant, here = self.executed.plant, self.which.start + i
+            self._fine[i] = None
+            if plant is not None and 0 <= here < len(self.executed.t) - 1:
+                self._fine[i] = plant.motion_between(self.executed, np.array([here]))
+        fine = self._fine[i]
+        return None if fine is None else fine(t)
+
+    @cached_property
+    def _fine(self) -> dict[int, FineMotion | None]:
+        """Motions between samples, as far as they were asked for."""
+        return {}
+
+    def _near(self, found: Followed, i: int, tool: FloatArray) -> Errors:
+        """Distances from a path and places of tool points between sample i and the next one [m]."""
+        ends = np.clip([i, i + 1], 0, len(found.s) - 1)
+        low, high = found.s[ends].tolist()
+        return found.near(tool, (low, high), float(found.distance[ends].max()))
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
@@ -212,7 +378,7 @@ def pieces_of(
     if path.single_path is None:
         judged = [_find_window(executed, x) for x in spans]
     else:
-        judged = [(slice(0, len(executed.t)), until, 0.0)]
+        judged = [(slice(0, len(executed.t)), (None, until), 0.0)]
     starts = [which.start for which, _, _ in judged[1:]]
     beyond = [*starts, len(executed.t)]
     before = [None] * count if objective is None else objective.contours
@@ -222,37 +388,52 @@ def pieces_of(
             path=contour.path,
             objective=None if first is None else first.path,
             which=which,
+            since=begin,
             until=end,
             beyond=last,
             work=contour.at_work,
             before_work=None if first is None else first.at_work,
             offset=offset,
         )
-        for contour, first, (which, end, offset), last in zip(
+        for contour, first, (which, (begin, end), offset), last in zip(
             path.contours, before, judged, beyond, strict=True
         )
     ]
 
 
-def _find_window(executed: Execution, span: Span) -> tuple[slice, float, float]:
-    """Find the samples of a contour, its end time [s] and the length of the contours before [m]."""
+def _find_window(
+    executed: Execution, span: Span
+) -> tuple[slice, tuple[float | None, float], float]:
+    """Find the samples of a contour, its times [s] and the length of the contours before [m]."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
     # At least two samples, however short the contour is.
     start = min(int(start), len(executed.t) - 2)
-    return slice(start, max(int(end), start + 2)), span.work[1], span.s[0]
+    return slice(start, max(int(end), start + 2)), span.work, span.s[0]
 
 
-def _side(path: Path, s: FloatArray, offset: FloatArray) -> FloatArray:
+def _side(path: Path, found: Followed, tool: FloatArray) -> FloatArray:
     """1 where the tool is to the left of a path in the plane, -1 to its right.
 
     Args:
         path: The path.
-        s: Places of the tool on the path [m], (n,).
-        offset: From these places to the tool [m], (n, 2).
+        found: Places of the tool on the path.
+        tool: Tool points [m], (n, 2).
     """
-    tangent = path(s, 1)
-    # At a corner, the sum of both tangents decides.
-    corner = np.isin(s, path.breaks)
-    tangent[corner] += path(s[corner], 1, side="left")
-    return np.where(tangent[:, 0] * offset[:, 1] < tangent[:, 1] * offset[:, 0], -1.0, 1.0)
+    rows = found.geometry.T
+    row = np.maximum(rows[11].searchsorted(found.s, side="right") - 1, 0)
+    x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
+    a, b = (rows[3 + axis][row] for axis in range(2))
+    along, left = x * a + y * b, y * a - x * b
+    # To the left of a line; of an arc that turns to the left, inside of its circle.
+    to_left = rows[3] * rows[7] > rows[4] * rows[6]
+    bend = np.where(to_left, rows[9], -rows[9])[row]
+    side = np.where(2 * left < bend * (along * along + left * left), -1.0, 1.0)
+    corner = (found.s == rows[11][row]) | (found.s == path.length)
+    if corner.any():
+        # At a corner, the sum of both tangents decides.
+        s = found.s[corner]
+        x, y = (tool[corner] - path(s)).T
+        tangent = (path(s, 1) + path(s, 1, side="left")).T
+        side[corner] = np.where(tangent[0] * y < tangent[1] * x, -1.0, 1.0)
+    return side

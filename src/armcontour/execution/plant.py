@@ -7,10 +7,10 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from armcontour import _checks, _memory
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
 
 # Time that the joints get to come to rest after the last set-point [s], or in durations.
@@ -36,6 +36,18 @@ class Plant(ABC):
             taught: The set-points.
             resolution: Largest time between two results [s].
         """
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+        """The motion from some results of an execution on this plant to the next ones.
+
+        Args:
+            executed: The execution, with all of its results.
+            which: Indices of the results before, increasing, (m,).
+
+        Returns:
+            The motion; None where the plant does not know it, as by default.
+        """
+        return None
 
     def __repr__(self) -> str:
         """The class, and the arm if it has one."""

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Locked
+from armcontour._checks import FloatArray, IntArray, Locked
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
@@ -29,7 +29,7 @@ from armcontour.execution.plant import (
     results,
 )
 from armcontour.execution.stability import SampledLoops
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials, sample_command
 
@@ -326,7 +326,17 @@ class RigidBodyPlant(Locked, Plant):
                 ]
             ),
             saturated_time=np.sum([x.saturated for x in logs], axis=0),
+            plant=self,
         )
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion:
+        """The motion from some results of an execution to the next ones: cubics of the joints.
+
+        Args:
+            executed: The execution, with all of its results.
+            which: Indices of the results before, increasing, (m,).
+        """
+        return FineMotion.through(executed.t, executed.q, executed.dq, None, which)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

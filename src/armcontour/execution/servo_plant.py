@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Locked
+from armcontour._checks import FloatArray, IntArray, Locked
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
@@ -20,8 +20,9 @@ from armcontour.execution.plant import (
     results,
 )
 from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, join_parts
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.simulation import respond_within
 
 SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest below this velocity [rad/s] and this distance to the last set-point [rad].
@@ -29,6 +30,15 @@ REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # After the last set-point the simulation continues in parts of this time [s] until rest.
 CHUNK = 0.25
+# A servo with at most so many time constants between two results has no more than 1e-11 of its
+# acceleration per s² in what quintics leave out.
+SMOOTH = 1.0
+# Set-points that reach a joint nearer to a result than this share of the time to the next one count
+# as reaching it there.
+SNAP = 1e-6
+# Times from one result to the next at which the motion between them is computed: cubics between
+# these are off by less than 1e-11 rad for servos with time constants of a millisecond.
+PARTS = 16
 # Memory of the polynomial of one joint's command between two set-points [bytes].
 POLYNOMIAL = 64.0
 
@@ -125,7 +135,56 @@ class ServoPlant(Locked, Plant):
             demand=whole.demand,
             demand_range=whole.demand_range,
             saturated_time=whole.saturated,
+            plant=self,
         )
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion:
+        """The motion from some results of an execution on this plant to the next ones.
+
+        Quintics where the motion is smooth. Else exact at PARTS times, and where a set-point
+        reaches a joint, with cubics between these.
+
+        Args:
+            executed: The execution, with all of its results.
+            which: Indices of the results before, increasing, (m,).
+        """
+        x, taught = executed, executed.taught
+        steps = round(taught.period / float(x.t[1] - x.t[0]))
+        width = taught.period / steps
+        demand = np.stack([x.demand[which], x.demand[which + 1]])
+        if self._smooth_between(demand, width):
+            return FineMotion.through(x.t, x.q, x.dq, x.ddq, which)
+        parts = []
+        for i in which.tolist():
+            k, phase = divmod(i, steps)
+            bounds = self.lower, self.acceleration
+            if self.torque_limit is not None:
+                # The bounds of a command interval follow from the state at its start.
+                limits = TorqueBounds(self.arm, self.torque_limit, taught)
+                bounds = limits.at(k, x.q[k * steps], x.dq[k * steps])
+            at = (phase + np.arange(PARTS + 1) / PARTS) * width
+            own = self.servo, bounds, k, at, (x.q[i], x.dq[i])
+            t, *states = respond_within(taught.q, taught.period, *own)
+            parts.append((t - at[0] + x.t[i], *states))
+        columns = (np.concatenate(each) for each in zip(*parts, strict=True))
+        t, q, before, after = columns
+        return FineMotion(t=t, q=q, before=before, after=after)
+
+    def _smooth_between(self, demand: FloatArray, width: float) -> bool:
+        """Whether nothing happens between results, and quintics are exact enough there.
+
+        Args:
+            demand: Demands at the results [rad/s²], (..., dof).
+            width: Time between two of them [s].
+        """
+        servo = self.servo
+        if servo.kv is None or servo.interpolation == "step" or self.torque_limit is not None:
+            return False
+        if not ((self.lower < demand) & (demand < self.acceleration)).all():
+            return False
+        late = servo.dead_time / width
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
+        return bool(slow and (abs(late - np.round(late)) < SNAP).all())
 
     def _until_rest(self, taught: TaughtData, steps: int) -> list[Part]:
         """The run in parts, from the state at the start on.

@@ -44,7 +44,9 @@ class Projection:
     s: FloatArray
 
 
-def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
+def find_nearest(
+    segments: Segments, points: npt.ArrayLike, *, in_order: bool = False
+) -> Projection:
     """The nearest point of a path for each of `points`, exact on lines and arcs.
 
     On transitions it is the nearest one of arcs within a nanometre of them (`draw_arcs`).
@@ -55,6 +57,7 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
     Args:
         segments: Segments of the path.
         points: Query points [m], (n, dimension).
+        in_order: Whether each point is near the one before, so that they need not be sorted.
 
     Raises:
         InvalidInput: The points have another dimension than the path, or are not finite.
@@ -68,6 +71,8 @@ def find_nearest(segments: Segments, points: npt.ArrayLike) -> Projection:
     index = _indices.get(segments)
     if index is None:
         index = _indices[segments] = _build_index(*draw_arcs(segments))
+    if in_order:
+        return Projection(*index.search(pad(queries)))
     # Queries are searched in spatial order: each starts from a good guess and finds memory cached.
     order = _sort_along_a_curve(queries)
     found = index.search(pad(queries[order]))

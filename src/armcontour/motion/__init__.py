@@ -4,6 +4,7 @@ from armcontour._quintics import quintic
 from armcontour.motion._intervals import interval_times
 from armcontour.motion.bounding import largest_shares
 from armcontour.motion.execution import Execution
+from armcontour.motion.fine_motion import FineMotion
 from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
@@ -24,6 +25,7 @@ from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEv
 __all__ = [
     "LONGEST_CLOCK",
     "Execution",
+    "FineMotion",
     "JointAverage",
     "JointPath",
     "LapLaw",

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, line_up, milliseconds
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.motion.fine_motion import FineMotion
 from armcontour.motion.taught import TaughtData
+
+
+class Between(Protocol):
+    """What knows the motion between the results of an execution: a plant."""
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+        """The motion from some results to the next ones; None where it is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,6 +39,8 @@ class Execution(Value):
         torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
         motor_q: Positions of the motors, which is what encoders tell [rad], (n, dof), where springs
             are between motors and links; None where they are those of the links, q.
+        plant: What tells the motion between the times `t`, so that `evaluate` finds peaks there;
+            None where only the results are known, as those of a log.
 
     Raises:
         InvalidInput: Only one of `torque` and `torque_demand` is given.
@@ -47,6 +58,7 @@ class Execution(Value):
     torque: FloatArray | None = None
     torque_demand: FloatArray | None = None
     motor_q: FloatArray | None = None
+    plant: Between | None = None
 
     def __post_init__(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):

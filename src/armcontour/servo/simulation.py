@@ -6,8 +6,8 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
-from armcontour.servo._simulation import Joints, Run, divide, prepare_joints, run_joints
-from armcontour.servo.command import polynomials
+from armcontour.servo._simulation import Joints, Parts, Run, divide, prepare_joints, run_joints
+from armcontour.servo.command import SNAP, polynomials
 from armcontour.servo.model import ServoModel
 
 
@@ -21,6 +21,7 @@ class Simulation:
         lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
         upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
         steps: Number of results per interval.
+        parts: Parts of an interval, if they are not `steps` equal ones.
 
     Raises:
         ExecutionError: The gains are too large to simulate.
@@ -35,6 +36,7 @@ class Simulation:
         upper: FloatArray | None = None,
         *,
         steps: int = 1,
+        parts: Parts | None = None,
     ) -> None:
         self.period, self.servo, self.steps = period, servo, steps
         free = np.full(len(servo.kp), np.inf)
@@ -42,7 +44,7 @@ class Simulation:
         bounds = -free if lower is None else lower, free if upper is None else upper
         self.joints = Joints(*(np.array(x, dtype=np.float64) for x in (servo.kp, kv, *bounds)))
         self.commands = polynomials(q, period, servo.interpolation)
-        self.parts = divide(period, steps, np.array(servo.dead_time))
+        self.parts = parts or divide(period, steps, np.array(servo.dead_time))
         straight = servo.interpolation != "cubic"
         self._refuse_stuck(prepare_joints(self.joints, straight, self.parts))
 
@@ -89,3 +91,64 @@ class Simulation:
             "the gains.",
             joint=j + 1,
         )
+
+
+def respond_within(
+    q: FloatArray,
+    period: float,
+    servo: ServoModel,
+    bounds: tuple[FloatArray, FloatArray],
+    k: int,
+    at: FloatArray,
+    state: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Response of all joints at any times within one command interval, by the same formulas.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model with values per joint.
+        bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
+        k: Index of the interval; 0 starts at the first set-point.
+        at: Times since the start of the interval, increasing, at least two [s].
+        state: Positions [rad] and velocities [rad/s] at the first of these times, (dof,) each.
+
+    Returns:
+        The times and those between them at which a set-point reaches a joint [s], (m,); there,
+        positions [rad], and velocities before and after [rad/s], (m, dof) each.
+
+    Raises:
+        ExecutionError: The motion cannot be computed.
+    """
+    late = np.floor(servo.dead_time / period + SNAP).astype(np.intp)
+    rest = np.maximum(servo.dead_time - late * period, 0.0)
+    near = SNAP * period
+    at = np.union1d(at, rest[(rest > at[0] + near) & (rest < at[-1] - near)])
+    # The set-points that can be active then, and those next to them, which shape cubics.
+    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0)
+    own = q[first : max(k - int(late.min()) + 4, first + 4)]
+    before = at[:-1] < (rest - near)[:, None]
+    local = np.where(before, at[:-1] + period - rest[:, None], at[:-1] - rest[:, None])
+    dof, count = before.shape
+    parts = Parts(
+        number=np.full(dof, count, np.intp),
+        width=np.tile(np.diff(at), (dof, 1)),
+        local=np.maximum(local, 0.0),
+        late=late[:, None] + before,
+        due=np.ones((dof, count), np.intp),
+        repeats=np.empty((dof, count), np.intp),
+        steps=np.empty((dof, count, 11)),
+    )
+    active = Simulation(own, period, servo, *bounds, steps=count, parts=parts)
+    run = active.run(k - first, k - first + 1, *state)
+    position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state))
+    after = velocity.copy()
+    if servo.kv is None:
+        # The velocity of a servo of first order jumps with its command.
+        last = active.commands.shape[1] - 1
+        n = np.clip(k - first - parts.late + 1, 0, last)
+        x = np.where((n > 0) & (n < last), parts.local, 0.0)
+        a = active.commands[np.arange(dof)[:, None], n]
+        u = a[..., 0] + x * (a[..., 1] + x * (a[..., 2] + x * a[..., 3]))
+        after[:-1] = servo.kp * (u.T - position[:-1])
+    return at, position, velocity, after

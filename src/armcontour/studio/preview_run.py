@@ -102,11 +102,14 @@ def coarser_run(
 
 
 def with_fewer_samples(execution: Execution) -> Execution:
-    """The execution at every second of its samples, or third and so on; largest demands stay."""
+    """The execution at every second of its samples, or third and so on; largest demands stay.
+
+    What is between these samples is not told any more.
+    """
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:
         return execution
     names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
     known = {x: getattr(execution, x) for x in names}
     fewer = {name: x[::step] for name, x in known.items() if x is not None}
-    return dataclasses.replace(execution, **fewer)
+    return dataclasses.replace(execution, **fewer, plant=None)

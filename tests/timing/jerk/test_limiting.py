@@ -196,3 +196,15 @@ def test_a_tool_that_turns_along_a_tiny_segment_may_start_from_its_ends():
     assert not ac.check(planned, arm, limits).violated
     # The tool turns by 0.48 rad there, and each rest takes about 0.1 s.
     assert planned.duration < 2.5
+
+
+@pytest.mark.parametrize("jerk", [0.4, 0.5])
+def test_an_hour_of_motion_has_no_jumps_that_a_check_refuses(jerk):
+    # Accelerations would jump where lines and arcs meet, by what the jerk covers in 11 or 14 µs.
+    arm = ac.load_arm("pmk3s")
+    corners = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
+    path = ac.round_corners(ac.Path.polyline(corners), tolerance=5e-3)
+    limits = arm.limits.replace(speed=1e-4, joint_jerk=jerk)
+    planned = ac.plan(path, arm, limits)
+    assert planned.duration > 3500
+    assert ac.check(planned, arm, limits).verdict == "kept"

@@ -19,6 +19,9 @@ MOST_ITERATIONS = 150
 # A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
 # if at the plan's speed the jerk needs longer than this share of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
+# In a long plan it counts if the jerk needs longer than this for it [s]: half of what `check` lets
+# pass as a rounding error.
+AT_ONCE = 5e-6
 # The path hardly bends over a length that turns it by less than about this [rad].
 EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
@@ -77,7 +80,7 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
         jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
         limit = np.append(limit, jerk.tool)
     square = square_at(law, np.clip(at, law.s[0], law.s[-1]))[:, None]
-    soon = TOO_SHORT * law.breaks[-1] * limit
+    soon = min(TOO_SHORT * law.breaks[-1], AT_ONCE) * limit
     return np.asarray(at[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
