@@ -52,6 +52,20 @@ def test_the_time_left_is_what_the_same_steps_took_before() -> None:
     assert bench.after(2.0, "two", "timing") == pytest.approx(6.0 + 1.0 + (2 + 6 + 1 + 2) / 4)
 
 
+def test_a_step_is_shown_again_after_a_moment() -> None:
+    bench = Bench()
+    bench.after(0.0, "one", "tracing")
+    bench.after(0.01, "one", "tracing", done=0.1)
+    assert bench.spent == 0.0
+    bench.after(0.05, "one", "tracing", done=0.2)
+    assert bench.spent == pytest.approx(0.06)
+    # Another step is shown at once, and so is another part of the same step.
+    bench.after(0.01, "one", "timing")
+    assert bench.what == "one: timing"
+    bench.after(0.01, "one", "timing", "more")
+    assert bench.what == "one: timing: more"
+
+
 def test_a_share_says_how_long_its_step_takes() -> None:
     bench = Bench()
     bench.after(0.0, "reading", "part.ngc")
@@ -114,6 +128,7 @@ def test_progress_in_a_pipe(
         searching(Step(("2 mm", "shaping"), 0.1))
         assert capsys.readouterr().err == ""
         monkeypatch.setattr("armcontour.cli.progress.EVERY", 0.0)
+        monkeypatch.setattr("armcontour.cli.progress.MOMENT", 0.0)
         progress(Step(("one", "shaping"), 0.5))
         searching(Step(("2 mm", "shaping"), 0.5))
     first, second = capsys.readouterr().err.splitlines()

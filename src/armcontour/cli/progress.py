@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 # Time between two lines of progress in a pipe, and before the first [s].
 EVERY = 10.0
+# A step of a job is shown again after so long at the earliest [s]: there may be thousands of
+# contours, and showing takes a good part of what each of them takes.
+MOMENT = 0.05
 
 
 @contextmanager
@@ -164,6 +167,8 @@ class JobProgress:
     ) -> None:
         self._show, self._clock = show, clock
         self._start = self._since = clock()
+        # The names that were shown last, and when.
+        self._shown: tuple[tuple[str, ...], float] = (), self._start
         self._now: tuple[str, ...] = ()
         self._took: dict[str, list[float]] = {}
         self._ahead: list[str] = []
@@ -181,6 +186,9 @@ class JobProgress:
             self._now, self._since = names, now
             if names[-1] in self._ahead:
                 self._ahead.remove(names[-1])
+        elif step.names == self._shown[0] and now - self._shown[1] < MOMENT:
+            return
+        self._shown = step.names, now
         spent = now - self._since
         whole = spent / step.done if step.done else max(spent, self._typical(names[-1]))
         rest = whole - spent + sum(map(self._typical, self._ahead))
