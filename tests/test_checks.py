@@ -76,7 +76,8 @@ def arrays_of(x: Any, name: str, seen: dict[int, Any]) -> Iterator[tuple[str, np
     elif type(x).__module__.startswith("armcontour"):
         slots = getattr(type(x), "__dataclass_fields__", {})
         for key in {**slots, **getattr(x, "__dict__", {})}:
-            if hasattr(x, key):
+            # Dynamics are computed anew by copies of arms.
+            if hasattr(x, key) and key != "dynamics":
                 yield from arrays_of(getattr(x, key), f"{type(x).__name__}.{key}", seen)
 
 

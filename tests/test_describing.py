@@ -335,7 +335,7 @@ Evaluation: 2.1855 s of motion, at rest after 2.1930 s
   contour error         0.001807 mm RMS, 0.004192 mm largest (t = 1.076 s, s = 0.05609 m)
   path missed           0.004192 mm largest (t = 1.076 s, s = 0.05609 m)
   tracking error        0.6847 mm RMS, 1.301 mm largest (t = 0.581 s, s = 0.02782 m)
-  objective error       0.2625 mm RMS, 1.415 mm largest (t = 1.214 s, s = 0.06142 m)
+  objective error       0.2625 mm RMS, 1.417 mm largest (t = 1.214 s, s = 0.05858 m)
   objective missed      2.004 mm largest (t = 1.213 s, s = 0.06 m)
   corners               2.004 mm from 1 corner
   tool speed            97.47 mm/s largest, 44.79 mm/s mean, 0.6498 of what is assigned

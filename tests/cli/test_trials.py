@@ -458,20 +458,24 @@ def test_1_d7_d12_d13_exports_of_one_run(call: Call, folder: FilePath) -> None:
         assert code == 2 and is_one_sentence(said) and words in said, said
     code, said = call(both + "urscript:spindle=3 --output abb:spindle=doArc")
     assert code == 0, said
-    (jumps,) = warnings(said)
+    jumps, speed = warnings(said)
     assert "times the acceleration limit of" in jumps and "--derivatives 0" in jumps
+    assert "nothing is switched for spindle speed" in speed
     (program,) = FilePath("out").rglob("reference*.mod")
     duration = json.loads(FilePath("out/summary.json").read_text())["runs"]["taught"]["duration"]
     assert abs(program.read_text().count("MoveAbsJ") - duration / 48e-3) <= 3
 
 
 def test_1_d16_seconds_for_milliseconds_are_said_once(call: Call, folder: FilePath) -> None:
-    text = BRACKET.replace("command_interval: 4 ms", "command_interval: 4")
-    FilePath("slow.yaml").write_text(text)
-    code, said = call(f"run slow.yaml {RUN}")
+    for interval in ("4", "2"):
+        text = BRACKET.replace("command_interval: 4 ms", f"command_interval: {interval}")
+        FilePath(f"slow{interval}.yaml").write_text(text)
+    code, said = call(f"run slow4.yaml {RUN}")
+    assert code == 2 and is_one_sentence(said) and "`command_interval: 4 ms`" in said
+    code, said = call(f"run slow2.yaml {RUN}")
     assert code == 0
     (warning,) = warnings(said)
-    assert warning.startswith("Warning: Runs as-planned, compensated: the command interval of 4 s")
+    assert warning.startswith("Warning: Runs as-planned, compensated: the command interval of 2 s")
     assert "write command_interval: 4 ms" in warning
 
 
