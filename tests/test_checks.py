@@ -13,6 +13,7 @@ import pytest
 import armcontour as ac
 from armcontour import InvalidInput, _checks
 from armcontour._checks import check_name, for_kernel
+from armcontour.scene import Box, Obstacle, Scene
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,10 @@ def test_copies_are_locked_as_what_was_copied(
     executed = ac.execute(taught, plant)
     space = ac.load_arm("ur5e", payload=ac.Payload(mass=1.0))
     turned = ac.Path.polyline([(0.4, 0.1, 0.2), (0.45, 0.1, 0.2)]).pointing((0, 0, -1))
+    assert space.shapes is not None
+    cell = Scene(obstacles=(Obstacle(shape=Box(size=(0.1, 0.2, 0.3)), name="box"),))
     everything = (
+        cell,
         *(rounded, planned, taught, plant, executed, space, turned, planned.sample(0.01)),
         *(ac.evaluate(executed, objective), ac.Program(moves=(ac.Contour(path=rounded),))),
         ac.smooth_curvature(rounded, tolerance=1e-4),

@@ -147,3 +147,65 @@ def test_the_motion_between_results_is_that_of_finer_results():
             motion = plant.motion_between(coarse, np.array([i]))
             found = motion(np.clip(fine.t[rows], motion.t[0], motion.t[-1]))
             np.testing.assert_allclose(found, fine.q[rows], rtol=0, atol=1e-11)
+
+
+def short_contours(length, resolution):
+    """A program of two short contours, and its execution."""
+    arm = ac.load_arm("pmk3s")
+    contours = [
+        ac.Contour(path=ac.Path.polyline([(x, 0.2), (x + length, 0.2)])) for x in (0.3, 0.33)
+    ]
+    moves = (contours[0], ac.Rapid(), contours[1], ac.Dwell(duration=0.1))
+    program = ac.Program(moves=moves)
+    trajectory = ac.plan(program, arm, arm.limits.replace(speed=0.15))
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(trajectory, servo, method="inverse", period=8e-3)
+    return program, ac.execute(taught, ac.ServoPlant(arm, servo), resolution=resolution)
+
+
+@pytest.mark.parametrize("resolution", [1e-3, 8e-3])
+@pytest.mark.parametrize("length", [1e-2, 1e-4, 3e-6, 1e-7])
+def test_contours_of_few_samples_are_judged_by_these(length, resolution):
+    program, executed = short_contours(length, resolution)
+    known, sampled = (
+        ac.evaluate(x, program, objective=program)
+        for x in (executed, replace(executed, plant=None))
+    )
+    assert known.contour_error.max >= sampled.contour_error.max
+    # Which places are missed at their ends is told by the samples outside of the contours.
+    assert known.missed.max == pytest.approx(sampled.missed.max, rel=1e-6)
+
+
+@pytest.mark.parametrize("part", [slice(300, None), slice(1000, 3000), slice(0, None, 2)])
+def test_an_execution_that_was_cut_has_no_peak_that_was_not_there(part):
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 1e-3, False)
+    servo = ac.ServoModel(kp=25.0, order="first")
+    plant = ac.ServoPlant(arm, servo, saturation="none")
+    whole = ac.execute(ac.compensate(trajectory, servo, method="inverse", period=4e-3), plant)
+    names = ("t", "q", "dq", "ddq", "demand")
+    cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})
+    most = ac.evaluate(whole, path).contour_error.max
+    assert ac.evaluate(cut, path).contour_error.max <= most * (1 + AGREE)
+
+
+def test_of_another_plant_nothing_is_believed():
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(trajectory, servo, method="none", period=4e-3)
+    done = ac.execute(taught, ac.ServoPlant(arm, servo))
+    other = ac.ServoPlant(arm, servo.replace(kp=20.0, interpolation="step"))
+    changed, plain = (replace(done, plant=x) for x in (other, None))
+    here, there = (ac.evaluate(x, path).contour_error for x in (changed, plain))
+    assert here.max == there.max
+
+
+def test_a_peak_does_not_count_for_the_mean():
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
+    coarse, _ = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
+    known, sampled = (
+        ac.evaluate(x, path, objective=objective).objective_error
+        for x in (coarse, replace(coarse, plant=None))
+    )
+    assert known.max > sampled.max and known.rms == sampled.rms
+    assert len(known.t) == len(sampled.t) + 1

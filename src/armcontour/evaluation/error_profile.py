@@ -86,13 +86,9 @@ class ErrorProfile(Value):
             s: Arc length of the nearest point of the path [m], (n,).
             until: End of the profile [s].
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
-            peak: A higher value between the times, which becomes one of the values; or None.
+            peak: A higher value between the times, which becomes one of the values, but does not
+                count for the RMS; or None.
         """
-        if peak is not None:
-            k = int(np.searchsorted(t, peak.t))
-            t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
-            if side is not None:
-                side = np.insert(side, k, side[max(k - 1, 0)])
         end = np.array([until])
         if t[-1] < until:
             t, values, s = (
@@ -104,10 +100,16 @@ class ErrorProfile(Value):
             t, values, s = (
                 np.append(x[inside], y) for x, y in ((t, end), (values, last[0]), (s, last[1]))
             )
-        worst = int(np.argmax(values))
         span = float(until - t[0])
         # A profile without duration has one value.
         square = np.trapezoid(values**2, t) / span if span > 0 else values[-1] ** 2
+        if peak is not None:
+            # One peak of many: it would count for more than its share of the mean.
+            k = int(np.searchsorted(t, peak.t))
+            t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
+            if side is not None:
+                side = np.insert(side, k, side[max(k - 1, 0)])
+        worst = int(np.argmax(values))
         return cls(
             t=t,
             values=values,

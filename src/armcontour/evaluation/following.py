@@ -53,7 +53,7 @@ class Followed:
         last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
         corner = 2 * np.arcsin(np.minimum(length(last[:-1] - rows[1:, 3:6]) / 2, 1.0))
         ahead = np.abs(np.diff(self.s))
-        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max() <= least:
+        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= least:
             return np.zeros(len(ahead))
         # A corner is a step of the sum of all turns.
         places = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]

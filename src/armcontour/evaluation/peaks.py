@@ -66,7 +66,8 @@ def find_peak(
     if len(t) < 3:
         return None
     counts = slice(0, int(t.searchsorted(until, side="right")))
-    best, found = float(values[counts].max(initial=-np.inf)), None
+    sampled = float(values[counts].max(initial=-np.inf))
+    best, found = sampled, None
     high, _, bound = _tops(t, values)
     # Where the bend turns round, ripple is not resolved by the samples.
     bend = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
@@ -93,7 +94,8 @@ def find_peak(
             higher = _climb(first, last, partial(measure, i), best)
             if higher is not None:
                 best, found = higher.value, higher
-    return found
+    # Higher by a rounding error only: one of the samples, computed once more.
+    return found if best > _above(sampled) else None
 
 
 def _climb(

@@ -178,7 +178,7 @@ class Piece:
             self.tool[judged],
             self.objective,
             self.off_objective.s[judged],
-            None if self.executed.plant is None else self._largest_beside,
+            self._largest_beside if self._is_told else None,
         )
 
     def _largest_beside(
@@ -195,9 +195,7 @@ class Piece:
         before, best, after = np.asarray(of(self.tool[around].swapaxes(0, 1))).T
         # The top of a parabola is on the side of the higher neighbour.
         i = np.clip(which - (before > after), 0, n - 2)
-        plant, start = self.executed.plant, self.which.start
-        assert plant is not None
-        fine = plant.motion_between(self.executed, np.unique(i) + start)
+        fine = self.executed.between(np.unique(i) + self.which.start)
         if fine is None:
             return np.asarray(best)
         first, width = self.t[i], self.t[i + 1] - self.t[i]
@@ -229,7 +227,7 @@ class Piece:
         """
         far, where = found.missed, found.missed_s
         guessed = np.zeros(len(far), dtype=bool)
-        if self.executed.plant is not None and len(far) > 2:
+        if self._is_told:
             # Elsewhere than at a sample's own place the tool's way was taken for straight.
             guessed = (np.abs(where - found.s) > ROUNDING) & (far >= 0)
         given = np.where(guessed, -1.0, far)
@@ -239,7 +237,7 @@ class Piece:
             t_max=float(self.t[i]),
             s_max=float(where[i]) + self.offset,
         )
-        if self.executed.plant is None:
+        if not self._is_told:
             return most
         rows = np.flatnonzero(guessed)
         rows = rows[far[rows] + self._bent[rows] > most.max]
@@ -251,11 +249,17 @@ class Piece:
         for bound, k, s in sorted(places, reverse=True):
             if bound > most.max * (1 + CLOSE) and work[0] <= s <= work[1]:
                 value, t = self._distance_to_way(path([s])[0], k)
-                # The tool may come nearer outside of the piece.
-                value = min(value, bound)
+                # Outside of the piece the tool may come nearer, as the samples there tell.
+                inside = self.t[0] < t < self.t[-1]
+                value = min(value, bound if inside else max(float(far[k]), 0.0))
                 if value > most.max:
                     most = Missed(max=value, t_max=t, s_max=s + self.offset)
         return most
+
+    @property
+    def _is_told(self) -> bool:
+        """Whether a plant tells the motion between samples, of which there are some to go by."""
+        return self.executed.plant is not None and len(self.t) > 2
 
     @cached_property
     def _bent(self) -> FloatArray:
@@ -286,7 +290,7 @@ class Piece:
             return None if q is None else self._near(found, i, self.executed.arm.forward(q))
 
         hidden = None
-        if self.executed.plant is not None:
+        if self._is_told:
             # Where the path turns sharply, a peak has room for half of the tool's way there.
             sharp = np.flatnonzero(found.turns(SHARP) > SHARP)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
@@ -302,7 +306,7 @@ class Piece:
     ) -> ErrorProfile:
         """The profile of values at the samples, (n,), with the arc lengths of their points."""
         peak = None
-        if self.executed.plant is not None and measure is not None:
+        if self._is_told and measure is not None:
             since = float(self.t[0]) if self.since is None else self.since
             until = min(self.until, float(self.executed.t[-1]))
             peak = find_peak(self.t, values, measure, since=since, until=until, hidden=hidden)
@@ -318,10 +322,9 @@ class Piece:
             t: Times [s], (n,).
         """
         if i not in self._fine:
-            plant, here = self.executed.plant, self.which.start + i
-            self._fine[i] = None
-            if plant is not None and 0 <= here < len(self.executed.t) - 1:
-                self._fine[i] = plant.motion_between(self.executed, np.array([here]))
+            here = self.which.start + i
+            inside = 0 <= here < len(self.executed.t) - 1
+            self._fine[i] = self.executed.between(np.array([here])) if inside else None
         fine = self._fine[i]
         return None if fine is None else fine(t)
 

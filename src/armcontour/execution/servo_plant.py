@@ -138,15 +138,19 @@ class ServoPlant(Locked, Plant):
             plant=self,
         )
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion:
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
         """The motion from some results of an execution on this plant to the next ones.
 
         Quintics where the motion is smooth. Else exact at PARTS times, and where a set-point
         reaches a joint, with cubics between these.
 
         Args:
-            executed: The execution, with all of its results.
+            executed: The execution, at regular times.
             which: Indices of the results before, increasing, (m,).
+
+        Returns:
+            The motion; None if the torque limits of its command interval follow from a result that
+            the execution does not have.
         """
         x, taught = executed, executed.taught
         steps = round(taught.period / float(x.t[1] - x.t[0]))
@@ -156,12 +160,14 @@ class ServoPlant(Locked, Plant):
             return FineMotion.through(x.t, x.q, x.dq, x.ddq, which)
         parts = []
         for i in which.tolist():
-            k, phase = divmod(i, steps)
+            k, phase = divmod(round(float(x.t[i] - taught.start_time) / width), steps)
             bounds = self.lower, self.acceleration
             if self.torque_limit is not None:
                 # The bounds of a command interval follow from the state at its start.
+                if i < phase:
+                    return None
                 limits = TorqueBounds(self.arm, self.torque_limit, taught)
-                bounds = limits.at(k, x.q[k * steps], x.dq[k * steps])
+                bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
             at = (phase + np.arange(PARTS + 1) / PARTS) * width
             own = self.servo, bounds, k, at, (x.q[i], x.dq[i])
             t, *states = respond_within(taught.q, taught.period, *own)

@@ -15,6 +15,9 @@ from armcontour.errors import InvalidInput
 from armcontour.motion.fine_motion import FineMotion
 from armcontour.motion.taught import TaughtData
 
+# A plant's motion ends at a result if it is as near to it as this [rad].
+SAME = 1e-9
+
 
 class Between(Protocol):
     """What knows the motion between the results of an execution: a plant."""
@@ -40,7 +43,7 @@ class Execution(Value):
         motor_q: Positions of the motors, which is what encoders tell [rad], (n, dof), where springs
             are between motors and links; None where they are those of the links, q.
         plant: What tells the motion between the times `t`, so that `evaluate` finds peaks there;
-            None where only the results are known, as those of a log.
+            None where only the results are known, as those of a log, or of changed arrays.
 
     Raises:
         InvalidInput: Only one of `torque` and `torque_demand` is given.
@@ -92,6 +95,21 @@ class Execution(Value):
         return line_up(title, rows, columns=">")
 
     __repr__ = brief
+
+    def between(self, which: IntArray) -> FineMotion | None:
+        """The motion from some results to the next ones; None where it is not known.
+
+        The plant is believed only where its motion ends at the next results: those of an execution
+        that was cut or changed may not be what it computes.
+
+        Args:
+            which: Indices of the results before, increasing, (m,).
+        """
+        found = None if self.plant is None else self.plant.motion_between(self, which)
+        if found is None:
+            return None
+        off = np.abs(found(self.t[which + 1]) - self.q[which + 1])
+        return found if off.max(initial=0.0) < SAME else None
 
     @property
     def peak_demand(self) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, Value
 from armcontour.errors import InvalidInput
 
 # A mesh whose largest size [m] is outside this range was probably read in another unit.
@@ -16,7 +16,7 @@ SMALLEST, LARGEST = 1e-3, 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shape(ABC):
+class Shape(Value, ABC):
     """A shape in a frame of its own."""
 
     @property
