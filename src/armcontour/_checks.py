@@ -107,6 +107,7 @@ class Value:
 
     def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
         """Take the values, and lock those that were locked."""
+        _refuse_old(self, state, 3)
         values, locked, others = state
         for k in locked:
             _lock_value(values[k])
@@ -139,6 +140,15 @@ def _is_locked_value(x: Any) -> bool:
     if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
         return False
     return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+
+
+def _refuse_old(x: object, state: Any, count: int) -> None:
+    """Refuse what another version has pickled, whose states are no tuples of so many parts."""
+    if not (isinstance(state, tuple) and len(state) == count):
+        raise InvalidInput(
+            f"This pickled {type(x).__name__} was made by another version of armcontour: make it "
+            "anew."
+        )
 
 
 def _lock_value(x: Any) -> None:
@@ -180,6 +190,7 @@ class Locked:
 
     def __setstate__(self, state: State) -> None:
         """Take the values, and lock those that were locked."""
+        _refuse_old(self, state, 2)
         values, locked = state
         for name in locked:
             _lock_value(values[name])

@@ -15,7 +15,15 @@ from armcontour.evaluation.angular_deviation import angle_off
 from armcontour.evaluation.cornering_deviations import CornerDeviation, corner_deviations
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.following import Followed, follow_path
-from armcontour.evaluation.peaks import CLOSE, ROUNDING, SHARP, Hidden, Measure, find_peak
+from armcontour.evaluation.peaks import (
+    CLOSE,
+    ROUNDING,
+    SHARP,
+    Hidden,
+    Measure,
+    climb_smooth,
+    find_peak,
+)
 from armcontour.evaluation.speed_shares import measure_shares
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
@@ -24,10 +32,6 @@ from armcontour.program import Program
 
 # Errors at some times, and the places of the tool on the path then, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
-# Where smooth functions of the tool point are looked at between two samples, as shares of the time.
-FEW = np.arange(9) / 8
-# How often, each time in a sixteenth of the time.
-CLOSER = 3
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
 
@@ -198,21 +202,12 @@ class Piece:
         fine = self.executed.between(np.unique(i) + self.which.start)
         if fine is None:
             return np.asarray(best)
-        first, width = self.t[i], self.t[i + 1] - self.t[i]
-        at, step = first[:, None] + width[:, None] * FEW, width * FEW[1]
-        for _ in range(CLOSER):
-            tool = self.executed.arm.forward(fine(at.ravel()))
-            found = of(tool.reshape(*at.shape, -1))
-            best = np.maximum(best, found.max(axis=1))
-            rows, k = np.arange(len(i)), np.clip(found.argmax(axis=1), 1, len(FEW) - 2)
-            low, top, high = (found[rows, k + side] for side in (-1, 0, 1))
-            bend = low + high - 2 * top
-            shift = np.where(bend < 0, (low - high) / np.where(bend < 0, 2 * bend, 1.0), 0.0)
-            middle = at[rows, k] + np.clip(shift, -1, 1) * step
-            step = step / 16
-            at = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
-            at = np.clip(at, first[:, None], (first + width)[:, None])
-        return np.asarray(best)
+
+        def measure(t: FloatArray) -> FloatArray:
+            tool = self.executed.arm.forward(fine(t.ravel()))
+            return np.asarray(of(tool.reshape(*t.shape, -1)))
+
+        return np.asarray(np.maximum(best, climb_smooth(self.t[i], self.t[i + 1], measure)))
 
     def _most_missed(
         self, path: Path, work: tuple[float, float], found: Followed, error: ErrorProfile
