@@ -108,7 +108,7 @@ class Screen:
 
     @property
     def has_drawn(self) -> bool:
-        """Whether pages have a plan, or know why there is none."""
+        """Whether pages have a plan of this document, or know why there is none."""
         return self._drawn.is_set()
 
     def show(self, shown: Shown) -> None:
@@ -159,6 +159,9 @@ class Screen:
         """Forget what is kept, as another document is opened."""
         self.planned = self.executed = self._parts = self._compared = None
         self._has_motion, self._outlined = False, (None, 0)
+        with self._lock:
+            self._shown = None
+            self._drawn.clear()
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -169,7 +172,10 @@ class Screen:
         """Pass a frame on with the state that is worked on, in the lane's thread."""
         assert self._working is not None
         self._tell(frame, self._working)
-        self._drawn.set()
+        with self._lock:
+            # What is left of another document says nothing of this one.
+            if self._working is self._shown:
+                self._drawn.set()
 
     def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames of a state."""
