@@ -275,6 +275,7 @@ def test_analog_outputs_are_columns_of_a_run_and_said_of_a_result(
     assert code == 0, said
     told = " ".join(said.split())
     assert told.count("no place for analog outputs (power)") == 1 and "--export ros-yaml" in told
+    assert "(power): csv, parquet, npz and templates of your own have them." in told
     found = pd.read_csv(folder / "laser" / "taught" / "export" / "reference.csv")
     power = found["analog power"]
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6

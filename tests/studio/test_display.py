@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from collections.abc import Callable
@@ -86,6 +87,38 @@ def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
     assert not slow.given
     AtOnce.submit(lane, lane.works[-1])
     wait_for(lambda: slow.given)
+    session.close()
+
+
+def test_exact_figures_wait_for_the_first_plan_of_each_document(file: Path) -> None:
+    session = session_of(file, fast=Held, rest=0.0)
+    with session.display.lock:
+        session.display.show_all()
+    lane, slow = Held.last, NoLane.last
+    (old,) = lane.works
+    AtOnce.submit(lane, old)
+    wait_for(lambda: slow.given)
+    slow.deliver(Frame("figures", {"id": slow.given[0][0]}))
+    session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
+    # What comes late of the document before is no plan of this one.
+    AtOnce.submit(lane, old)
+    time.sleep(0.2)
+    assert len(slow.given) == 1
+    AtOnce.submit(lane, lane.works[-1])
+    wait_for(lambda: len(slow.given) == 2)
+    session.close()
+
+
+def test_nothing_waits_for_a_plan_of_a_document_that_cannot_be_shown(file: Path) -> None:
+    session = session_of(file, fast=Held, rest=0.0)
+    before = set(threading.enumerate())
+    with session.display.lock:
+        session.display.show_all()
+        session.editor.seen = dataclasses.replace(session.editor.seen, handles=None)
+        session.display.open()
+    wait_for(
+        lambda: not any(isinstance(x, threading.Timer) for x in {*threading.enumerate()} - before)
+    )
     session.close()
 
 

@@ -164,3 +164,29 @@ def test_a_path_that_cannot_be_planned_is_drawn_before_it_is_refused() -> None:
             (drawn,) = heard.of("picture", x)
             assert drawn.header["planned"] is False and not drawn.header["notes"]
             assert not heard.of("picture", y)
+
+
+def test_a_path_that_is_refused_is_drawn_where_it_is_until_there_is_a_motion() -> None:
+    previewer, data = Previewer(), load(PAPER, "paper")
+
+    def through(x: float, **more: Any) -> Shown:
+        path = {"points": [[0.35, 0.1], [x, 0.1]], **more}
+        return shown(previewer, {**data, "path": path}, "optimal")
+
+    with showing(previewer) as (screen, heard):
+        there, placed = through(0.9), through(0.9, frame={"position": [0.0, 0.1, 0.0]})
+        states = [there, placed, through(1.2), through(0.45), through(0.9)]
+        for state in states:
+            screen.show(state)
+            heard.wait(
+                lambda frames, state=state: (  # type: ignore[misc]
+                    bool(heard.of("refusal", state) or heard.of("executed", state))
+                )
+            )
+        outlines = [heard.of("picture", x) for x in states]
+        assert [[y.header.get("planned", True) for y in x] for x in outlines] == [
+            *([False], [False], [False]),
+            [True],
+            # The last motion stays.
+            [],
+        ]

@@ -305,13 +305,13 @@ def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports
 ) -> list[str]:
     """Export taught data and plan of one run to the result folder; returns warnings."""
-    from armcontour.io.exports import WITH_ANALOG, make_table, takes_analog
+    from armcontour.io.exports import HAVE_ANALOG, make_table, takes_analog
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
     warnings = [
         f"{y.option}, run {name}: the format has no place for analog outputs "
-        f"({', '.join(analog)}): {', '.join(WITH_ANALOG)} have."
+        f"({', '.join(analog)}): {HAVE_ANALOG} them."
         for y in x.targets
         if analog and not takes_analog(y.kind, y.template)
     ]

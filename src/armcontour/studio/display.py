@@ -67,9 +67,7 @@ class Display:
 
     def close(self) -> None:
         """End all work."""
-        timer, self._timer = self._timer, None
-        if timer is not None:
-            timer.cancel()
+        self._stop_waiting()
         self.exact.close()
         self.screen.close()
 
@@ -132,6 +130,8 @@ class Display:
     def open(self) -> None:
         """Show another document, which the editor has opened."""
         self.variants = Variants()
+        # Of the document before; a document that cannot be shown has no rest.
+        self._stop_waiting()
         self.screen.forget()
         self.show_all()
 
@@ -196,6 +196,12 @@ class Display:
         self._timer = Timer(seconds, self._at_rest)
         self._timer.daemon = True
         self._timer.start()
+
+    def _stop_waiting(self) -> None:
+        """Do not look any more whether nothing changes, until something is shown."""
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
 
     def _at_rest(self) -> None:
         """If nothing has changed for a while, compute what takes longer."""

@@ -15,6 +15,7 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Step
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs import Job
+from armcontour.program import Program
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import drawing_frame, picture_frame
@@ -92,8 +93,10 @@ class Screen:
         # Arm and scene that pages have of this document; whether they have an arm of any.
         self._parts: tuple[object, object] | None = None
         self._has_arm = False
-        # Whether the pages have a path of this document.
-        self._has_path = False
+        # Whether the pages have a motion of this document; else the path that they have instead,
+        # and its revision, as what has changed meanwhile does not reach them.
+        self._has_motion = False
+        self._outlined: tuple[Program | None, int] = (None, 0)
         # Whether the last plan was not executed, as a newer edit waited.
         self._owed = False
         self._done, self._drawn = Event(), Event()
@@ -105,7 +108,7 @@ class Screen:
 
     @property
     def has_drawn(self) -> bool:
-        """Whether pages have a plan, or know why there is none."""
+        """Whether pages have a plan of this document, or know why there is none."""
         return self._drawn.is_set()
 
     def show(self, shown: Shown) -> None:
@@ -155,7 +158,10 @@ class Screen:
     def forget(self) -> None:
         """Forget what is kept, as another document is opened."""
         self.planned = self.executed = self._parts = self._compared = None
-        self._has_path = False
+        self._has_motion, self._outlined = False, (None, 0)
+        with self._lock:
+            self._shown = None
+            self._drawn.clear()
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -166,7 +172,10 @@ class Screen:
         """Pass a frame on with the state that is worked on, in the lane's thread."""
         assert self._working is not None
         self._tell(frame, self._working)
-        self._drawn.set()
+        with self._lock:
+            # What is left of another document says nothing of this one.
+            if self._working is self._shown:
+                self._drawn.set()
 
     def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames of a state."""
@@ -197,7 +206,7 @@ class Screen:
             self.planned = planned
             if not shown.drawn:
                 shown.drawn = not moving
-                self._has_path = True
+                self._has_motion = True
                 yield picture_frame(planned, view)
             if first:
                 # The first plan is wanted before shapes of links, which may take long.
@@ -217,10 +226,11 @@ class Screen:
         except Superseded:
             pass
         except ArmContourError as error:
-            if not self._has_path:
-                # What is out of reach can be moved only if it is seen.
+            if not self._has_motion:
+                # What is out of reach can be moved only if it is seen where it is.
                 with contextlib.suppress(ArmContourError):
-                    yield self._drawing(shown)
+                    if self._outlined != (self.previewer.drawn(shown.data), shown.rev):
+                        yield self._drawing(shown)
             yield _refusal(error, shown, planned)
 
     def _drawing(self, shown: Shown, note: str = "") -> Frame:
@@ -230,7 +240,7 @@ class Screen:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(shown.data)
-        self._has_path = True
+        self._outlined = program, shown.rev
         return drawing_frame(program, shown.view, run=shown.run, note=note)
 
     def _arm(self, job: Job) -> Iterator[Frame]:

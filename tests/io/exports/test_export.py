@@ -91,6 +91,16 @@ def test_events_without_an_output_are_warned_of_once(
         export(six, tmp_path / "part.txt", template=own)
 
 
+def test_nothing_is_written_where_warnings_are_errors(
+    six: ac.TaughtData, tmp_path: FilePath
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match="Template kuka: nothing is switched for"):
+            export(six, tmp_path / "part.src", template="kuka")
+    assert not list(tmp_path.iterdir())
+
+
 def test_our_templates_have_no_analog_outputs(
     taught: Callable[..., ac.TaughtData], tmp_path: FilePath, refuses: Callable[..., None]
 ) -> None:
@@ -102,7 +112,8 @@ def test_our_templates_have_no_analog_outputs(
             analog={"power": lambda t: 0 * t},
         ),
         InvalidInput,
-        "The template kuka has no place for the analog output power: it is a column in csv",
+        "The template kuka has no place for the analog output power: csv, parquet, npz and "
+        "templates of your own have one.",
     )
 
 

@@ -40,6 +40,15 @@ def test_a_kuka_program_of_any_job_has_a_name_that_krl_takes(line, drawings):
     assert b"DEF p_7_L_cher_f_r_den_lange( )" in found.arrays["content"].tobytes()
 
 
+def test_outputs_that_are_missing_are_named_as_the_command_line_does(line, drawings):
+    laser = line | {"process": {"switch": {"name": "laser"}}}
+    found = ask("export", laser, "optimal", drawings, format="template", template="kuka")
+    assert [x for x in found.header["warnings"] if "switched" in x] == [
+        "Template kuka: nothing is switched for laser, as no output is named: the program has "
+        "comments in these places. Name an output, such as --output laser=17 of armcontour export."
+    ]
+
+
 def test_a_bag_is_an_archive_of_its_folder(line, drawings):
     found = ask("export", line, "optimal", drawings, format="mcap")
     with zipfile.ZipFile(BytesIO(found.arrays["content"].tobytes())) as archive:

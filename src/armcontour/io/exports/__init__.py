@@ -1,10 +1,11 @@
 """Writers of joint set-points and events in the formats of robot controllers and of tables."""
 
 from armcontour.io.exports.exporting import (
-    WITH_ANALOG,
+    HAVE_ANALOG,
     chosen_format,
     export,
     formats,
+    prepare_export,
     refuse_unknown_outputs,
     takes_analog,
     write_table,
@@ -14,13 +15,14 @@ from armcontour.io.exports.template import describe_unswitched, templates
 from armcontour.io.exports.text import csv_text
 
 __all__ = [
-    "WITH_ANALOG",
+    "HAVE_ANALOG",
     "Table",
     "chosen_format",
     "csv_text",
     "describe_unswitched",
     "export",
     "formats",
+    "prepare_export",
     "refuse_unknown_outputs",
     "make_table",
     "takes_analog",

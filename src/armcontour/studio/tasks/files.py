@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -116,7 +115,7 @@ def export(x: Request) -> Frame:
     Options: `format`, a name of `io.exports.formats()`; for "template" its `template`; `of`,
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
-    from armcontour.io.exports import export, formats
+    from armcontour.io.exports import formats, prepare_export
     from armcontour.io.exports.template import SHIPPED
     from armcontour.jobs import analog_outputs
 
@@ -139,25 +138,27 @@ def export(x: Request) -> Frame:
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
             stem = stem[:MOST_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            export(
-                plan.taught if taught else plan.trajectory,
-                file,
-                arm=x.job.arm,
-                format=kind,
-                template=template,
-                period=None if taught else x.option("period", plan.run.period),
-                name=f"{x.job.name} {'taught' if taught else 'reference'}",
-                outputs=x.options.get("outputs"),
-                derivatives=int(x.option("derivatives", 2)),
-                tool_motion=bool(x.option("tool_motion", False)),
-                analog=_analog(kind, template, plan, x.job, analog_outputs),
-            )
+        made = prepare_export(
+            plan.taught if taught else plan.trajectory,
+            file,
+            arm=x.job.arm,
+            format=kind,
+            template=template,
+            period=None if taught else x.option("period", plan.run.period),
+            name=f"{x.job.name} {'taught' if taught else 'reference'}",
+            outputs=x.options.get("outputs"),
+            derivatives=int(x.option("derivatives", 2)),
+            tool_motion=bool(x.option("tool_motion", False)),
+            analog=_analog(kind, template, plan, x.job, analog_outputs),
+        )
+        told = made.unswitched(
+            lambda event, output: f"--output {event}={output} of armcontour export"
+        )
+        made.write()
         name, content = _content_of(file)
     header = {
         **{"run": plan.run.name, "points": len(plan.taught.q)},
-        "warnings": (*plan.warnings, *(str(y.message) for y in told)),
+        "warnings": (*plan.warnings, *told),
     }
     return _file(name, content, header)
 
