@@ -342,11 +342,11 @@ def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
     run = studio.find("#run").input_value()
     first = studio.figure("duration")
     assert first == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
-    studio.do("place", {"x": "60", "y": "60", "steps": "3"})
+    studio.do("place", {"x": "60", "y": "60", "steps": "2"})
     result = studio.find(".task-result[data-task=place]")
     expect(result).to_have_attribute("data-state", "done", timeout=300_000)
     cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
-    assert cells.count() == 9
+    assert cells.count() == 4
     with studio.changing():
         cells.last.click()
     moved = studio.figure("duration")

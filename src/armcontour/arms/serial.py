@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from armcontour.arms.chain import Chain, Payload, joint_frames
 from armcontour.arms.limits import Limits
 from armcontour.frames import Frame
 
+# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
+PARALLEL = 1e-9
 # Rotations, positions and axes of the joints; base and end frame as (3, 4).
 Arrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -69,6 +72,13 @@ class SerialArm(Arm):
             _stack(chain.tip @ chain.tool),
         )
         self._links = _links(chain)
+
+    @cached_property
+    def moves_in_a_plane(self) -> bool:
+        """Whether all joints are parallel, so that the tool stays in a plane."""
+        # The rows of the angular velocity are the axes of the joints.
+        axes = self.twist_jacobian(np.zeros(self.dof))[3:]
+        return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.

@@ -117,12 +117,17 @@ def _followed(
 
 def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     """Commands after a first-order lag [s], at rest before, (n, dof)."""
+    from scipy.linalg import solve_banded
+
     if lag == 0.0:
         return u
-    found = np.array(u)
-    for i, share in enumerate(np.exp(-np.diff(t) / lag).tolist()):
-        found[i + 1] = u[i + 1] + share * (found[i] - u[i + 1])
-    return found
+    share = np.exp(-np.diff(t) / lag)
+    # Row by row: what is left of the position before, and the rest of the command.
+    matrix = np.ones((2, len(u)))
+    matrix[1, :-1] = -share
+    driven = np.array(u)
+    driven[1:] *= 1 - share[:, None]
+    return np.asarray(solve_banded((1, 0), matrix, driven))
 
 
 def _liveliest(u: FloatArray) -> slice:

@@ -22,8 +22,6 @@ from armcontour.tracing.refinement import refine
 # With redundant degrees of freedom the first knots lie closer together by this factor, as the
 # null-space motion is interpolated between them.
 FINER = 3
-# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
-PARALLEL = 1e-9
 # Distance between the places of a sketch, over the length of all the arm's links.
 SKETCHED = 0.01
 
@@ -124,9 +122,7 @@ def _refuse_flat(arm: SerialArm) -> None:
     Raises:
         InvalidInput: The arm is such an arm: it is singular everywhere.
     """
-    # The rows of the angular velocity are the axes of the joints.
-    axes = arm.twist_jacobian(np.zeros(arm.dof))[3:]
-    if arm.dof > 2 and np.linalg.matrix_rank(axes, tol=PARALLEL) < 2:
+    if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
             f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
             "plane: of such arms those with two links are known, PlanarTwoLink, and others need "
