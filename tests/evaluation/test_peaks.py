@@ -180,10 +180,23 @@ def test_contours_of_few_samples_are_judged_by_these(length, resolution):
     assert known.missed.max == pytest.approx(sampled.missed.max, rel=1e-6)
 
 
-@pytest.mark.parametrize("part", [slice(300, None), slice(1000, 3000), slice(0, None, 2)])
-def test_an_execution_that_was_cut_has_no_peak_that_was_not_there(part):
+PARTS = {
+    "later": slice(300, None),
+    "some": slice(1000, 3000),
+    "every second": slice(0, None, 2),
+    "one in three": slice(0, None, 3),
+    "fewer than set-points": slice(0, None, 20),
+    "between set-points": slice(5, None, 2),
+    "a gap": np.r_[0:100, 300:500],
+    "a time twice": np.r_[0, 0:3000],
+}
+
+
+@pytest.mark.parametrize("part", PARTS.values(), ids=PARTS)
+@pytest.mark.parametrize("kv", [None, 150.0])
+def test_an_execution_that_was_cut_has_no_peak_that_was_not_there(part, kv):
     arm, objective, path, trajectory = plan("pmk3s", 0.15, 1e-3, False)
-    servo = ac.ServoModel(kp=25.0, order="first")
+    servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
     plant = ac.ServoPlant(arm, servo, saturation="none")
     whole = ac.execute(ac.compensate(trajectory, servo, method="inverse", period=4e-3), plant)
     names = ("t", "q", "dq", "ddq", "demand")

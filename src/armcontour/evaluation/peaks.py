@@ -61,9 +61,9 @@ def find_peak(
             sample shows it, and by how much [m or rad].
 
     Returns:
-        The peak; None if no value is higher.
+        The peak; None if no value is higher, or if times do not increase.
     """
-    if len(t) < 3:
+    if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(until, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
