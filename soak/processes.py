@@ -151,7 +151,7 @@ def judge(seed: int) -> list[str]:
         "contour not covered": (far.max(), drawn.tolerance + step + NEAR),
         "speed over assigned": (speed.max() / drawn.speed - 1, SPEED),
     }
-    begin, end = (x for x in (spans[0], spans[-1]))
+    begin, end = spans[0], spans[-1]
     assert begin.work is not None and end.work is not None
     for name, low, high, length in (
         ("lead-in", begin.t[0], begin.work[0], drawn.lead_in),

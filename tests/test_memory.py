@@ -36,7 +36,7 @@ def test_a_slow_motion_is_refused_before_it_is_planned() -> None:
 
 
 def test_a_speed_at_which_the_path_takes_for_ever_is_refused() -> None:
-    with pytest.raises(ac.InvalidInput, match=r"run one: At its assigned velocities.*raise speed"):
+    with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*raise speed"):
         job(limits__speed=1e-12)
 
 

@@ -140,6 +140,7 @@ def test_the_sentence_says_what_is_needed_and_where_it_comes_from(
 NO_NUMBERS = (
     *("a", None, 1 + 2j, object(), {}, ["a", "b"], [[1.0], [2.0, 3.0]], True, b"a"),
     *(np.zeros(2, complex), np.array(["2020-01-01"], "M8[D]"), 10**400),
+    *([None, 0.1], np.array(["1", 2.0], object), np.array([True, 0.1], object)),
 )
 # Arrays of no state of an arm with two or six joints.
 NO_STATES = ([], [1.0, 2.0, 3.0], np.zeros((2, 3, 4)), 0.5)

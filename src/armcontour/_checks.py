@@ -231,13 +231,13 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     """Return `values` as a new float array, all finite and at most LARGEST.
 
     Args:
-        name: Name of the values, for messages.
+        name: As in `floats`, as are the others.
         values: The values.
-        unit: Unit of the values, for messages.
+        unit: Their unit.
 
     Raises:
-        InvalidInput: The values are not numbers (texts, truth values and masked ones are not), not
-            finite or too large; the message names the first such index.
+        InvalidInput: As in `floats`, or a value is not finite or too large; the message names the
+            index of the first one.
     """
     array = np.array(floats(name, values, unit))
     # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
@@ -285,6 +285,13 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
             raise InvalidInput(
                 f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
             )
+        if given.dtype.kind == "O":
+            # numpy makes numbers of these, too: None becomes NaN.
+            for x in given.flat:
+                if x is None or isinstance(x, str | bytes | bool):
+                    raise InvalidInput(
+                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
+                    )
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidInput):

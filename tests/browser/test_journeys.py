@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -620,12 +621,18 @@ def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
         expect(studio.handle("waypoint", index)).to_be_in_viewport()
 
 
-def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
-    away = ("- [0.350, 0.100]", "- [0.9, 0.1]")
-    file = write_job(tmp_path / "job.yaml", "optimal", changes=[away])
-    with serving(file, folder=tmp_path) as server:
+@contextmanager
+def refused(pages, folder, change):
+    """A page whose first job is refused."""
+    file = write_job(folder / "job.yaml", "optimal", changes=[change])
+    with serving(file, folder=folder) as server:
         studio = pages(server)
         studio.wait("body", refused="true")
+        yield studio
+
+
+def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
+    with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
         # The start is over, and there was no motion before.
         expect(studio.find("#messages .starting")).to_be_hidden()
         expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
@@ -639,11 +646,7 @@ def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_pat
 
 
 def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
-    away = ("arm: pmk3s", "arm: none")
-    file = write_job(tmp_path / "job.yaml", "optimal", changes=[away])
-    with serving(file, folder=tmp_path) as server:
-        studio = pages(server)
-        studio.wait("body", refused="true")
+    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
         studio.find("#picture").click()
         expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
         expect(studio.find("#question")).to_be_hidden()

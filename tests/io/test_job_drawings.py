@@ -164,7 +164,7 @@ def test_a_process_has_values_by_layer_with_their_units(
     cut, mark = made.objective.contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
     open_speeds = {"process": {"analog": [{"name": "power"}]}, "limits": {"speed": None}}
-    refuses(lambda: job(folder, **open_speeds), InvalidInput, "run taught", "power", "contour a")
+    refuses(lambda: job(folder, **open_speeds), InvalidInput, "Run taught", "power", "contour a")
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
     assert job(folder, path=speeds, **open_speeds).process.analog
     assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."

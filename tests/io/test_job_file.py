@@ -171,7 +171,7 @@ def test_lines_and_arcs() -> None:
         ("runs.one.corners", {"acceleration": 1}, "runs.one.corners needs tolerance"),
         ("corners", "round", "corners: must be a mapping of keys or sharp, not 'round'.$"),
         ("corners", {"shape": "round"}, "corners.shape: must be arc or free, not 'round'.$"),
-        ("corners", {"zone": "2 mm"}, "run one: corners.zone is for the shape free"),
+        ("corners", {"zone": "2 mm"}, "Run one: corners.zone is for the shape free"),
         ("corners.tolerance", "-2 mm", "corners.tolerance: must not be negative, but is -2 mm.$"),
         ("corners.iterations", 1.5, "corners.iterations: must be a whole number, not 1.5.$"),
         (

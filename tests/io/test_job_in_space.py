@@ -494,7 +494,7 @@ def test_corners_have_a_continuous_curvature_where_jerk_is_limited() -> None:
         ({"corners": {"continuity": "smooth"}}, "corners.continuity: must be tangent or curvature"),
         (
             {"corners": {"shape": "free", "tolerance": 1e-3, "continuity": "tangent"}},
-            "run one: corners.continuity is for the shape arc",
+            "Run one: corners.continuity is for the shape arc",
         ),
         (
             {"corners": {**CURVED, "continuity": "tangent", "transition_tolerance": "1 um"}},

@@ -35,7 +35,7 @@ SLOW = [("path.spline.points.0.0", "1e9")]
 
 # Refusals that need not say the key: they name the file, the run, or the option that is a key too.
 WITHOUT_KEY = (
-    "job: run one: At its assigned velocities",
+    "job: Run one: At its assigned velocities",
     "robot.urdf takes no arguments",
     "part.svg",
     "job: scale must",

@@ -78,11 +78,16 @@ def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     session.close()
 
 
-def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
+def resting(file: Path) -> tuple[Session, Held, NoLane]:
+    """A session at rest at once, whose first plan is held, and its lanes."""
     session = session_of(file, fast=Held, rest=0.0)
     with session.display.lock:
         session.display.show_all()
-    lane, slow = Held.last, NoLane.last
+    return session, Held.last, NoLane.last
+
+
+def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
+    session, lane, slow = resting(file)
     time.sleep(0.05)
     assert not slow.given
     AtOnce.submit(lane, lane.works[-1])
@@ -91,10 +96,7 @@ def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
 
 
 def test_exact_figures_wait_for_the_first_plan_of_each_document(file: Path) -> None:
-    session = session_of(file, fast=Held, rest=0.0)
-    with session.display.lock:
-        session.display.show_all()
-    lane, slow = Held.last, NoLane.last
+    session, lane, slow = resting(file)
     (old,) = lane.works
     AtOnce.submit(lane, old)
     wait_for(lambda: slow.given)
@@ -110,10 +112,9 @@ def test_exact_figures_wait_for_the_first_plan_of_each_document(file: Path) -> N
 
 
 def test_nothing_waits_for_a_plan_of_a_document_that_cannot_be_shown(file: Path) -> None:
-    session = session_of(file, fast=Held, rest=0.0)
     before = set(threading.enumerate())
+    session, _, _ = resting(file)
     with session.display.lock:
-        session.display.show_all()
         session.editor.seen = dataclasses.replace(session.editor.seen, handles=None)
         session.display.open()
     wait_for(

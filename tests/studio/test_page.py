@@ -228,6 +228,28 @@ def test_zooming_keeps_the_place_under_the_pointer_and_fitting_shows_all():
 
 
 @with_node
+def test_names_of_limits_are_not_under_the_handles_of_corners():
+    # A path to the right turns left over the name's place; its waypoint is below it.
+    corner = {"apex": [0.0, 0.01], "corner": [0.0, 0.0], "allowed": 0.01, "error": 0.01}
+    found = compute(
+        """
+        const { besideHandles, beyond, handledOf } = await import("./corner.js");
+        const { rounded, bare } = given;
+        const [handled] = handledOf({ head: { corners: [bare, rounded] } });
+        const handle = beyond(handled, [50, 40]);
+        tell([
+          handle,
+          besideHandles([50, 40], [0, 1], []),
+          besideHandles([50, 40], [0, 1], [handle]),
+          besideHandles([50, 40], [0, 1], [handle, [50, 53]]),
+        ]);
+        """,
+        {"rounded": corner, "bare": {**corner, "allowed": None}},
+    )
+    assert found == [[50, 20], [50, 27], [50, 53], [50, 74]]
+
+
+@with_node
 def test_obstacles_are_drawn_where_their_corners_are():
     random = np.random.default_rng(7)
     turn, at, size = random.uniform(-3, 3, 3), random.normal(size=3), random.uniform(0.1, 1, 3)

@@ -29,12 +29,15 @@ class Heard:
 
     def __init__(self) -> None:
         self.frames: list[tuple[Frame, Shown]] = []
+        # States that the document has left before pages could have them.
+        self.late: list[Shown] = []
         self._news = threading.Condition()
 
-    def __call__(self, frame: Frame, shown: Shown) -> None:
+    def __call__(self, frame: Frame, shown: Shown) -> bool:
         with self._news:
             self.frames.append((frame, shown))
             self._news.notify_all()
+        return shown not in self.late
 
     def wait(self, is_it: Callable[[list[tuple[Frame, Shown]]], bool]) -> None:
         with self._news:
@@ -190,3 +193,60 @@ def test_a_path_that_is_refused_is_drawn_where_it_is_until_there_is_a_motion() -
             # The last motion stays.
             [],
         ]
+
+
+class Opening(Previewer):
+    """A previewer during whose first plan another document is opened."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: Callable[[], None] = lambda: None
+
+    def plan(self, *job: Any, **options: Any) -> Any:
+        planned = super().plan(*job, **options)
+        self.open()
+        return planned
+
+
+def test_a_plan_of_the_document_before_is_none_of_this_one() -> None:
+    previewer, data = Opening(), load(PAPER, "paper")
+    away = {**data, "path": {"points": [[0.35, 0.1], [0.9, 0.1]]}}
+    with showing(previewer) as (screen, heard):
+        old, new = (shown(previewer, x, "optimal") for x in (data, away))
+
+        def forget() -> None:
+            heard.late.append(old)
+            screen.forget()
+
+        previewer.open = forget
+        screen.show(old)
+        heard.wait(lambda frames: bool(heard.of("executed", old)))
+        assert screen.planned is None and screen.executed is None and not screen.has_drawn
+        with pytest.raises(ac.InvalidInput, match="no motion 'planned' yet"):
+            screen.pose(0.0, "planned")
+        previewer.open = lambda: None
+        screen.show(new)
+        heard.wait(lambda frames: bool(heard.of("refusal", new)))
+        # Of this document there is no motion that could stay.
+        (drawn,) = heard.of("picture", new)
+        assert drawn.header["planned"] is False
+
+
+def test_what_does_not_reach_pages_is_sent_again() -> None:
+    previewer, data = Previewer(), load(PAPER, "paper")
+    away = {**data, "path": {"points": [[0.35, 0.1], [0.9, 0.1]]}}
+    with showing(previewer) as (screen, heard):
+        late, refused, gone, again = (
+            shown(previewer, x, "optimal") for x in (data, away, data, data)
+        )
+        heard.late += [late, gone]
+        screen.show(late)
+        heard.wait(lambda frames: bool(heard.of("executed", late)))
+        screen.show(refused)
+        heard.wait(lambda frames: bool(heard.of("refusal", refused)))
+        # The motion before was not seen: the path is.
+        assert [x.header["planned"] for x in heard.of("picture", refused)] == [False]
+        for state in (gone, again):
+            screen.show(state)
+            heard.wait(lambda frames, state=state: bool(heard.of("executed", state)))  # type: ignore[misc]
+        assert [len(heard.of("arm", x)) for x in (late, gone, again)] == [1, 1, 1]

@@ -168,8 +168,7 @@ class Sharing:
         if len(program.contours) > 1 or others:
             raise InvalidInput(
                 "A certificate on rigid bodies is for one contour, with or without dwells, but "
-                "this program has "
-                f"{_list_moves(program)}, or certify with plant: servo."
+                f"this program has {_list_moves(program)}, or certify with plant: servo."
             )
         Unknowns.of(robot.box or Box(), robot.arm, robot.servo)
         robot.plant()

@@ -23,6 +23,15 @@ MOST_CUTS = 12
 # A path that turns by more than this between two samples [rad] may have a peak of the error there
 # of which neither sample shows anything.
 SHARP = 0.2
+# Where smooth functions are looked at first, as shares of the time; and how often, each time in a
+# sixteenth of the time.
+FEW = np.arange(9) / 8
+CLOSER = 3
+# Where an interval is looked at; and where next, around the guesses of a peak. Shares of its width.
+SHARES = np.arange(PARTS + 1) / PARTS
+AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
+# The ends of an interval are known, and so is what is so near to them, as shares of its width.
+NEAR = 0.01
 
 
 class Peak(NamedTuple):
@@ -61,9 +70,9 @@ def find_peak(
             sample shows it, and by how much [m or rad].
 
     Returns:
-        The peak; None if no value is higher.
+        The peak; None if no value is higher, or if times do not increase.
     """
-    if len(t) < 3:
+    if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(until, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
@@ -154,17 +163,6 @@ def climb_smooth(
         at = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
         at = np.clip(at, first[:, None], last[:, None])
     return best
-
-
-# Where smooth functions are looked at first, as shares of the time; and how often, each time in a
-# sixteenth of the time.
-FEW = np.arange(9) / 8
-CLOSER = 3
-# Where an interval is looked at; and where next, around the guesses of a peak. Shares of its width.
-SHARES = np.arange(PARTS + 1) / PARTS
-AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
-# The ends of an interval are known, and so is what is so near to them, as shares of its width.
-NEAR = 0.01
 
 
 def _above(best: float) -> float:

@@ -253,7 +253,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     _refuse_options(f"runs.{name}", model)
     if not isinstance(corners, str):
         key = "corners" if model.corners is None else f"runs.{name}.corners"
-        with locate_errors(f"run {name}") if model.corners is None else nullcontext():
+        with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
             _refuse_no_speed(key, corners, limits)

@@ -25,8 +25,7 @@ class Goal:
             there is one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
         plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
-            "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or
-            without dwells.
+            "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or without dwells.
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
         box: Uncertainty of the robot's parameters; None takes the model as exact.

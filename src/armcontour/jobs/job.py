@@ -386,7 +386,7 @@ class Job:
         _memory.check_bound(self.memory)
         for x in self.runs:
             _checks.check_name("name of a run", x.name)
-            with locate_errors(f"run {x.name}"):
+            with locate_errors(f"Run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(program, x.limits)

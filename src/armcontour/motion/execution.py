@@ -17,6 +17,8 @@ from armcontour.motion.taught import TaughtData
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
 SAME = 1e-9
+# Times are whole numbers of steps if they are so near to them [steps].
+WHOLE = 1e-3
 
 
 class Between(Protocol):
@@ -99,17 +101,33 @@ class Execution(Value):
     def between(self, which: IntArray) -> FineMotion | None:
         """The motion from some results to the next ones; None where it is not known.
 
-        The plant is believed only where its motion ends at the next results: those of an execution
-        that was cut or changed may not be what it computes.
+        The plant is believed only where results are as far from each other as it gives them, and
+        its motion ends at the next ones: an execution that was cut or changed may have others.
 
         Args:
             which: Indices of the results before, increasing, (m,).
         """
-        found = None if self.plant is None else self.plant.motion_between(self, which)
+        if self.plant is None or not self._are_steps(which):
+            return None
+        found = self.plant.motion_between(self, which)
         if found is None:
             return None
         off = np.abs(found(self.t[which + 1]) - self.q[which + 1])
         return found if off.max(initial=0.0) < SAME else None
+
+    def _are_steps(self, which: IntArray) -> bool:
+        """Whether some results and the next ones are at whole steps of the command interval."""
+        step = float(self.t[1] - self.t[0])
+        if not 0 < step < self.taught.period * (1 + WHOLE):
+            return False
+        steps = self.taught.period / step
+        at = (self.t[np.stack([which, which + 1])] - self.taught.start_time) / step
+        whole = at.round()
+        return bool(
+            abs(steps - round(steps)) < WHOLE
+            and (abs(at - whole) < WHOLE).all()
+            and (whole[1] - whole[0] == 1).all()
+        )
 
     @property
     def peak_demand(self) -> FloatArray:

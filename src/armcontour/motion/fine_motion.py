@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quintics import evaluate, quintic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,19 +37,18 @@ class FineMotion:
         i: Any = slice(0, 1)
         if len(nodes) > 2:
             i = np.minimum(nodes[1:-1].searchsorted(t, side="right"), len(nodes) - 2)
-        width = (nodes[1:] - nodes[:-1])[i, None]
+        widths = nodes[1:] - nodes[:-1]
+        if self.ddq is not None:
+            begin = self.q[:-1], self.after[:-1], self.ddq[:-1]
+            end = self.q[1:], self.before[1:], self.ddq[1:]
+            return evaluate(quintic(widths, begin, end)[i], widths[i], t - nodes[:-1][i], 0)
+        width = widths[i, None]
         x = (t[:, None] - nodes[:-1][i, None]) / width
         rise = (self.q[1:] - self.q[:-1])[i]
-        start, end = width * self.after[:-1][i], width * self.before[1:][i]
-        if self.ddq is None:
-            bend = start + end - 2 * rise
-            rest = x * (rise - start - bend + x * bend)
-            return np.asarray(self.q[:-1][i] + x * (start + rest))
-        first, last = width**2 * self.ddq[:-1][i] / 2, width**2 * self.ddq[1:][i]
-        rise, slope, bend = rise - start - first, end - start - 2 * first, last - 2 * first
-        cubic, quartic = 10 * rise - 4 * slope + bend / 2, 7 * slope - bend - 15 * rise
-        rest = cubic + x * (quartic + x * (rise - cubic - quartic))
-        return np.asarray(self.q[:-1][i] + x * (start + x * (first + x * rest)))
+        first, last = width * self.after[:-1][i], width * self.before[1:][i]
+        bend = first + last - 2 * rise
+        rest = x * (rise - first - bend + x * bend)
+        return np.asarray(self.q[:-1][i] + x * (first + rest))
 
     @classmethod
     def through(

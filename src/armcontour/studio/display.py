@@ -218,10 +218,12 @@ class Display:
                 request = self.request({})
                 self.exact.ask(Asked(self.editor.rev, self.tabs.answers, request))
 
-    def _tell_picture(self, frame: Frame, shown: Shown) -> None:
+    def _tell_picture(self, frame: Frame, shown: Shown) -> bool:
         """Pass a frame of the screen on, unless the document has changed since."""
-        if shown.rev == self.editor.rev:
-            self.tabs.tell(frame.stamped(rev=shown.rev), answers=shown.answers)
+        if shown.rev != self.editor.rev:
+            return False
+        self.tabs.tell(frame.stamped(rev=shown.rev), answers=shown.answers)
+        return True
 
     def _tell_exact(self, frame: Frame, asked: Asked | None) -> None:
         """Pass a frame of another process on; figures only of the present document."""

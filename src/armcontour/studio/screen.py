@@ -13,9 +13,11 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Step
+from armcontour.arms import Arm
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs import Job
 from armcontour.program import Program
+from armcontour.scene import Scene
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import drawing_frame, picture_frame
@@ -35,6 +37,20 @@ LONG = "the program is long, and is planned when it is at rest."
 
 class Superseded(Exception):
     """Something has changed, so that what was computed is not wanted any more."""
+
+
+@dataclass(slots=True, eq=False)
+class _Seen:
+    """What there is of one document: its newest plan and execution, and what pages have of it."""
+
+    planned: Planned | None = None
+    executed: Executed | None = None
+    # Arm and scene that pages have.
+    parts: tuple[Arm, Scene | None] | None = None
+    # What the picture on pages shows: a plan, or the path of a run that has none.
+    picture: Planned | tuple[Program, str] | None = None
+    # Whether pages have anything of its newest state.
+    drawn: bool = False
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -60,6 +76,8 @@ class Shown:
     waypoints: FloatArray | None = None
     told: Frame | None = None
     moving: bool = False
+    # What is seen of its document.
+    seen: _Seen = field(default_factory=_Seen, init=False)
     # Whether its plan is drawn, nothing changes any more, and the execution waits for that.
     drawn: bool = field(default=False, init=False)
     rests: bool = field(default=False, init=False)
@@ -71,35 +89,29 @@ class Screen:
 
     Args:
         previewer: Plans and executes.
-        deliver: Called with each frame, and the state that it belongs to.
+        deliver: Called with each frame, and the state that it belongs to; returns whether pages
+            take it, which they do not if the document has changed since.
         lane: Makes the thread that works.
     """
 
     def __init__(
         self,
         previewer: Previewer,
-        deliver: Callable[[Frame, Shown], None],
+        deliver: Callable[[Frame, Shown], bool],
         lane: Callable[[Callable[[Frame], None]], FastLane] = FastLane,
     ) -> None:
         self.previewer = previewer
         self._tell = deliver
         self._lock = Lock()
-        # The newest plan and execution, for poses.
-        self.planned: Planned | None = None
-        self.executed: Executed | None = None
+        self._seen = _Seen()
         self._compared: tuple[Mapping[str, Any] | None, str] | None = None
         self._shown: Shown | None = None
         self._working: Shown | None = None
-        # Arm and scene that pages have of this document; whether they have an arm of any.
-        self._parts: tuple[object, object] | None = None
-        self._has_arm = False
-        # Whether the pages have a motion of this document; else the path that they have instead,
-        # and its revision, as what has changed meanwhile does not reach them.
-        self._has_motion = False
-        self._outlined: tuple[Program | None, int] = (None, 0)
+        # Whether pages have the last frame, and an arm of any document.
+        self._reached = self._has_arm = False
         # Whether the last plan was not executed, as a newer edit waited.
         self._owed = False
-        self._done, self._drawn = Event(), Event()
+        self._done = Event()
         self._lane = lane(self._deliver)
 
     def wait(self) -> None:
@@ -107,14 +119,24 @@ class Screen:
         self._done.wait()
 
     @property
+    def planned(self) -> Planned | None:
+        """The newest plan of this document."""
+        return self._seen.planned
+
+    @property
+    def executed(self) -> Executed | None:
+        """The newest execution of this document."""
+        return self._seen.executed
+
+    @property
     def has_drawn(self) -> bool:
         """Whether pages have a plan of this document, or know why there is none."""
-        return self._drawn.is_set()
+        return self._seen.drawn
 
     def show(self, shown: Shown) -> None:
         """Show a state, soon."""
         with self._lock:
-            self._shown = shown
+            self._shown, shown.seen = shown, self._seen
         self._lane.submit(lambda stale: self._frames(shown, stale))
 
     def rest(self) -> None:
@@ -157,11 +179,10 @@ class Screen:
 
     def forget(self) -> None:
         """Forget what is kept, as another document is opened."""
-        self.planned = self.executed = self._parts = self._compared = None
-        self._has_motion, self._outlined = False, (None, 0)
+        self._compared = None
         with self._lock:
-            self._shown = None
-            self._drawn.clear()
+            # What is at work for the other document goes on with what was seen of that.
+            self._shown, self._seen = None, _Seen()
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -171,11 +192,10 @@ class Screen:
     def _deliver(self, frame: Frame) -> None:
         """Pass a frame on with the state that is worked on, in the lane's thread."""
         assert self._working is not None
-        self._tell(frame, self._working)
+        self._reached = self._tell(frame, self._working)
         with self._lock:
-            # What is left of another document says nothing of this one.
             if self._working is self._shown:
-                self._drawn.set()
+                self._working.seen.drawn = True
 
     def _frames(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """All frames of a state."""
@@ -189,28 +209,26 @@ class Screen:
 
     def _live(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution, or a refusal."""
-        view, planned = shown.view, None
+        view, seen, planned = shown.view, shown.seen, None
         try:
             if not shown.rests and self.previewer.is_long(shown.data):
-                yield self._drawing(shown, LONG)
+                yield from self._outline(shown, LONG)
                 yield from self._when_at_rest(shown, stale)
                 return
             begin = time.perf_counter()
             moving = shown.moving and not shown.rests
             planned = self.previewer.plan(shown.data, shown.run, moving=moving)
             took = time.perf_counter() - begin
-            job = planned.job
             first = not self._has_arm
             if not first:
-                yield from self._arm(job)
-            self.planned = planned
+                yield from self._arm(planned.job, seen)
+            seen.planned = planned
             if not shown.drawn:
                 shown.drawn = not moving
-                self._has_motion = True
-                yield picture_frame(planned, view)
+                yield from self._picture(planned, shown)
             if first:
                 # The first plan is wanted before shapes of links, which may take long.
-                yield from self._arm(job)
+                yield from self._arm(planned.job, seen)
             slow = took > QUICK or planned.trajectory.duration > SHORT
             if slow and self._may_wait(shown):
                 return
@@ -219,44 +237,52 @@ class Screen:
             self._owed = not self._owed and stale()
             if self._owed:
                 return
-            self.executed = self.previewer.execute(planned, moving=moving)
-            yield executed_frame(self.executed, view)
+            seen.executed = self.previewer.execute(planned, moving=moving)
+            yield executed_frame(seen.executed, view)
             if (exact or moving) and not stale() and not self._may_wait(shown):
                 yield from self._live(shown, stale) if moving else self._exact(shown, stale)
         except Superseded:
             pass
         except ArmContourError as error:
-            if not self._has_motion:
+            if not isinstance(seen.picture, Planned):
                 # What is out of reach can be moved only if it is seen where it is.
                 with contextlib.suppress(ArmContourError):
-                    if self._outlined != (self.previewer.drawn(shown.data), shown.rev):
-                        yield self._drawing(shown)
+                    if seen.picture != (self.previewer.drawn(shown.data), shown.run):
+                        yield from self._outline(shown)
             yield _refusal(error, shown, planned)
 
-    def _drawing(self, shown: Shown, note: str = "") -> Frame:
+    def _picture(self, planned: Planned, shown: Shown) -> Iterator[Frame]:
+        """The picture of a plan."""
+        yield picture_frame(planned, shown.view)
+        if self._reached:
+            shown.seen.picture = planned
+
+    def _outline(self, shown: Shown, note: str = "") -> Iterator[Frame]:
         """The path of a state without a plan.
 
         Raises:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(shown.data)
-        self._outlined = program, shown.rev
-        return drawing_frame(program, shown.view, run=shown.run, note=note)
+        yield drawing_frame(program, shown.view, run=shown.run, note=note)
+        if self._reached:
+            shown.seen.picture = program, shown.run
 
-    def _arm(self, job: Job) -> Iterator[Frame]:
+    def _arm(self, job: Job, seen: _Seen) -> Iterator[Frame]:
         """The arm and what stands in its cell, if pages do not have them."""
-        if self._parts is None or self._parts[0] is not job.arm or self._parts[1] != job.scene:
-            self._parts, self._has_arm = (job.arm, job.scene), True
+        if seen.parts is None or seen.parts[0] is not job.arm or seen.parts[1] != job.scene:
             yield arm_frame(job)
+            if self._reached:
+                seen.parts, self._has_arm = (job.arm, job.scene), True
 
     def _exact(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution as a full run has them, unless something changes meanwhile."""
         planned = self._plan_exactly(shown.data, shown.run, stale)
-        self.planned = planned
-        yield picture_frame(planned, shown.view)
+        shown.seen.planned = planned
+        yield from self._picture(planned, shown)
         if not stale():
-            self.executed = self.previewer.execute(planned)
-            yield executed_frame(self.executed, shown.view)
+            shown.seen.executed = executed = self.previewer.execute(planned)
+            yield executed_frame(executed, shown.view)
 
     def _plan_exactly(self, data: Mapping[str, Any], run: str, stale: Stale) -> Planned:
         """The plan as a full run has it.

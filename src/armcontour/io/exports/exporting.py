@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -96,102 +95,6 @@ def export(
             event, a library is missing, the template has an error, the format cannot hold the
             data, or the file cannot be written.
     """
-    made = prepare_export(
-        data,
-        file,
-        arm=arm,
-        joint_names=joint_names,
-        format=format,
-        period=period,
-        template=template,
-        name=name,
-        outputs=outputs,
-        derivatives=derivatives,
-        tool_motion=tool_motion,
-        analog=analog,
-    )
-    # Where warnings are errors, nothing is written.
-    for said in made.unswitched(lambda event, output: f"outputs={{{event!r}: {output!r}}}"):
-        warnings.warn(said, stacklevel=2)
-    made.write()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
-    """An export that is not written yet.
-
-    Args:
-        table: What is written.
-        file: The destination.
-        kind: A name of `formats()`.
-        template: As in `export`.
-        outputs: As in `export`.
-    """
-
-    table: Table
-    file: FilePath
-    kind: str
-    template: str | FilePath | None
-    outputs: Mapping[str, int | str] | None
-
-    def unswitched(self, name_output: Callable[[str, int | str], str]) -> list[str]:
-        """Sentences on events that the file does not switch.
-
-        Args:
-            name_output: How users name the output of an event.
-        """
-        found = describe_unswitched(self.table.events, self.template, self.outputs, name_output)
-        return [f"Template {self.template}: {said}" for said in found]
-
-    def write(self) -> None:
-        """Write the file.
-
-        Raises:
-            InvalidInput: As in `export`.
-        """
-        put(
-            self.file,
-            lambda path: write_table(
-                self.table, path, format=self.kind, template=self.template, outputs=self.outputs
-            ),
-            folder=self.kind == "mcap",
-        )
-
-
-def prepare_export(
-    data: TaughtData | Trajectory,
-    file: str | FilePath,
-    *,
-    arm: Arm | None = None,
-    joint_names: Sequence[str] | None = None,
-    format: str | None = None,
-    period: float | None = None,
-    template: str | FilePath | None = None,
-    name: str | None = None,
-    outputs: Mapping[str, int | str] | None = None,
-    derivatives: int = 2,
-    tool_motion: bool = False,
-    analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
-) -> Prepared:
-    """What `export` writes, without its warnings: pages name outputs in other words.
-
-    Args:
-        data: As in `export`, as are the others.
-        file: The destination.
-        arm: The arm.
-        joint_names: Joint names.
-        format: A name of `formats()`.
-        period: Sampling period of a trajectory [s].
-        template: The template.
-        name: Name of the program.
-        outputs: The output of each event.
-        derivatives: Highest derivative.
-        tool_motion: Whether there is the tool's motion.
-        analog: Analog outputs.
-
-    Raises:
-        InvalidInput: As in `export`.
-    """
     destination = _checks.read_place("export", file)
     kind = chosen_format(destination, format, template)
     table = make_table(
@@ -207,7 +110,16 @@ def prepare_export(
     if outputs is not None:
         names = (x.name for x in table.events)
         refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
-    return Prepared(table=table, file=destination, kind=kind, template=template, outputs=outputs)
+    # Where warnings are errors, nothing is written.
+    for said in describe_unswitched(
+        table.events, template, outputs, lambda event, output: f"outputs={{{event!r}: {output!r}}}"
+    ):
+        warnings.warn(f"Template {template}: {said}", stacklevel=2)
+    put(
+        destination,
+        lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
+        folder=kind == "mcap",
+    )
 
 
 def refuse_unknown_outputs(

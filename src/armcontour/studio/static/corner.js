@@ -12,6 +12,10 @@ import { mm } from "./format.js";
 const LEAST_TOLERANCE = 1e-6; // m
 // The handle is beyond the apex by this, so that it does not lie on the waypoint.
 const BEYOND = 20; // px
+/** How far names may be from the path, to its left, the nearest first [px]. */
+const ASIDE = [13, -13, 34, -34];
+/** A name and a handle that are as far from each other do not touch [px]. */
+const CLEAR = 15;
 
 /** From a corner to its apex. @param {Corner} corner @returns {Point} of length 1 */
 function bisectorOf({ apex, corner }) {
@@ -62,6 +66,21 @@ export function nudgedApex(corner, start, du, dv) {
 export function beyond(corner, [x, y]) {
   const [du, dv] = bisectorOf(corner);
   return [x + BEYOND * du, y - BEYOND * dv];
+}
+
+/** Corners of a picture that have a handle. @param {{head: any} | null} picture @returns {Corner[]} */
+export function handledOf(picture) {
+  return (picture?.head.corners ?? []).filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
+}
+
+/**
+ * Where a name beside the path is drawn: to its left, or where no handle is.
+ * @param {Point} at px of the path @param {Point} normal to the left, m @param {Point[]} taken px of handles @returns {Point} px
+ */
+export function besideHandles([x, y], [nx, ny], taken) {
+  const places = ASIDE.map((d) => /** @type {Point} */ ([x + d * nx, y - d * ny]));
+  const isFree = (/** @type {Point} */ [u, v]) => taken.every((z) => Math.hypot(u - z[0], v - z[1]) > CLEAR);
+  return places.find(isFree) ?? places[0];
 }
 
 /** @param {Corner} corner @returns {string} */

@@ -1,7 +1,7 @@
 // Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
-import { beyond, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
+import { beyond, handledOf, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
 import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
@@ -94,8 +94,7 @@ export class Handles {
 
   /** Rounded corners. @returns {any[]} */
   corners() {
-    const found = this.store.latest("picture")?.head.corners ?? [];
-    const seen = found.filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
+    const seen = handledOf(this.store.latest("picture"));
     return seen.length <= MOST_HANDLES
       ? seen
       : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);

@@ -2,6 +2,7 @@
 // made by the same code, so that they show what the screen shows.
 
 import { themed } from "./colours.js";
+import { besideHandles, beyond, handledOf } from "./corner.js";
 import { bandOf } from "./strokes.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -130,10 +131,12 @@ export class Painter {
     context.textAlign = "center";
     context.textBaseline = "middle";
     context.fillStyle = this.inks.ink;
+    const [u, v] = picture.head.centre;
+    const screen = (/** @type {[number, number]} */ at) => view.toScreen([at[0] - u, at[1] - v]);
+    const taken = handledOf(picture).flatMap((x) => [beyond(x, screen(x.apex)), screen(x.corner)]);
     for (const { at, normal, text, length } of this.layers.labels(picture)) {
       if (length * view.scale < SHORTEST_LABELLED) continue;
-      const [x, y] = view.toScreen(at);
-      context.fillText(text, x + 13 * normal[0], y - 13 * normal[1]);
+      context.fillText(text, ...besideHandles(view.toScreen(at), normal, taken));
     }
   }
 

@@ -115,7 +115,14 @@ def export(x: Request) -> Frame:
     Options: `format`, a name of `io.exports.formats()`; for "template" its `template`; `of`,
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
-    from armcontour.io.exports import formats, prepare_export
+    from armcontour.io.exports import (
+        describe_unswitched,
+        formats,
+        make_table,
+        refuse_unknown_outputs,
+        write_table,
+    )
+    from armcontour.io.exports.destination import put
     from armcontour.io.exports.template import SHIPPED
     from armcontour.jobs import analog_outputs
 
@@ -138,27 +145,34 @@ def export(x: Request) -> Frame:
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
             stem = stem[:MOST_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
-        made = prepare_export(
+        table = make_table(
             plan.taught if taught else plan.trajectory,
-            file,
-            arm=x.job.arm,
-            format=kind,
-            template=template,
-            period=None if taught else x.option("period", plan.run.period),
             name=f"{x.job.name} {'taught' if taught else 'reference'}",
-            outputs=x.options.get("outputs"),
+            arm=x.job.arm,
+            period=None if taught else x.option("period", plan.run.period),
             derivatives=int(x.option("derivatives", 2)),
             tool_motion=bool(x.option("tool_motion", False)),
             analog=_analog(kind, template, plan, x.job, analog_outputs),
         )
-        told = made.unswitched(
-            lambda event, output: f"--output {event}={output} of armcontour export"
+        outputs = x.options.get("outputs")
+        if outputs is not None:
+            names = (y.name for y in table.events)
+            refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+        told = describe_unswitched(
+            table.events,
+            template,
+            outputs,
+            lambda event, output: f"--output {event}={output} of armcontour export",
         )
-        made.write()
+        put(
+            file,
+            lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
+            folder=kind == "mcap",
+        )
         name, content = _content_of(file)
     header = {
         **{"run": plan.run.name, "points": len(plan.taught.q)},
-        "warnings": (*plan.warnings, *told),
+        "warnings": (*plan.warnings, *(f"Template {template}: {said}" for said in told)),
     }
     return _file(name, content, header)
 
