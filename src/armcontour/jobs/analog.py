@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
+from armcontour.geometry import ShapedPath
 from armcontour.motion import Trajectory
 from armcontour.program import Analog, Contour, Process, Program, contour_called
 
@@ -98,10 +99,20 @@ def _values(
         here = np.clip(times[first:last] + lead, *span.work)
         if len(here):
             s = trajectory.s(here) - span.s[0]
-            worth = _worth(output, trajectory.s(here, 1), _full_speeds(contour, s, limits, output))
+            speeds = _tool_speeds(contour, s, trajectory.s(here, 1))
+            worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
             on = _switched_on(contour, s, process.of_layer(contour.layer))
             values[first:last] = np.where(on, worth, output.off)
     return values
+
+
+def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArray:
+    """Tool speeds at arc lengths of a contour [m], given their rates of change [m/s], (n,)."""
+    path = contour.path
+    if not isinstance(path, ShapedPath) or path.curve is None:
+        return rates
+    # Arc lengths of a smooth curve are those of its arcs, to a few parts of a million.
+    return np.asarray(rates * np.linalg.norm(path(s, 1), axis=1))
 
 
 def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> FloatArray | float:
