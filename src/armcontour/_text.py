@@ -31,6 +31,11 @@ def to_line(text: str) -> str:
     return make_printable(shorten(text))
 
 
+def capitalise(text: str) -> str:
+    """The text with a capital at its start, as a sentence begins."""
+    return text[:1].upper() + text[1:]
+
+
 def shorten(text: str, most: int = LONGEST_SENTENCE) -> str:
     """The text; its middle is left out if the text has more than `most` characters."""
     if len(text) <= most:

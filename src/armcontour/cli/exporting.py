@@ -372,6 +372,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             that exists already.
     """
     from armcontour._quantities import Interval
+    from armcontour._text import capitalise
     from armcontour.cli.console import Console
     from armcontour.errors import InvalidInput
     from armcontour.io.cell import read_cell_arm
@@ -400,7 +401,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(x.write, target, table), folder=kind == "mcap")
     for said in x.warn_of_events(target, table.events):
-        Console().say(f"Warning: {said[0].upper()}{said[1:]}")
+        Console().say(f"Warning: {capitalise(said)}")
     what = REFERENCE if options.reference else TAUGHT
     if run.analog:
         Console().say(

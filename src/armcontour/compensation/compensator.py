@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
+from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits
 from armcontour.compensation.doubts import doubt_gains, doubt_interval, refuse_long_interval
 from armcontour.compensation.set_points import SETTLING, set_point_times
@@ -82,7 +83,7 @@ def compensate(
         **options,
     )
     for doubt in (*doubt_interval(taught.period), *doubt_gains(servo)):
-        warnings.warn(doubt[0].upper() + doubt[1:], stacklevel=2)
+        warnings.warn(capitalise(doubt), stacklevel=2)
     return taught
 
 

@@ -23,6 +23,7 @@ from armcontour._sampling import (
     find_large,
     find_short_step,
 )
+from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, SerialArm, choose_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
@@ -550,7 +551,7 @@ def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
     if row is not None:
         before, after = (f"row {i + 1} ({t[i]:.9g} s)" for i in (row - 1, row))
         said = describe_short_step(before, after, float(t[row] - t[row - 1]))
-        raise InvalidInput(f"{said[0].upper()}{said[1:]}.", index=row, t=float(t[row]))
+        raise InvalidInput(f"{capitalise(said)}.", index=row, t=float(t[row]))
     for name, values in columns.items():
         found = find_large(name, values)
         if found is not None:

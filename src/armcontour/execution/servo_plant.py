@@ -35,7 +35,7 @@ CHUNK = 0.25
 SMOOTH = 1.0
 # Set-points that reach a joint nearer to a result than this share of the time to the next one count
 # as reaching it there.
-SNAP = 1e-6
+REACHED = 1e-6
 # Times from one result to the next at which the motion between them is computed: cubics between
 # these are off by less than 1e-11 rad for servos with time constants of a millisecond.
 PARTS = 16
@@ -190,7 +190,7 @@ class ServoPlant(Locked, Plant):
             return False
         late = servo.dead_time / width
         slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
-        return bool(slow and (abs(late - np.round(late)) < SNAP).all())
+        return bool(slow and (abs(late - np.round(late)) < REACHED).all())
 
     def _until_rest(self, taught: TaughtData, steps: int) -> list[Part]:
         """The run in parts, from the state at the start on.

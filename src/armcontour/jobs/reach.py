@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._text import capitalise
 from armcontour.arms import Arm, PlanarTwoLink, SerialArm
 from armcontour.arms.arm import FAR_OUT, hint_at_unit
 from armcontour.arms.inverse import nearest_reached, seeds
@@ -202,7 +203,7 @@ def _refusal(job: Job, places: _Places, away: FloatArray, k: int, rapid: bool) -
     mend = (job.length_hint or hint_at_unit(gap)) if far else "; " + _mend(job, places, away, rapid)
     also = "" if far else _others(places, away)
     return Unreachable(
-        f"{called[0].upper()}{called[1:]} is out of reach of the arm {job.arm.name} by up to "
+        f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
         f"{size}, most at {show(point)}, {s:.6g} m along it{own}{also}{mend}.",
         point=point.tolist(),
         s=s,

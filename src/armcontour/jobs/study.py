@@ -14,6 +14,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
 from armcontour._progress import Progress, Step, under
+from armcontour._text import capitalise
 from armcontour._threads import Beside
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance
@@ -185,7 +186,7 @@ class TimedRun:
         """
         if self.clearance is None or not self.clearance.kept:
             return None
-        done = "".join(f" {x[0].upper()}{x[1:]}." for x in self.avoided)
+        done = "".join(f" {capitalise(x)}." for x in self.avoided)
         return f"Run {self.run.name}: {self.clearance.sentence}{done}"
 
     @property

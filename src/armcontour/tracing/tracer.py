@@ -150,6 +150,7 @@ def sketch_all(
     """
     if limits is not None:
         arm = arm.with_limits(limits)
+    _refuse_flat(arm)
     task = task_dimension(path, arm)
     knots = first_knots(path)
     chain = np.concatenate([arm.chain.positions, arm.arrays[4][None, :, 3]])
