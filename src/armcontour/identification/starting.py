@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._threads import map_in_threads, split_evenly
 from armcontour.identification import _joint
 from armcontour.identification.fitting import Data, State, fit
 
@@ -23,6 +24,8 @@ SCANNED = 2000
 FITTED = 8000
 # Places from which it is fitted.
 PLACES = 6
+# So many parts of the grid are scanned one after the other by each free thread.
+PARTS = 16
 # Samples over which an acceleration or a velocity is estimated.
 SMOOTHED = 41
 
@@ -45,7 +48,11 @@ def first_states(data: Data, order: str, start: str, *, limited: bool = False) -
     trials = _trials(data.delays, order, _accelerations(piece) if limited else None)
     y, rest = thin.y - (data.offset or 0.0), how == "rest"
     log = (thin.t, thin.u, y, thin.linear, seed.first, thin.last, rest)
-    sums = _joint.scan(*log, trials, seed.q0, seed.dq0)
+
+    def scan(some: slice) -> FloatArray:
+        return np.asarray(_joint.scan(*log, trials[some], seed.q0, seed.dq0))
+
+    sums = np.concatenate(map_in_threads(scan, split_evenly(len(trials), PARTS)))
     seed = initial(piece, order, how)
     places = [_with(seed, trials[i]) for i in _spread(trials, sums)]
     fits = sorted((fit(piece, x) for x in places), key=lambda x: x.sse)
