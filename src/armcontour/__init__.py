@@ -9,9 +9,9 @@ they are first used, so that importing the package costs nothing.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from armcontour._lazy import load_lazily
 from armcontour._version import __version__
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ _HOME = {
     "timing": ("Explanation", "explain", "plan", "shape"),
     "tracing": ("trace",),
 }
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+__getattr__ = load_lazily("armcontour", _HOME)
 
 __all__ = [
     "Analog",
@@ -254,15 +254,6 @@ __all__ = [
     "transfer",
     "write_report",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its module at first use."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'armcontour' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"armcontour.{_MODULE_OF[name]}"), name)
-    globals()[name] = value
-    return value
 
 
 def __dir__() -> list[str]:

@@ -5,8 +5,9 @@ Names are loaded at first use, so that a program that reads an arm does not load
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from armcontour._lazy import load_lazily
 
 if TYPE_CHECKING:
     from armcontour.io.certificate import (
@@ -37,7 +38,7 @@ _HOME = {
     "scene_files": ("read_scene_file",),
     "trajectory_file": ("parse_trajectory", "read_trajectory"),
 }
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+__getattr__ = load_lazily("armcontour.io", _HOME)
 
 __all__ = [
     "JobOverrides",
@@ -61,10 +62,3 @@ __all__ = [
     "write_taught",
     "write_torque",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its module at first use."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'armcontour.io' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"armcontour.io.{_MODULE_OF[name]}"), name)

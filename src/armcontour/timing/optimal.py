@@ -64,7 +64,7 @@ from armcontour.timing.grid import (
     share_out,
     split,
 )
-from armcontour.timing.jerk import MOST_ITERATIONS, JerkLimits, Task, limit_jerk
+from armcontour.timing.jerk.task import MOST_ITERATIONS, JerkLimits, Task
 from armcontour.timing.vanishing import reparametrize, standing
 
 # Where the margin between grid points costs more than this share of a limit, the grid is refined,
@@ -158,6 +158,9 @@ def plan_optimal(
             law = _solve(cut_pieces(joint_path, count) if grid is None else placed, task, most)
         if jerk is None:
             return law
+        # Most plans have no limits of jerk.
+        from armcontour.timing.jerk.limiting import limit_jerk
+
         return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
 
     try:

@@ -25,12 +25,11 @@ from armcontour.timing.jerk._interior_point import (
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import Rows
 from armcontour.timing.jerk.sections import (
-    MOST_ITERATIONS,
-    Task,
     find_ends,
     find_sections,
     square_at,
 )
+from armcontour.timing.jerk.task import MOST_ITERATIONS, Task
 
 # Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
 PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000

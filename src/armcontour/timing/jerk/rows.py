@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms import Arm
 from armcontour.timing.constraints import (
     Bounds,
     Constraint,
@@ -22,36 +20,11 @@ from armcontour.timing.constraints import Rows as GeneralRows
 from armcontour.timing.jerk._interior_point import Section
 from armcontour.timing.jerk._polynomials import Basis, basis, motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import Mesh
+from armcontour.timing.jerk.task import JerkLimits
 from armcontour.timing.jerk.tool import DEGREE, ToolMotion
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
 LEAST_SHARE = 0.25
-
-
-@dataclass(frozen=True, slots=True)
-class JerkLimits:
-    """Limits of jerk, infinite where there is none.
-
-    Args:
-        joint: Of each joint [rad/s³], (dof,).
-        path: Of the arc length [m/s³].
-        tool: Of the tool [m/s³].
-    """
-
-    joint: FloatArray
-    path: float
-    tool: float
-
-    @classmethod
-    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
-        """The limits of jerk among limits; None if there are none."""
-        if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
-            return None
-        joint = or_unlimited(limits.joint_jerk, dof)
-        path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
-        if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):
-            return None
-        return cls(np.broadcast_to(joint, (dof,)), float(path), float(tool))
 
 
 class Rows:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour.arms import Arm
 from armcontour.motion import PathLaw
-from armcontour.timing.constraints import Constraint, JointDerivatives
+from armcontour.timing.constraints import JointDerivatives
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk.mesh import End
-from armcontour.timing.jerk.rows import JerkLimits
+from armcontour.timing.jerk.task import Task
 
-# Largest number of iterations of each pass.
-MOST_ITERATIONS = 150
 # A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
 # if at the plan's speed the jerk needs longer than this share of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
@@ -29,29 +24,6 @@ EVEN_BEND = 5e-4
 STANDING, SHARE_AT_STANDING = 0.1, 5e-4
 # The rates at a rest are those at this share of its section.
 NEAR_REST = 5e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """A planning problem with limits of jerk.
-
-    Args:
-        arm: The arm.
-        active: The constraints of the planner without jerk.
-        jerk: The limits of jerk.
-        start_speed, end_speed: Path speeds at the start and the end [m/s].
-        cells: About so many cells; None for the default.
-        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
-            all limits.
-    """
-
-    arm: Arm
-    active: tuple[Constraint, ...]
-    jerk: JerkLimits
-    start_speed: float = 0.0
-    end_speed: float = 0.0
-    cells: int | None = None
-    iterations: int = MOST_ITERATIONS
 
 
 def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:

@@ -1,0 +1,28 @@
+"""Packages whose public names are loaded at first use, so that importing them costs nothing."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+
+def load_lazily(package: str, home: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
+    """A function `__getattr__` for a package: it loads a public name from its module, and keeps it.
+
+    Args:
+        package: Name of the package.
+        home: The public names, by the modules that have them, as the package names these.
+    """
+    module_of = {name: module for module, names in home.items() for name in names}
+
+    def load(name: str) -> Any:
+        """Load a public name from its module at first use."""
+        if name not in module_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{package}.{module_of[name]}"), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return load
