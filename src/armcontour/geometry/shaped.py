@@ -19,6 +19,8 @@ from armcontour.geometry.path import Path, check_arc_length
 
 # Name of the duration of the shaped path itself, beside those of its starts.
 SHAPED = "shaped"
+# and those of known shapes, from which a search starts.
+ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

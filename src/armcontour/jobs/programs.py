@@ -33,7 +33,6 @@ from armcontour.timing import (
     explain,
     intervals_of,
     plan,
-    shape,
     start_of,
     trace_and_plan,
     trace_program,
@@ -85,6 +84,8 @@ def round_program(
     if rounding is None:
         return program
     if rounding.free:
+        from armcontour.timing import shape
+
         with locate_errors("corners"):
             return shape(
                 program,

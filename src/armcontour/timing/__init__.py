@@ -1,6 +1,11 @@
 """Timing of joint paths: the entry point `plan`, with one file per method."""
 
-from armcontour.timing.common import RESERVED, with_reserve
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armcontour._lazy import load_lazily
+from armcontour.timing.common import RESERVED, start_of, with_reserve
 from armcontour.timing.explanation import (
     Binding,
     Explanation,
@@ -18,7 +23,12 @@ from armcontour.timing.planner import (
     trace_and_plan,
 )
 from armcontour.timing.program_tracing import Tracing, trace_program, turn_along
-from armcontour.timing.shaping import shape, start_of
+
+if TYPE_CHECKING:
+    from armcontour.timing.shaping import shape
+
+# Few programs have corners of the shape free.
+__getattr__ = load_lazily("armcontour.timing", {"shaping": ("shape",)})
 
 __all__ = [
     "METHODS",

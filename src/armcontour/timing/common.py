@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path
+from armcontour.geometry import Path, ShapedPath
 from armcontour.motion import JointPath, Law, PathLaw, Rates
+from armcontour.program import Program
 from armcontour.timing.limit_use import States, quantity
 
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
@@ -41,6 +43,19 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
         if (value := getattr(limits, name)) is not None
     }
     return limits.replace(**left) if left else limits
+
+
+def start_of(program: Program, given: npt.ArrayLike | None = None) -> npt.ArrayLike | None:
+    """Where an arm starts a program: as given, else where its contours were shaped, if anywhere.
+
+    Args:
+        program: The program.
+        given: The start that is given; None for none.
+    """
+    if given is not None:
+        return given
+    found = [x.path.outcome.joints for x in program.contours if isinstance(x.path, ShapedPath)]
+    return found[0] if found else None
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:

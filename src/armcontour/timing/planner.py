@@ -16,7 +16,7 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.common import with_reserve
+from armcontour.timing.common import start_of, with_reserve
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import (
@@ -30,7 +30,6 @@ from armcontour.timing.methods import (
 )
 from armcontour.timing.program_tracing import AddMove, TracedMove, Tracing, trace_program
 from armcontour.timing.programs import time_program, trace_and_time
-from armcontour.timing.shaping import Shaping, Wishes, start_of
 from armcontour.tracing import refuse_out_of_range
 
 # Options that apply to one path only: a program has many paths, and rests between them.
@@ -211,6 +210,8 @@ def _shape(
         InvalidInput: A path that is traced already, no tolerance, or as `shape`.
         ArmContourError: As `shape`.
     """
+    from armcontour.timing.shaping import Shaping, Wishes
+
     if isinstance(path, JointPath | Tracing):
         raise InvalidInput(
             "The method shaped changes the tool path, but this path is traced already: give it "

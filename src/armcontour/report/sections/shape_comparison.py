@@ -14,7 +14,6 @@ from armcontour.geometry.shaped import SHAPED
 from armcontour.jobs import Job, Run, RunResult
 from armcontour.motion import Trajectory
 from armcontour.timing import plan
-from armcontour.timing.shaping.starts import make_starts
 from armcontour.timing.shaping.wishes import Wishes, tube_of
 
 # Evenly spaced places at which distances are drawn, and at which the largest one is looked for.
@@ -108,6 +107,8 @@ def starts_of(path: ShapedPath, run: Run) -> dict[str, Variant]:
         path: The shaped path.
         run: Its run, which has the angular tolerance.
     """
+    from armcontour.timing.shaping.starts import make_starts
+
     wishes = Wishes(
         tolerance=path.tolerance,
         line_tolerance=path.line_tolerance,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.geometry import ShapedPath
-from armcontour.geometry.shaped import SHAPED
+from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import Study
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.corners import Replaced, draw_corners, find_corners
@@ -26,7 +26,6 @@ from armcontour.report.sections.shaping_figures import (
     magnified,
 )
 from armcontour.report.style import few
-from armcontour.timing.shaping.starts import ARCS, PARABOLAS, STOPS
 
 # Largest number of contours with figures, and of rows of the table.
 MOST_CONTOURS = 6

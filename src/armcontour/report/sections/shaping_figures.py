@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path, ShapedPath
+from armcontour.geometry.shaped import ARCS
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.outline import simplify
@@ -21,7 +22,6 @@ from armcontour.report.sections.shape_comparison import (
 )
 from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
 from armcontour.report.style import PATH_COLOUR, finish, line, thin
-from armcontour.timing.shaping.starts import ARCS
 
 SHAPED_LOOK: dict[str, Any] = {"colour": "#0072B2", "width": 2.5}
 ARCS_LOOK: dict[str, Any] = {"colour": "#D55E00", "width": 1.8, "dash": "dash"}

@@ -1,6 +1,19 @@
-"""Shaping: the path and its timing found together, within a tolerance of an objective path."""
+"""Shaping: the path and its timing found together, within a tolerance of an objective path.
 
-from armcontour.timing.shaping.shaper import Shaping, shape, start_of
-from armcontour.timing.shaping.wishes import Wishes
+Names are loaded at first use: few programs have corners of the shape free.
+"""
 
-__all__ = ["Shaping", "Wishes", "shape", "start_of"]
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armcontour._lazy import load_lazily
+
+if TYPE_CHECKING:
+    from armcontour.timing.shaping.shaper import Shaping, shape
+    from armcontour.timing.shaping.wishes import Wishes
+
+_HOME = {"shaper": ("Shaping", "shape"), "wishes": ("Wishes",)}
+__getattr__ = load_lazily("armcontour.timing.shaping", _HOME)
+
+__all__ = ["Shaping", "Wishes", "shape"]

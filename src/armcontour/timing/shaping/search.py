@@ -13,14 +13,14 @@ from armcontour.errors import ArmContourError
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.shaped import SHAPED
+from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
 from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
 from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
-from armcontour.timing.shaping.starts import ARCS, PARABOLAS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least

@@ -18,7 +18,7 @@ from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink, choose_limits
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.geometry.shaped import SHAPED
+from armcontour.geometry.shaped import ARCS, SHAPED, STOPS
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Contour, Move, Program, contour_called, put_on_path
 from armcontour.timing.common import with_reserve
@@ -26,7 +26,7 @@ from armcontour.timing.methods import Timing, refuse_unkept_jerk
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.timing.programs import time_program
 from armcontour.timing.shaping.search import make_searches, why_not
-from armcontour.timing.shaping.starts import ARCS, STOPS, Candidate, Timer, make_starts
+from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
 
 # The search ends with the first start that saves this share of the duration.
@@ -301,19 +301,6 @@ class Shaping:
         start = None if planar else ends_of(joint_path)[0]
         limits = with_reserve(self.limits, self.reserve)
         return Timer(self.arm, limits, self.branch, start, self.intervals)
-
-
-def start_of(program: Program, given: npt.ArrayLike | None = None) -> npt.ArrayLike | None:
-    """Where an arm starts a program: as given, else where its contours were shaped, if anywhere.
-
-    Args:
-        program: The program.
-        given: The start that is given; None for none.
-    """
-    if given is not None:
-        return given
-    found = [x.path.outcome.joints for x in program.contours if isinstance(x.path, ShapedPath)]
-    return found[0] if found else None
 
 
 def _path_of(move: Move) -> ShapedPath:

@@ -11,15 +11,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import ArmContourError
 from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_with_parabolas
+from armcontour.geometry.shaped import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.wishes import Wishes
 
-ARCS = "arcs"
-PARABOLAS = "parabolas"
-STOPS = "stops"
 # Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
 # them leave, to this share.
 HALVINGS, LESS = 14, 0.9
