@@ -703,7 +703,7 @@ def test_j23_a_question_right_after_another_is_answered(studio):
 
 def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
     studio, held = pages(), []
-    studio.page.route("**/rest.js", held.append)
+    studio.page.route("**/rest.js", lambda route: held.append(route))
     studio.page.reload()
     studio.wait_for("body[data-rev][data-regions=first]")
     studio.wait_for("#view2d[data-tier]")
