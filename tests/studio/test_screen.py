@@ -94,6 +94,32 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests() -> None:
         assert not heard.of("picture", state)[-1].header["notes"]
 
 
+@pytest.mark.parametrize(("without", "executed"), [(0.0, [0, 1, 2, 3]), (1e9, [0, 3])])
+def test_while_newer_edits_wait_plans_come_first_for_a_while(
+    without: float, executed: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("armcontour.studio.screen.WITHOUT", without)
+    data, previewer = load(PAPER, "job"), Previewer()
+    states = [
+        shown(previewer, {**data, "limits": {**data["limits"], "speed": speed}}, "optimal")
+        for speed in (0.05, 0.06, 0.07, 0.08)
+    ]
+    with showing(previewer) as (screen, heard):
+
+        def hear(frame: Frame, state: Shown) -> None:
+            k = states.index(state)
+            # The next edit comes with the plan of the one before.
+            if frame.kind == "picture" and k < 3:
+                screen.show(states[k + 1])
+            heard(frame, state)
+
+        monkeypatch.setattr(screen, "_tell", hear)
+        screen.show(states[0])
+        heard.wait(lambda frames: bool(heard.of("executed", states[3])))
+    assert all(heard.of("picture", x) for x in states)
+    assert [k for k, x in enumerate(states) if heard.of("executed", x)] == executed
+
+
 def test_at_rest_what_is_compared_is_as_exact_as_what_is_shown() -> None:
     data, previewer = load(PAPER, "job"), Previewer()
     with showing(previewer) as (screen, heard):
