@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib import resources
 from typing import Any
 
@@ -104,16 +104,16 @@ def test_while_newer_edits_wait_plans_come_first_for_a_while(
         shown(previewer, {**data, "limits": {**data["limits"], "speed": speed}}, "optimal")
         for speed in (0.05, 0.06, 0.07, 0.08)
     ]
-    with showing(previewer) as (screen, heard):
+    heard = Heard()
 
-        def hear(frame: Frame, state: Shown) -> None:
-            k = states.index(state)
-            # The next edit comes with the plan of the one before.
-            if frame.kind == "picture" and k < 3:
-                screen.show(states[k + 1])
-            heard(frame, state)
+    def hear(frame: Frame, state: Shown) -> None:
+        k = states.index(state)
+        # The next edit comes with the plan of the one before.
+        if frame.kind == "picture" and k < 3:
+            screen.show(states[k + 1])
+        heard(frame, state)
 
-        monkeypatch.setattr(screen, "_tell", hear)
+    with closing(Screen(previewer, hear)) as screen:
         screen.show(states[0])
         heard.wait(lambda frames: bool(heard.of("executed", states[3])))
     assert all(heard.of("picture", x) for x in states)
