@@ -143,7 +143,7 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     """From the command to a page that can be used, and to the first plan."""
     # As a package that was installed; a source tree may be kept from being compiled.
     compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
-    usable, planned = [], []
+    usable, planned, whole = [], [], []
     for _ in range(4):
         with serving(folder=folder) as server:
             studio = Studio(browser, server)
@@ -151,10 +151,13 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
             usable.append(time.perf_counter() - server.begin)
             studio.wait_for("#view2d[data-tier='1'], #view2d[data-tier='2']")
             planned.append(time.perf_counter() - server.begin)
+            studio.wait("body", regions="all")
+            whole.append(time.perf_counter() - server.begin)
             studio.close()
     # The first start fills the system's cache of files.
     yield Found("start: usable page", max(usable[1:]), 1.5, "s")
     yield Found("start: first plan", max(planned[1:]), 3.0, "s")
+    yield Found("start: charts, tables and tasks", max(whole[1:]), None, "s")
 
 
 MEASURES: dict[str, Measure] = {

@@ -186,8 +186,8 @@ class Studio:
         self.page.wait_for_selector(selector, state="attached", timeout=timeout)
 
     def begin(self) -> None:
-        """Wait for the first document."""
-        self.wait_for("body[data-link=open][data-rev]")
+        """Wait for the first document, and for all regions of the page."""
+        self.wait_for("body[data-link=open][data-rev][data-regions=all]")
 
     def rest(self) -> None:
         """Wait until what is shown is exact, as `armcontour run` would have it.

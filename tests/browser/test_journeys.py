@@ -702,3 +702,34 @@ def test_j23_a_question_right_after_another_is_answered(studio):
         studio.page.keyboard.press("Escape")
     name, _ = take_picture(studio, "Drawing as SVG")
     assert name == "paper-optimal.svg"
+
+
+def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
+    studio, held = pages(), []
+    studio.page.route("**/rest.js", lambda route: held.append(route))
+    studio.page.reload()
+    studio.wait_for("body[data-rev][data-regions=first]")
+    studio.wait_for("#view2d[data-tier]")
+    studio.tab("tasks")
+    studio.find("#picture").click()
+    expect(studio.find("#tab-button-tasks")).to_have_attribute("aria-selected", "true")
+    expect(studio.find("#question")).to_be_hidden()
+    assert len(held) == 1
+    held[0].continue_()
+    studio.begin()
+    expect(studio.find("#question")).to_be_visible()
+    expect(studio.find("#tasks form").first).to_be_visible()
+    # What was there before is shown as well.
+    assert float(studio.find("#playback .scrub").get_attribute("max")) > 1
+    studio.page.keyboard.press("Escape")
+    studio.tab("waypoints")
+    expect(studio.find("#tab-waypoints tbody tr").first).to_be_visible()
+
+
+def test_j24_regions_that_cannot_be_loaded_are_told(pages):
+    studio = pages()
+    studio.is_cut_off = True
+    studio.page.route("**/rest.js", lambda route: route.abort())
+    studio.page.reload()
+    expect(studio.find("#messages")).to_contain_text("did not load: load the page again")
+    studio.wait_for("#view2d[data-tier]")

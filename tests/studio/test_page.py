@@ -50,8 +50,8 @@ def test_the_page_names_all_modules_that_it_begins_with_so_that_they_are_loaded_
     named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
     assert sorted({*named, "app.js"}) == sorted(_reached(later=False))
     assert len(named) == len(set(named))
-    # What draws the arm by WebGL is loaded when the arm is first seen, what draws charts with the
-    # first plan.
+    # What shows a plan is loaded after it, what draws the arm by WebGL when the arm is first seen.
+    assert not {"rest.js", "arm3d.js", "charts.js", "tasks.js"} & set(named)
     assert not {"vendor/three.js", "vendor/uplot.js"} & set(named)
 
 
@@ -144,6 +144,43 @@ def test_no_older_frame_is_shown_after_a_newer_one():
         orders,
     )
     assert found == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
+
+
+@with_node
+def test_what_comes_later_is_told_what_is_there_and_nobody_is_told_twice():
+    found = compute(
+        """
+        const { Store } = await import("./state.js");
+        const store = new Store(), told = [], rest = { arrays: {}, shapes: {}, asked: 0 };
+        const put = (kind, head = {}) => store.put({ kind, rev: 1, seq: 1, head, ...rest });
+        const listen = (who, events) => events.forEach((event) =>
+          store.on(event, (x) => told.push([who, event, x?.kind ?? x?.stage ?? x?.t])));
+        listen("first", ["document", "refusal", "view"]);
+        put("document", { compare: { run: "x" } });
+        put("picture");
+        put("picture", { of: "compare" });
+        put("refusal", { tier: 1 });
+        store.setCursor({ t: 2, source: "path" });
+        store.setView({ stage: "both" });
+        const before = told.splice(0).length;
+        store.catchUp(() =>
+          listen("later", ["document", "picture", "compare", "refusal", "cursor", "view", "pose"]));
+        const late = told.splice(0);
+        put("document", { compare: { run: "x" } });
+        tell([before, late, told]);
+        """,
+        [],
+    )
+    late = [
+        ["document", "document"],
+        ["picture", "picture"],
+        ["compare", "picture"],
+        ["refusal", "refusal"],
+        ["cursor", 2],
+        ["view", "both"],
+    ]
+    assert found[:2] == [3, [["later", *x] for x in late]]
+    assert found[2] == [[who, "document", "document"] for who in ("first", "later")]
 
 
 @with_node

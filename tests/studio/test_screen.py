@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib import resources
 from typing import Any
 
@@ -95,6 +95,32 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests() -> None:
         heard.wait(lambda frames: len(heard.of("executed", state)) == 2)
         assert heard.of("picture", state)[-1].header["duration"] == fine.duration
         assert not heard.of("picture", state)[-1].header["notes"]
+
+
+@pytest.mark.parametrize(("without", "executed"), [(0.0, [0, 1, 2, 3]), (1e9, [0, 3])])
+def test_while_newer_edits_wait_plans_come_first_for_a_while(
+    without: float, executed: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("armcontour.studio.screen.WITHOUT", without)
+    data, previewer = load(PAPER, "job"), Previewer()
+    states = [
+        shown(previewer, {**data, "limits": {**data["limits"], "speed": speed}}, "optimal")
+        for speed in (0.05, 0.06, 0.07, 0.08)
+    ]
+    heard = Heard()
+
+    def hear(frame: Frame, state: Shown) -> None:
+        k = states.index(state)
+        # The next edit comes with the plan of the one before.
+        if frame.kind == "picture" and k < 3:
+            screen.show(states[k + 1])
+        heard(frame, state)
+
+    with closing(Screen(previewer, hear)) as screen:
+        screen.show(states[0])
+        heard.wait(lambda frames: bool(heard.of("executed", states[3])))
+    assert all(heard.of("picture", x) for x in states)
+    assert [k for k, x in enumerate(states) if heard.of("executed", x)] == executed
 
 
 def test_at_rest_what_is_compared_is_as_exact_as_what_is_shown() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -32,6 +33,8 @@ from armcontour.studio.wire import Frame
 QUICK = 0.03
 # A longer motion, too [s]: an execution cannot be given up for a newer one.
 SHORT = 60.0
+# While edits come faster than they are executed, their plans come first for so long [s].
+WITHOUT = 0.06
 LONG = "the program is long, and is planned when it is at rest."
 
 
@@ -109,8 +112,8 @@ class Screen:
         self._working: Shown | None = None
         # Whether pages have the last frame, and an arm of any document.
         self._reached = self._has_arm = False
-        # Whether the last plan was not executed, as a newer edit waited.
-        self._owed = False
+        # When a plan was executed last [s].
+        self._executed_at = -math.inf
         self._done = Event()
         self._lane = lane(self._deliver)
 
@@ -233,11 +236,10 @@ class Screen:
             if slow and self._may_wait(shown):
                 return
             exact = self.previewer.may_be_exact(planned)
-            # While edits come one after the other, every second plan is executed at least.
-            self._owed = not self._owed and stale()
-            if self._owed:
+            if stale() and time.perf_counter() < self._executed_at + WITHOUT:
                 return
             seen.executed = self.previewer.execute(planned, moving=moving)
+            self._executed_at = time.perf_counter()
             yield executed_frame(seen.executed, view)
             if (exact or moving) and not stale() and not self._may_wait(shown):
                 yield from self._live(shown, stale) if moving else self._exact(shown, stale)

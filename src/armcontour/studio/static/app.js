@@ -1,7 +1,6 @@
-// The page: the store, the connection, and one module per region.
+// The page: the store, the connection, and one module per region. What a person sees and uses first is made before the
+// connection; all else (rest.js) is loaded once the first picture is drawn, or somebody does something.
 
-import { init as arm3d } from "./arm3d.js";
-import { init as charts } from "./charts.js";
 import { init as dock } from "./dock.js";
 import { init as figures } from "./figures.js";
 import { init as files } from "./files.js";
@@ -10,19 +9,10 @@ import { init as header } from "./header.js";
 import { init as keys } from "./keys.js";
 import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
-import { init as messages } from "./messages.js";
-import { init as notes } from "./notes.js";
-import { init as obstacles } from "./obstacles.js";
+import { init as messages, notify } from "./messages.js";
 import { init as panel } from "./panel.js";
-import { init as picture } from "./picture.js";
-import { init as place } from "./place.js";
-import { init as playback } from "./playback.js";
-import { init as runs } from "./runs.js";
 import { init as splitter } from "./splitter.js";
 import { Store } from "./state.js";
-import { init as tables } from "./tables.js";
-import { init as tasks } from "./tasks.js";
-import { init as textpane } from "./textpane.js";
 import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
@@ -32,36 +22,62 @@ const link = new Link(store);
 messages(store);
 theme(store);
 const view = new View2d(store);
-/** What makes the regions; one that fails does not take the others with it. @type {(() => unknown)[]} */
-const regions = [
+const grabbed = handles(store, link, view);
+/** Buttons of regions that are not there yet, which were pressed. @type {Set<HTMLElement>} */
+const pressed = new Set();
+
+/** Make regions; one that fails does not take the others with it. @param {(() => unknown)[]} regions */
+function makeAll(regions) {
+  for (const make of regions) {
+    try {
+      make();
+    } catch (error) {
+      console.error(error);
+    }
+  }
+}
+
+/** Load and make the other regions; then what was pressed meanwhile is pressed again. */
+async function makeRest() {
+  try {
+    const { regionsOf } = await import("./rest.js");
+    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed)));
+  } catch (error) {
+    console.error(error);
+    notify("Charts, tables and tasks did not load: load the page again.", "alarm");
+    return;
+  }
+  document.removeEventListener("click", keepPressed);
+  document.body.dataset.regions = "all";
+  for (const button of pressed) button.click();
+}
+
+/** @param {Event} event */
+function keepPressed({ target }) {
+  const button = target instanceof Element ? target.closest("[data-later]") : null;
+  if (button) pressed.add(/** @type {HTMLElement} */ (button));
+}
+
+makeAll([
   () => dock(store),
   () => splitter(store),
   () => header(store, link),
   () => figures(store),
   () => viewbar(store, view),
-  () => {
-    const grabbed = handles(store, link, view);
-    obstacles(store, link, view, grabbed);
-    place(store, link, view, grabbed);
-  },
   () => marks(store, view),
   () => panel(store, link),
-  () => tables(store, link),
-  () => runs(store, link),
   () => files(store, link),
-  () => textpane(store, link),
-  () => notes(store),
-  () => picture(store, view, arm3d(store, link)),
-  () => charts(store, link),
-  () => playback(store, link),
-  () => tasks(store, link),
   () => keys(store, link, view),
-];
-for (const make of regions) {
-  try {
-    make();
-  } catch (error) {
-    console.error(error);
-  }
-}
+]);
+document.addEventListener("click", keepPressed);
+// Before the first picture they would have nothing to show; whoever does something may need them at once.
+const waiting = new AbortController();
+const wish = () => {
+  if (waiting.signal.aborted) return;
+  waiting.abort();
+  requestAnimationFrame(() => setTimeout(makeRest));
+};
+for (const event of ["picture", "refusal", "view"]) store.on(event, wish);
+for (const event of ["pointerdown", "click", "keydown"])
+  document.addEventListener(event, wish, { capture: true, signal: waiting.signal });
 link.open();

@@ -1,6 +1,6 @@
 // Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
 
-import { draw, find, make, mark } from "./dom.js";
+import { draw, find, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
@@ -30,15 +30,7 @@ class Obstacles {
     this.elements = [];
     /** The obstacle that is changed now. @type {Obstacle | null} */
     this.held = null;
-    find("#viewbar .spring").before(
-      make("button", {
-        type: "button",
-        id: "add-obstacle",
-        text: "Add obstacle",
-        title: "A box in the middle of the view; move it, drag its corner, or change it in the job file",
-        onclick: () => this.add(),
-      }),
-    );
+    find("#add-obstacle").addEventListener("click", () => this.add());
     store.on("document", () => {
       this.held = null;
       this.place();

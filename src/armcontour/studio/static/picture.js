@@ -28,15 +28,7 @@ class Pictures {
     this.view = view;
     this.arm = arm;
     this.measuring = /** @type {CanvasRenderingContext2D} */ (make("canvas").getContext("2d"));
-    find("#viewbar").append(
-      make("button", {
-        type: "button",
-        id: "picture",
-        text: "Picture",
-        title: "Save what is shown as a picture, for a report or a mail (I)",
-        onclick: () => this.ask(),
-      }),
-    );
+    find("#picture").addEventListener("click", () => this.ask());
   }
 
   async ask() {

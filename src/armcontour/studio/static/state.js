@@ -97,6 +97,23 @@ export class Store {
     return () => all.delete(listener);
   }
 
+  /**
+   * Make what comes later than the rest: its listeners are told what is there.
+   * @param {() => void} make
+   */
+  catchUp(make) {
+    const before = new Map([...this.listeners].map(([event, all]) => [event, new Set(all)]));
+    make();
+    const tell = (/** @type {string} */ event, /** @type {any} */ detail) => {
+      for (const listener of this.listeners.get(event) ?? []) if (!before.get(event)?.has(listener)) listener(detail);
+    };
+    for (const [name, frame] of this.frames) tell(frame.head.of === "compare" ? "compare" : name, frame);
+    if (this.refusal) tell("refusal", this.refusal);
+    if (this.cursor) tell("cursor", this.cursor);
+    if (this.selection) tell("selection", this.selection);
+    tell("view", this.options);
+  }
+
   /** Tell an event. @param {string} event @param {any} [detail] */
   tell(event, detail) {
     for (const listener of this.listeners.get(event) ?? []) listener(detail);

@@ -67,6 +67,14 @@ class Viewbar {
       this.executed,
       make("span", { class: "group magnify" }, [this.factor, this.times, this.auto]),
       this.place,
+      // Those of regions that are loaded later.
+      make("button", {
+        type: "button",
+        id: "add-obstacle",
+        "data-later": true,
+        text: "Add obstacle",
+        title: "A box in the middle of the view; move it, drag its corner, or change it in the job file",
+      }),
       make("span", { class: "spring" }),
       make("span", { class: "group" }, [
         button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4)),
@@ -74,6 +82,13 @@ class Viewbar {
         button("Fit", "Show all (F)", () => view.fit()),
       ]),
       this.stages.element,
+      make("button", {
+        type: "button",
+        id: "picture",
+        "data-later": true,
+        text: "Picture",
+        title: "Save what is shown as a picture, for a report or a mail (I)",
+      }),
     );
   }
 

@@ -1,0 +1,36 @@
+// The regions that are loaded later: they show a plan, or are seen once they are opened.
+
+import { init as arm3d } from "./arm3d.js";
+import { init as charts } from "./charts.js";
+import { init as notes } from "./notes.js";
+import { init as obstacles } from "./obstacles.js";
+import { init as picture } from "./picture.js";
+import { init as place } from "./place.js";
+import { init as playback } from "./playback.js";
+import { init as runs } from "./runs.js";
+import { init as tables } from "./tables.js";
+import { init as tasks } from "./tasks.js";
+import { init as textpane } from "./textpane.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./view2d.js").View2d} View2d */
+/** @typedef {import("./handles.js").Handles} Handles */
+
+/**
+ * What makes them.
+ * @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles
+ * @returns {(() => unknown)[]}
+ */
+export const regionsOf = (store, link, view, handles) => [
+  () => obstacles(store, link, view, handles),
+  () => place(store, link, view, handles),
+  () => tables(store, link),
+  () => runs(store, link),
+  () => textpane(store, link),
+  () => notes(store),
+  () => picture(store, view, arm3d(store, link)),
+  () => charts(store, link),
+  () => playback(store, link),
+  () => tasks(store, link),
+];
