@@ -12,7 +12,6 @@ from unittest import mock
 import numpy as np
 
 import armcontour as ac
-from armcontour.timing import optimal
 from armcontour.timing.jerk import limiting
 from soak.jerk_problems import Problem, draw
 
@@ -110,7 +109,7 @@ def interrupted(iterations: int) -> Iterator[None]:
     def short(law, task):  # noqa: ANN001, ANN202
         return limit_jerk(law, replace(task, iterations=iterations))
 
-    with mock.patch.object(optimal, "limit_jerk", short):
+    with mock.patch.object(limiting, "limit_jerk", short):
         yield
 
 

@@ -706,6 +706,8 @@ def test_j23_a_question_right_after_another_is_answered(studio):
 
 def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
     studio, held = pages(), []
+    # The page before has all of its own.
+    studio.begin()
     studio.page.route("**/rest.js", lambda route: held.append(route))
     studio.page.reload()
     studio.wait_for("body[data-rev][data-regions=first]")
@@ -728,6 +730,7 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
 
 def test_j24_regions_that_cannot_be_loaded_are_told(pages):
     studio = pages()
+    studio.begin()
     studio.is_cut_off = True
     studio.page.route("**/rest.js", lambda route: route.abort())
     studio.page.reload()
