@@ -194,6 +194,10 @@ def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
     assert float(difference) == pytest.approx(new - old, abs=1e-3)
     pin.get_by_role("button", name="Compare").click()
     expect(studio.find("#compare")).to_have_value("pin 1")
+    # The pin is of the shown run: its curve has the name of the pin.
+    studio.tab("charts")
+    expect(studio.find("[data-chart=error] .u-legend")).to_contain_text("Pin 1")
+    studio.tab("runs")
     expect(pin).to_contain_text(f"{old:.3f}"[:5])
     with studio.changing():
         pin.get_by_role("button", name="Swap").click()
