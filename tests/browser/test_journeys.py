@@ -656,6 +656,42 @@ def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path)
         expect(studio.find("#question")).to_be_hidden()
 
 
+def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
+    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
+        # Sentences do not go by themselves.
+        studio.page.add_init_script(
+            "const after = setTimeout;"
+            "window.setTimeout = (f, ms, ...x) => ms === 9000 ? 0 : after(f, ms, ...x);"
+        )
+        studio.page.reload()
+        studio.wait("body", refused="true", regions="all")
+        early = studio.find("#messages .message.alarm:not(.refusal)")
+        for button in ("#picture", "#add-obstacle"):
+            studio.find(button).click()
+        expect(early).to_have_count(2)
+        expect(early.last).to_contain_text("No obstacle can be added yet")
+        studio.tab("text")
+        area = studio.find("#tab-text textarea")
+        area.fill(studio.text.replace("arm: none", "arm: pmk3s"))
+        area.press("Control+Enter")
+        studio.wait_for("#view2d[data-tier]")
+        expect(early).to_have_count(0)
+
+
+def test_j20_an_edit_does_not_move_buttons_and_figures(studio):
+    places = ("#undo", "#run", "[data-figure=rms]", "[data-figure=settled]")
+
+    def lefts() -> list[float]:
+        return [studio.find(x).bounding_box()["x"] for x in places]
+
+    before = lefts()
+    with studio.changing(), studio.grabbing(studio.handle("corner", 1)) as (x, y):
+        studio.page.mouse.move(x + 8, y, steps=4)
+        studio.wait("#figures", exact="false")
+        assert lefts() == before
+    assert lefts() == before
+
+
 @pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
 def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
     # The page that was opened first has made the job exact; the legend is longest with a pin.
