@@ -194,6 +194,10 @@ def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
     assert float(difference) == pytest.approx(new - old, abs=1e-3)
     pin.get_by_role("button", name="Compare").click()
     expect(studio.find("#compare")).to_have_value("pin 1")
+    # The pin is of the shown run: its curve has the name of the pin.
+    studio.tab("charts")
+    expect(studio.find("[data-chart=error] .u-legend")).to_contain_text("Pin 1")
+    studio.tab("runs")
     expect(pin).to_contain_text(f"{old:.3f}"[:5])
     with studio.changing():
         pin.get_by_role("button", name="Swap").click()
@@ -650,6 +654,62 @@ def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path)
         studio.find("#picture").click()
         expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
         expect(studio.find("#question")).to_be_hidden()
+
+
+def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
+    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
+        # Sentences do not go by themselves.
+        studio.page.add_init_script(
+            "const after = setTimeout;"
+            "window.setTimeout = (f, ms, ...x) => ms === 9000 ? 0 : after(f, ms, ...x);"
+        )
+        studio.page.reload()
+        studio.wait("body", refused="true", regions="all")
+        early = studio.find("#messages .message.alarm:not(.refusal)")
+        for button in ("#picture", "#add-obstacle"):
+            studio.find(button).click()
+        expect(early).to_have_count(2)
+        expect(early.last).to_contain_text("No obstacle can be added yet")
+        studio.tab("text")
+        area = studio.find("#tab-text textarea")
+        area.fill(studio.text.replace("arm: none", "arm: pmk3s"))
+        area.press("Control+Enter")
+        studio.wait_for("#view2d[data-tier]")
+        expect(early).to_have_count(0)
+
+
+def test_j20_handles_do_not_jump_while_the_page_begins(studio):
+    studio.page.add_init_script(
+        """
+        const places = new Set();
+        new MutationObserver((changes) => {
+          for (const { target } of changes) {
+            if (!target.matches("g.handle.waypoint[data-index='1']")) continue;
+            places.add(target.getAttribute("transform"));
+            document.body.dataset.places = [...places].join(" | ");
+          }
+        }).observe(document, { subtree: true, attributes: true, attributeFilter: ["transform"] });
+        """
+    )
+    studio.page.reload()
+    studio.rest()
+    found = re.findall(r"translate\((\S+) (\S+)\)", studio.told("body", "places"))
+    # The box of the exact plan differs from that of the first one by less than a pixel.
+    assert found and np.ptp(np.array(found, dtype=float), axis=0).max() < 1
+
+
+def test_j20_an_edit_does_not_move_buttons_and_figures(studio):
+    places = ("#undo", "#run", "[data-figure=rms]", "[data-figure=settled]")
+
+    def lefts() -> list[float]:
+        return [studio.find(x).bounding_box()["x"] for x in places]
+
+    before = lefts()
+    with studio.changing(), studio.grabbing(studio.handle("corner", 1)) as (x, y):
+        studio.page.mouse.move(x + 8, y, steps=4)
+        studio.wait("#figures", exact="false")
+        assert lefts() == before
+    assert lefts() == before
 
 
 @pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])

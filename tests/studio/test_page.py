@@ -428,6 +428,18 @@ def test_places_without_an_assigned_speed_tell_none():
 
 
 @with_node
+def test_a_number_that_is_typed_takes_the_unit_alone():
+    found = compute(
+        """
+        const { withUnit } = await import("./format.js");
+        tell(given.map(([typed, shown]) => withUnit(typed, shown, "m")));
+        """,
+        [["40", "25 1/s"], ["40", "25mm"], ["4e1", "0.15  m/s"], ["40", "none"], ["40", "25"]],
+    )
+    assert found == ["40 1/s", "40 mm", "4e1 m/s", "40 m", "40"]
+
+
+@with_node
 def test_a_difference_that_rounds_to_nothing_has_no_sign():
     found = compute(
         """

@@ -38,6 +38,8 @@ def test_a_place_that_is_better_is_found_in_the_plane(coarse, drawings):
     best = int(np.nanargmin(durations))
     by = found.header["best"]["by"]
     np.testing.assert_allclose(by, found.arrays["by"][best])
+    # It stays true when the part is moved.
+    assert found.header["sentence"].endswith("s less than where the part was.")
     frame = {"position": [float(by[0]), float(by[1]), 0.0]}
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
     taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]

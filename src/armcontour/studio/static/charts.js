@@ -39,6 +39,8 @@ const DEMANDS = /** @type {const} */ ([
 export function init(store, _link) {
   const charts = new Charts(find("#charts"), store);
   for (const event of ["picture", "executed", "compare", "arm"]) store.on(event, () => charts.renew());
+  // Another name of what is compared may come after its curves.
+  store.on("document", () => store.document?.compare && charts.renew());
   store.on("cursor", () => charts.pointSoon());
   store.on("theme", () => charts.repaint());
   store.on("refusal", () => charts.grey());
@@ -104,7 +106,7 @@ class Charts {
     const picture = this.store.latest("picture");
     // A long drawing comes without a plan first.
     this.speed.element.hidden = !picture?.arrays.path_s.length;
-    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.latest("picture", "compare"), this.store.theme));
+    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.latest("picture", "compare"), comparedName(this.store), this.store.theme));
   }
 
   /** @param {number} k */
@@ -122,7 +124,7 @@ class Charts {
   fillError() {
     const executed = this.store.latest("executed");
     this.error.element.hidden = !executed;
-    if (executed) this.error.show(errorContent(executed, this.store.latest("executed", "compare")));
+    if (executed) this.error.show(errorContent(executed, this.store.latest("executed", "compare"), comparedName(this.store)));
   }
 
   /** Values at the cursor are text, which costs more than a line: not in every frame. */
@@ -151,10 +153,11 @@ class Charts {
 /**
  * @param {Frame} picture
  * @param {Frame | null} compared
+ * @param {string} name of what is compared
  * @param {"light" | "dark"} theme
  * @returns {Content}
  */
-function speedContent(picture, compared, theme) {
+function speedContent(picture, compared, name, theme) {
   const { path_s: places, binding } = picture.arrays;
   const s = refined(places);
   const [speed, assigned] = [picture.arrays.speed, picture.arrays.assigned].map((y) => resampled(places, y, s, 1000));
@@ -162,7 +165,7 @@ function speedContent(picture, compared, theme) {
   const curves = /** @type {Curve[]} */ ([]);
   if (compared) {
     const { path_s: otherS, speed: other } = compared.arrays;
-    curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherS, other, s, 1000) });
+    curves.push({ label: name, colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherS, other, s, 1000) });
   }
   if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
   curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
@@ -205,16 +208,17 @@ function demandContent(picture, usage, names, what) {
 /**
  * @param {Frame} executed
  * @param {Frame | null} compared
+ * @param {string} name of what is compared
  * @returns {Content}
  */
-function errorContent(executed, compared) {
+function errorContent(executed, compared, name) {
   const { t, error } = errorsOf(executed);
   const { max, rms } = executed.head;
   const [factor, unit] = max >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
   const curves = /** @type {Curve[]} */ ([]);
   if (compared) {
     const { t: otherT, error: other } = errorsOf(compared);
-    curves.push({ label: comparedName(compared), colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherT, other, t, factor) });
+    curves.push({ label: name, colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherT, other, t, factor) });
   }
   curves.push({ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) });
   return {
@@ -223,9 +227,10 @@ function errorContent(executed, compared) {
   };
 }
 
-/** @param {Frame} frame @returns {string} */
-function comparedName(frame) {
-  return frame.head.name ?? frame.head.run ?? "compared";
+/** Name of the pin or run that is compared: a pin of the shown run is not called like it. @param {Store} store @returns {string} */
+function comparedName(store) {
+  const { compare, pins = [] } = store.document ?? {};
+  return pins.find((/** @type {any} */ x) => x.pin === compare?.pin)?.name ?? compare?.run ?? "compared";
 }
 
 /**

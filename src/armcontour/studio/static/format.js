@@ -45,7 +45,8 @@ export const isPlain = (text) => PLAIN.test(text);
 export function withUnit(typed, shown, unit = "") {
   // Where the file has a plain number, in SI units, so is what is typed.
   if (!isPlain(typed) || isPlain(shown)) return typed;
-  const known = RegExp(`^${NUMBER}\\s*(\\D.*)$`).exec(shown)?.[1] ?? unit;
+  // The blank between belongs to neither: of "25 1/s" the unit is "1/s".
+  const known = RegExp(`^${NUMBER}(.*)$`).exec(shown)?.[1].trim() ?? unit;
   return known ? `${typed} ${known}` : typed;
 }
 

@@ -86,6 +86,8 @@ export class Handles {
   waypoints() {
     const found = this.store.document;
     if (!found?.path?.editable) return [];
+    // The view is fitted to the first picture: until then a handle would be elsewhere.
+    if (!this.store.latest("picture") && !this.store.refusal) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
     return movable.length <= MOST_HANDLES
       ? movable

@@ -28,8 +28,20 @@ export function notify(sentence, tone = "notice") {
   return message;
 }
 
+/** What could not be done as nothing was shown yet. @type {HTMLElement[]} */
+let early = [];
+
+/** Say that something cannot be done before a path is shown; this goes with the first path. @param {string} sentence */
+export function tellEarly(sentence) {
+  early.push(notify(sentence, "alarm"));
+}
+
 /** @param {Store} store */
 export function init(store) {
+  store.on("picture", () => {
+    for (const message of early) message.remove();
+    early = [];
+  });
   const refused = make("div", { class: "message alarm refusal", hidden: true }, [
     make("span"),
     make("span", { class: "quiet" }),

@@ -4,6 +4,7 @@ import { draw, find, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { dragged, Gesture, nudged } from "./gesture.js";
+import { tellEarly } from "./messages.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -53,7 +54,7 @@ class Obstacles {
   /** A box in the middle of the view. */
   add() {
     const { plane } = this;
-    if (!plane) return;
+    if (!plane) return tellEarly("No obstacle can be added yet: no path has been shown.");
     const side = Number((NEW_SIDE / this.view.view.scale).toPrecision(1));
     const { u, v } = this.view.view.place;
     const at = this.lift([u + this.handles.centre[0], v + this.handles.centre[1]], 1e-3);

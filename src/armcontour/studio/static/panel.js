@@ -27,6 +27,11 @@ const FROM = {
   default: ["", "The default; not written in the job"],
 };
 
+/** What choices mean, by key. @type {Record<string, string>} */
+const MEANING = {
+  "corners.shape": "sharp: corners as drawn; arc: rounded by arcs; free: the fastest path within the tolerance.",
+};
+
 /** One row: name, text, slider. */
 class Row {
   /** @param {Slider} slider @param {Link} link @param {Ghost} ghost */
@@ -131,7 +136,7 @@ class Row {
     // A plain number of the file stays one; its unit is told beside it.
     say(this.from, [isPlain(this.written) ? slider.unit : "", mark].filter(Boolean).join(" · "));
     this.element.dataset.from = from;
-    this.text.title = this.select.title = title;
+    this.text.title = this.select.title = [MEANING[slider.key], title].filter(Boolean).join(" ");
     if (choices) this.showChoices(choices, value);
     if (this.gesture) return;
     // What somebody is typing stays; what was sent is shown as the document has it.

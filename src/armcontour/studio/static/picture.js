@@ -3,7 +3,7 @@
 import { show } from "./ask.js";
 import { find, give, make } from "./dom.js";
 import { Layers } from "./layers.js";
-import { notify } from "./messages.js";
+import { notify, tellEarly } from "./messages.js";
 import { armSheet, drawingSheet } from "./sheet.js";
 import { SvgContext, Trace } from "./svg.js";
 
@@ -33,7 +33,7 @@ class Pictures {
 
   async ask() {
     const { store } = this;
-    if (!store.latest("picture")) return notify("There is nothing to take a picture of yet: no path has been shown.", "alarm");
+    if (!store.latest("picture")) return tellEarly("There is nothing to take a picture of yet: no path has been shown.");
     const { stage } = store.options;
     const choices = Object.entries(CHOICES).filter(([, { of }]) => of.includes(stage));
     const light = make("input", { type: "checkbox" });

@@ -92,7 +92,7 @@ def place(x: Request) -> Frame:
     sentence = f"Best: {best}, with {shown(best.verdict.score(objective), objective)}."
     if np.isfinite(gained):
         than = "less" if gained >= 0 else "more"
-        sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part is now."
+        sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part was."
     anchor = found.moves.anchor
     # Shifts are from where the part is.
     own = dict(zip(LENGTHS, anchor.tolist(), strict=True))
