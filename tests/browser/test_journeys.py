@@ -100,7 +100,7 @@ def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
     assert studio.text == original
     # Left there, the file has it, and the library says the same sentence.
     studio.drag(handle, (320, 0))
-    studio.wait("body", refused="true", dirty="true")
+    studio.wait("body", refused="true", dirty="true", busy="false")
     expect(studio.find("#undo")).to_be_enabled()
     with pytest.raises(ac.Unreachable) as refused:
         judge(studio)
