@@ -39,6 +39,8 @@ class Frame(Value):
     rotation: FloatArray = field(default_factory=lambda: UNTURNED)
 
     def __post_init__(self) -> None:
+        if self.position is ORIGIN and self.rotation is UNTURNED:
+            return
         position = _checks.numbers("position of a frame", self.position, "m")
         if position.shape != (3,):
             raise InvalidInput(

@@ -419,12 +419,21 @@ def test_places_without_an_assigned_speed_tell_none():
         const arrays = { path_s: [0.1], path_t: [2], speed: [0.05], binding: [0] };
         const head = { limits: [{ name: "joint 1 velocity", kind: "velocity" }] };
         const at = (assigned) => sentenceAt({ head, arrays: { ...arrays, assigned } }, 0);
-        tell([at([NaN]), at([0.15])]);
+        const places = [at([NaN]), at([0.15])];
+        // The limit is told once, at slow places as well; not at the fastest ones.
+        head.shortfalls = [{ kind: "fastest", s: 0.1 }, { kind: "slowest", s: 0.103 }];
+        places.push(at([0.15]));
+        head.shortfalls.push({ kind: "slowest", s: 0.101 });
+        tell([...places, at([0.15])]);
         """,
         [],
     )
     start, why = "s = 100.0 mm, t = 2.000 s: 50.0", "; held back by: joint 1 velocity."
-    assert found == [f"{start} mm/s{why}", f"{start} of 150.0 mm/s{why}"]
+    whole = f"{start} of 150.0 mm/s"
+    assert found == [
+        *(f"{start} mm/s{why}", f"{whole}{why}", f"{whole}{why}"),
+        f"{whole}, the slowest around here{why}",
+    ]
 
 
 @with_node

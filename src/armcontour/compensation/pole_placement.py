@@ -111,11 +111,11 @@ def _set_points(
         np.stack([c1 / rate**2, c2 / rate], axis=1),
         rate,
         np.abs(placed).max(axis=1),
-        trajectory(0.0),
+        motion[0, 0],
     )
     at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[at], 2, 0)
-    source = np.concatenate([trajectory(times.inside), np.tile(final, (tail + 1, 1))])
+    source = motion[np.minimum(at, len(motion) - 1), 0]
     x4 = source - x1 - c1 / rate**2 * x2 - c2 / rate * x3
     lead = x / rate**2
     y = x1 + lead * x2

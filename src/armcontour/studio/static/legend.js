@@ -58,19 +58,17 @@ export function legendOf(store, layers, picture, magnify) {
   if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
   found.push(sample(ink("faint"), [5, 4], 1, "objective"));
   if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
+  if (slowPlaces(picture).length) found.push({ ...sample(ink("alarm"), [], 1, "slow place", 10), corners: SLOW });
   return found;
 }
 
 /**
- * What the page tells when it is pointed at, and pictures by words.
+ * What corners may be off, which the page tells at their handles, and pictures by a word.
  * @param {Frame} picture @param {"light" | "dark"} theme @param {number} scale px per m @returns {Sample[]}
  */
-export function marksOf(picture, theme, scale) {
-  const found = [];
-  const mark = sample(themed("--alarm", theme), [], 1, "slow place", 10);
-  if (slowPlaces(picture).length) found.push({ ...mark, corners: SLOW });
-  if (bandOf(picture) * scale > 1) found.push(sample(themed("--band", theme), [], 8, "corner tolerance"));
-  return found;
+export function bandsOf(picture, theme, scale) {
+  if (bandOf(picture) * scale <= 1) return [];
+  return [sample(themed("--band", theme), [], 8, "corner tolerance")];
 }
 
 /**

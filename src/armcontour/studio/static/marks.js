@@ -12,6 +12,8 @@ import { indexAt } from "./state.js";
 
 const NEAR = 14; // px
 const MOST_MARKS = 60;
+// A slow place is told of so near to it.
+const BESIDE = 0.002; // m
 /** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
 export const SLOW = [[0, -5], [5, 4], [-5, 4]];
 export const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
@@ -183,7 +185,7 @@ export function pointAt(picture, s) {
  */
 export function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
-  const near = (picture.head.shortfalls ?? []).find((/** @type {any} */ x) => Math.abs(x.s - s[i]) < 0.002);
+  const isSlow = (/** @type {any} */ x) => x.kind === "slowest" && Math.abs(x.s - s[i]) < BESIDE;
   const limit = picture.head.limits[binding[i]];
   const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
   const why = limit
@@ -191,8 +193,8 @@ export function sentenceAt(picture, i) {
       ? "; the assigned speed is reached"
       : `; held back by: ${limit.label ?? limit.name}`
     : "";
-  const where = `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${why}.`;
-  return near ? `${where} ${near.sentence}` : where;
+  const slow = (picture.head.shortfalls ?? []).some(isSlow) ? ", the slowest around here" : "";
+  return `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
 }
 
 /** @param {Store} store @param {View2d} view */

@@ -27,9 +27,15 @@ const FROM = {
   default: ["", "The default; not written in the job"],
 };
 
-/** What choices mean, by key. @type {Record<string, string>} */
+/** The joint at the end of a key. */
+const OF_JOINT = /\.\d+$/;
+const GAIN = "A compensation makes up for the gains: to see what they do, choose none as Compensation.";
+/** What quantities and choices mean, by key. @type {Record<string, string>} */
 const MEANING = {
   "corners.shape": "sharp: corners as drawn; arc: rounded by arcs; free: the fastest path within the tolerance.",
+  "servo.kp": GAIN,
+  "servo.kv": GAIN,
+  "compensation.method": "How set-points make up for what the servo does to the motion; none: they are those of the plan.",
 };
 
 /** One row: name, text, slider. */
@@ -136,7 +142,7 @@ class Row {
     // A plain number of the file stays one; its unit is told beside it.
     say(this.from, [isPlain(this.written) ? slider.unit : "", mark].filter(Boolean).join(" · "));
     this.element.dataset.from = from;
-    this.text.title = this.select.title = [MEANING[slider.key], title].filter(Boolean).join(" ");
+    this.text.title = this.select.title = [MEANING[slider.key.replace(OF_JOINT, "")], title].filter(Boolean).join(" ");
     if (choices) this.showChoices(choices, value);
     if (this.gesture) return;
     // What somebody is typing stays; what was sent is shown as the document has it.

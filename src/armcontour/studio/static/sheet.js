@@ -4,7 +4,7 @@
 import { exactnessOf, hasMotion, knownOf } from "./figures.js";
 import { outlineOf, planeOf, standing } from "./footprint.js";
 import { mm, seconds } from "./format.js";
-import { kindsOf, legendOf, marksOf, scalesOf } from "./legend.js";
+import { bandsOf, kindsOf, legendOf, scalesOf } from "./legend.js";
 import { CROSS, SLOW, slowPlaces } from "./marks.js";
 import { inksOf, Painter } from "./paint.js";
 
@@ -42,7 +42,7 @@ export function drawingSheet(store, layers, view, context) {
   const executed = store.refusal || !store.options.executed ? null : store.latest("executed");
   const magnify = executed ? layers.magnification(executed, view.scale) : 0;
   const { theme } = store;
-  const legend = [...legendOf(store, layers, picture, magnify), ...marksOf(picture, theme, view.scale)];
+  const legend = [...legendOf(store, layers, picture, magnify), ...bandsOf(picture, theme, view.scale)];
   const told = {
     lines: linesOf(store),
     legend: [...legend, ...scalesOf(view.scale, magnify, theme)],

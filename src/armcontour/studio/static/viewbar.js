@@ -179,8 +179,13 @@ function partsOf(entry) {
 }
 
 /** @param {Sample} sample @returns {SVGElement} */
-function line({ colour, dash, width, length }) {
-  const svg = draw("svg", { width: Math.round(length), height: 8, "aria-hidden": "true" });
+function line({ colour, dash, width, length, corners }) {
+  const svg = draw("svg", { width: Math.round(length), height: corners ? 12 : 8, "aria-hidden": "true" });
+  if (corners) {
+    const d = `M${corners.map(([x, y]) => [x + length / 2, y + 6]).join("L")}Z`;
+    svg.append(draw("path", { d, fill: colour }));
+    return svg;
+  }
   const looks = {
     d: `M0 4H${length}`,
     stroke: colour,
