@@ -42,7 +42,7 @@ def read_scene_file(
     Args:
         file: A description of a cell (.urdf), of which the `<collision>` elements are obstacles and
             moving joints stand still, at 0 or at the end of their range that is nearest to 0; or a
-            scene of MoveIt (.scene), of which a plane is the half-space behind it.
+            scene of MoveIt (.scene), of which a plane is the half-space away from its normal.
         unit: Unit of the lengths of meshes that a description names without a scale; metres by
             default.
         packages: Folders of ROS packages of a description; others are looked for near the file.
