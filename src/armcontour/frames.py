@@ -39,6 +39,7 @@ class Frame(Value):
     rotation: FloatArray = field(default_factory=lambda: UNTURNED)
 
     def __post_init__(self) -> None:
+        # Most frames are these, and both are known to be right and are locked.
         if self.position is ORIGIN and self.rotation is UNTURNED:
             return
         position = _checks.numbers("position of a frame", self.position, "m")

@@ -101,7 +101,7 @@ def _set_points(
     tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
     # From the end of the motion to the next set-point, then from set-point to set-point.
     after = np.append(times.after_end, np.full(tail, period))
-    motion, final = _polynomials(trajectory, knots, len(after))
+    motion = _polynomials(trajectory, knots, len(after))
 
     x, (c0, c1, c2) = transfer(servo.kv, placed)
     rate = np.cbrt(c0)
@@ -115,6 +115,7 @@ def _set_points(
     )
     at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[at], 2, 0)
+    # Each quintic begins at its knot; the last rest has no further one.
     source = motion[np.minimum(at, len(motion) - 1), 0]
     x4 = source - x1 - c1 / rate**2 * x2 - c2 / rate * x3
     lead = x / rate**2
@@ -122,20 +123,18 @@ def _set_points(
     dy = rate * (x2 + lead * x3)
     ddy = rate**2 * (x3 + lead * x4)
     set_points = servo.command(y, dy, ddy)
-    set_points[-1] = final
+    set_points[-1] = motion[-1, 0]
     return set_points
 
 
-def _polynomials(
-    trajectory: Trajectory, knots: FloatArray, after: int
-) -> tuple[FloatArray, FloatArray]:
-    """Quintics between knots, and rest for so many intervals after; where that is, (dof,)."""
+def _polynomials(trajectory: Trajectory, knots: FloatArray, after: int) -> FloatArray:
+    """Quintics between knots, and rest for so many intervals after them, (n, 6, dof)."""
     q, dq, ddq = trajectory.motion(knots[:-1])
     end, dend, ddend = trajectory.motion(knots[1:], side="left")
     motion = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
     rest = np.zeros((after, *motion.shape[1:]))
     rest[:, 0] = end[-1]
-    return np.concatenate([motion, rest]), end[-1]
+    return np.concatenate([motion, rest])
 
 
 def transfer(

@@ -229,8 +229,7 @@ function errorContent(executed, compared, name) {
 
 /** Name of the pin or run that is compared: a pin of the shown run is not called like it. @param {Store} store @returns {string} */
 function comparedName(store) {
-  const { compare, pins = [] } = store.document ?? {};
-  return pins.find((/** @type {any} */ x) => x.pin === compare?.pin)?.name ?? compare?.run ?? "compared";
+  return store.comparedPin?.name ?? store.document?.compare?.run ?? "compared";
 }
 
 /**

@@ -129,7 +129,7 @@ class Figures {
     if (!compare || !store.latest("picture", "compare")) return pins.at(-1) ?? null;
     const found = Object.assign({}, ...figures);
     // Exact figures are compared with those that the pin has of a full run, if there are any.
-    const pin = pins.find((/** @type {any} */ x) => x.pin === compare.pin);
+    const pin = store.comparedPin;
     if (!pin || !store.isCurrent(store.latest("figures"))) return found;
     const known = Object.entries(pin).filter(([, value]) => value !== null);
     return { ...found, ...Object.fromEntries(known) };

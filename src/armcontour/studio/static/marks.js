@@ -145,11 +145,11 @@ class Marks {
   }
 }
 
-/** Places that are slower than they were to be. @param {Frame | null} picture @returns {{uv: [number, number]}[]} */
-export function slowPlaces(picture) {
-  const found = (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind !== "fastest" && x.uv);
-  return found.slice(0, MOST_MARKS);
-}
+/** Minima of the speed below the assigned one. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */
+const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind === "slowest");
+
+/** Places that are slower than they were to be, as many as are marked. @param {Frame | null} picture */
+export const slowPlaces = (picture) => slowest(picture).slice(0, MOST_MARKS);
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
 function squaredDistance(u, v, points, k) {
@@ -185,7 +185,6 @@ export function pointAt(picture, s) {
  */
 export function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
-  const isSlow = (/** @type {any} */ x) => x.kind === "slowest" && Math.abs(x.s - s[i]) < BESIDE;
   const limit = picture.head.limits[binding[i]];
   const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
   const why = limit
@@ -193,7 +192,8 @@ export function sentenceAt(picture, i) {
       ? "; the assigned speed is reached"
       : `; held back by: ${limit.label ?? limit.name}`
     : "";
-  const slow = (picture.head.shortfalls ?? []).some(isSlow) ? ", the slowest around here" : "";
+  const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
+  const slow = isSlow ? ", the slowest around here" : "";
   return `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
 }
 

@@ -28,20 +28,32 @@ export function notify(sentence, tone = "notice") {
   return message;
 }
 
-/** What could not be done as nothing was shown yet. @type {HTMLElement[]} */
-let early = [];
+/** Alarms that go together. */
+class Passing {
+  /** @type {HTMLElement[]} */
+  shown = [];
+
+  /** @param {string} sentence */
+  tell(sentence) {
+    this.shown.push(notify(sentence, "alarm"));
+  }
+
+  clear() {
+    for (const message of this.shown.splice(0)) message.remove();
+  }
+}
+
+/** What could not be done as nothing was shown yet. */
+const early = new Passing();
 
 /** Say that something cannot be done before a path is shown; this goes with the first path. @param {string} sentence */
 export function tellEarly(sentence) {
-  early.push(notify(sentence, "alarm"));
+  early.tell(sentence);
 }
 
 /** @param {Store} store */
 export function init(store) {
-  store.on("picture", () => {
-    for (const message of early) message.remove();
-    early = [];
-  });
+  store.on("picture", () => early.clear());
   const refused = make("div", { class: "message alarm refusal", hidden: true }, [
     make("span"),
     make("span", { class: "quiet" }),
@@ -63,17 +75,14 @@ export function init(store) {
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (starting.hidden ||= Boolean(frame)));
-  /** What was refused, until the job is another one. @type {HTMLElement[]} */
-  let dropped = [];
-  store.on("dropped", (/** @type {any} */ frame) =>
-    dropped.push(notify(`${frame.head.sentence} Nothing was changed.`, "alarm")),
-  );
+  /** What was refused, until the job is another one. */
+  const dropped = new Passing();
+  store.on("dropped", (/** @type {any} */ frame) => dropped.tell(`${frame.head.sentence} Nothing was changed.`));
   let rev = -1;
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev === rev) return;
     rev = frame.rev;
-    for (const message of dropped) message.remove();
-    dropped = [];
+    dropped.clear();
   });
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   // What became of a task is said beside its button.

@@ -103,11 +103,10 @@ function factsOf({ duration, rms, max }) {
 
 /** The variant that is drawn beneath, with its figures. @param {Store} store @returns {string} */
 function comparedOf(store) {
-  const { compare, pins } = store.document ?? {};
+  const compare = store.document?.compare;
   if (!compare || !store.latest("picture", "compare")) return "";
   const heads = ["picture", "executed", "figures"].map((kind) => store.latest(kind, "compare")?.head ?? {});
-  const pin = pins.find((/** @type {any} */ x) => x.pin === compare.pin);
-  return [`compared with ${pin?.name ?? `run ${compare.run}`}`, ...factsOf(Object.assign({}, ...heads))].join(" · ");
+  return [`compared with ${store.comparedPin?.name ?? `run ${compare.run}`}`, ...factsOf(Object.assign({}, ...heads))].join(" · ");
 }
 
 /**

@@ -128,6 +128,12 @@ export class Store {
     return this.frames.get(of === "compare" ? `${kind}/compare` : kind) ?? null;
   }
 
+  /** The pin that is compared, or null. @returns {any} */
+  get comparedPin() {
+    const { compare, pins = [] } = this.document ?? {};
+    return pins.find((/** @type {any} */ x) => x.pin === compare?.pin) ?? null;
+  }
+
   /** Header of the document, or null before the first. @returns {any} */
   get document() {
     return this.latest("document")?.head ?? null;

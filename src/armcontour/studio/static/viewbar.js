@@ -182,8 +182,8 @@ function partsOf(entry) {
 function line({ colour, dash, width, length, corners }) {
   const svg = draw("svg", { width: Math.round(length), height: corners ? 12 : 8, "aria-hidden": "true" });
   if (corners) {
-    const d = `M${corners.map(([x, y]) => [x + length / 2, y + 6]).join("L")}Z`;
-    svg.append(draw("path", { d, fill: colour }));
+    const transform = `translate(${length / 2} 6)`;
+    svg.append(draw("polygon", { points: corners.join(" "), fill: colour, transform }));
     return svg;
   }
   const looks = {
