@@ -37,7 +37,8 @@ class Distances:
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
-        self._place, self._least = self._coal.Transform3s, self._coal.distance
+        # Not `ComputeDistance`, which is faster: what it finds depends on what it was asked before.
+        self._least = self._coal.distance
         self._chain = chain
         self._pairs = pairs
         # Places in the list of all bodies; bodies are compared by identity.
@@ -74,9 +75,10 @@ class Distances:
             pair: Indices of the pairs, (m,).
         """
         turned, moved = self._relative(q, at, pair)
-        found, result = [], self._coal.DistanceResult()
+        found, place, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
-            found.append(self._distance(p, turn, move, result))
+            place.setTransform(turn, move)
+            found.append(self._distance(p, place, result))
         return np.array(found)
 
     def points(self, q: FloatArray) -> FloatArray:
@@ -90,15 +92,14 @@ class Distances:
         # Not kept from call to call: several threads may ask.
         found, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
         for k in range(len(every)):
-            self._distance(k, turned[k], moved[k], result)
+            self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
             found[k, 0] = result.getNearestPoint1()
             found[k, 1] = result.getNearestPoint2()
         first = self._placements(q)[every, self._ends[:, 0]]
         return np.asarray(found @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
-    def _distance(self, pair: int, turned: FloatArray, moved: FloatArray, result: Any) -> float:
+    def _distance(self, pair: int, place: Any, result: Any) -> float:
         """Distance of a pair with its second body so placed in the frame of the first one."""
-        place = self._place(turned, moved)
         first, second = self._shapes[pair]
         # As `_between`: this is called by the hundred thousand.
         result.clear()

@@ -65,9 +65,11 @@ def _means(
 
     Those of q are by Simpson's rule, which is exact up to third order.
     """
-    begin, end = t - period / 2, t + period / 2
-    first, middle, last = (trajectory.with_rests(x) for x in (begin, t, end))
-    before, after = (trajectory.with_rests(x, 1) for x in (begin, end))
+    # At all times at once, nearly in their order: a program has thousands of laws to look up.
+    times = np.stack([t - period / 2, t, t + period / 2], axis=1)
+    q, dq = trajectory.motion_with_rests(times.ravel(), 1)
+    first, middle, last = (q[k::3] for k in range(3))
+    before, after = dq[0::3], dq[2::3]
     return (first + 4 * middle + last) / 6, (last - first) / period, (after - before) / period
 
 

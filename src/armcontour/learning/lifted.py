@@ -62,7 +62,7 @@ class Nominal:
 
     def command(self, plan: Trajectory, t: FloatArray) -> FloatArray:
         """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof)."""
-        q, dq, ddq = (plan.with_rests(t, order) for order in range(3))
+        q, dq, ddq = plan.motion_with_rests(t)
         model = self.drives if self.has_bodies else self.servo
         return model.command(q, dq, ddq)
 

@@ -129,7 +129,7 @@ def _causes(nominal: Nominal, plan: Trajectory, t: FloatArray) -> FloatArray:
         plan: The motion.
         t: Times [s], (n,).
     """
-    q, dq, ddq = (plan.with_rests(t, order) for order in range(3))
+    q, dq, ddq = plan.motion_with_rests(t)
     own = [dq, np.clip(dq / CREEP, -1.0, 1.0), ddq]
     if nominal.has_bodies:
         drives = nominal.drives

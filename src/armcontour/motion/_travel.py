@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
+from armcontour.motion._laws import linear_motion
 
 
 @compiled(inner=True)
@@ -45,13 +46,16 @@ def _steepest_within(c: FloatArray, j: int, x: float, h: float) -> float:
 
 
 @compiled()
-def steepest(breaks: FloatArray, coefficients: FloatArray, s: FloatArray) -> FloatArray:
-    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
+def fastest_joints(
+    breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
+) -> FloatArray:
+    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof).
 
     Args:
         breaks: Of the joint path [m], (pieces + 1,).
         coefficients: Of its pieces [rad], (pieces, 6, dof).
         s: Arc lengths, which do not decrease [m], (n + 1,).
+        speeds: Bounds of the path speed between them [m/s], (n,).
     """
     n, dof, last = len(s) - 1, coefficients.shape[2], len(breaks) - 2
     found = np.empty((n, dof))
@@ -74,24 +78,35 @@ def steepest(breaks: FloatArray, coefficients: FloatArray, s: FloatArray) -> Flo
             if until >= end:
                 break
             k, begin = k + 1, until
+        for j in range(dof):
+            found[i, j] *= speeds[i]
     return found
 
 
 @compiled()
 def fastest_along(
-    speeds: FloatArray, dds: FloatArray, slope: FloatArray, jerk: FloatArray
+    breaks: FloatArray, speeds: FloatArray, dds: FloatArray, slope: FloatArray, jerk: FloatArray
 ) -> FloatArray:
     """Bounds of the path speed within every interval of a law along a joint path [m/s], (n,).
 
     Args:
-        speeds: Path speeds at the breaks [m/s], (n + 1,).
-        dds: Path accelerations at the starts of the intervals [m/s²], (n,).
+        breaks: Times of the ends of the intervals [s], (n + 1,).
+        speeds: Path speeds at the starts of the intervals [m/s], (n,).
+        dds: Path accelerations there [m/s²], (n,).
         slope: Their slopes over s [1/s²], (n,).
         jerk: Their slopes over time, on intervals without the other slope [m/s³], (n,).
     """
-    found = np.empty(len(dds))
-    for i in range(len(dds)):
-        fastest, ds, a = max(speeds[i], speeds[i + 1]), speeds[i], dds[i]
+    n = len(dds)
+    found = np.empty(n)
+    for i in range(n):
+        ds, a = speeds[i], dds[i]
+        if i + 1 < n:
+            end = speeds[i + 1]
+        else:
+            t = breaks[n] - breaks[i]
+            c, h, _ = linear_motion(slope[i], t)
+            end = ds * c + a * h + jerk[i] * t**2 / 2
+        fastest = max(ds, end)
         # ds² is a parabola over s, or ds one over time; with a peak where the acceleration is 0.
         if a > 0.0 and jerk[i] < 0.0:
             fastest = max(fastest, ds - a * a / (2.0 * jerk[i]))

@@ -23,8 +23,9 @@ from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 AT_ONCE = 50_000
 # Times of so many laws along joint paths are computed together.
 MANY = 4
-# A table of at most so many laws is kept, to be used again: it takes some megabytes.
-KEPT = 100
+# A table of at most so many laws is kept, to be used again: it takes some megabytes. It has some
+# laws more than were asked for, before and after them, as the next times may be of these.
+KEPT, MORE = 100, 3
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
 # Along one path, the end of a law and the start of the next differ by less than this [m].
@@ -330,12 +331,13 @@ class Trajectory(Value):
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
                 return which - begin, joined
-        few = self.laws[first:last] if last - first <= KEPT else ()
-        own = [x for x in few if type(x) is PathLaw]
-        if len(own) == last - first:
-            joined = JoinedLaws.of(own, np.array(self.starts[first:last]))
-            self._joined[:] = [(first, last, joined)]
-            return which - first, joined
+        if last - first <= KEPT:
+            begin, end = max(first - MORE, 0), min(last + MORE, len(self.laws))
+            own = [x for x in self.laws[begin:end] if type(x) is PathLaw]
+            if len(own) == end - begin:
+                joined = JoinedLaws.of(own, np.array(self.starts[begin:end]))
+                self._joined[:] = [(begin, end, joined)]
+                return which - begin, joined
         laws, law = np.unique(which, return_inverse=True)
         return law, JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
@@ -350,6 +352,22 @@ class Trajectory(Value):
         found = self(np.clip(t, 0.0, self.duration), order)
         if order:
             found[(t < 0) | (t > self.duration)] = 0.0
+        return found
+
+    def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
+        """The motion at any times, at rest before and after it, up to an order, (n, dof) each.
+
+        Faster than `with_rests` for every order.
+
+        Args:
+            t: Times [s], (n,).
+            order: 0, 1, 2 or 3.
+        """
+        t = _checks.floats("t", t, "s")
+        found = self.motion(np.clip(t, 0.0, self.duration), order)
+        rests = (t < 0) | (t > self.duration)
+        for values in found[1:]:
+            values[rests] = 0.0
         return found
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:

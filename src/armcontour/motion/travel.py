@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.motion._travel import fastest_along, steepest
+from armcontour.motion import _travel
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
@@ -42,7 +42,8 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     if isinstance(motion, Execution):
         t, dof, parts = motion.t, motion.q.shape[1], [_fastest_executed(motion)]
     elif isinstance(motion, JointPath):
-        t, dof, parts = motion.breaks, motion.dof, [_steepest(motion, motion.breaks)]
+        t, dof = motion.breaks, motion.dof
+        parts = [_along(motion, t, np.ones(len(t) - 1))]
     else:
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
@@ -93,14 +94,14 @@ def _(law: LapLaw) -> FloatArray:
 @fastest_joints.register
 def _(law: PathLaw) -> FloatArray:
     """The product of the bounds of dq_ds and of ds."""
-    return _steepest(law.joint_path, law.s) * _fastest_along(law)[:, None]
+    return _along(law.joint_path, law.s, _fastest_along(law))
 
 
 @fastest_joints.register
 def _(law: SmoothedLaw) -> FloatArray:
     """The averaged path speed is never above the largest original one in the window."""
     speeds = _largest_since(_fastest_along(law.law)[:, None], law.law, law, sum(law.windows))
-    return _steepest(law.joint_path, law.s) * speeds
+    return _along(law.joint_path, law.s, speeds[:, 0])
 
 
 @fastest_joints.register
@@ -111,18 +112,19 @@ def _(law: JointAverage) -> FloatArray:
 
 def _fastest_along(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
-    _, dds, slope, jerk = law.rates
-    return np.asarray(fastest_along(law.speeds, dds, slope, jerk))
+    return np.asarray(_travel.fastest_along(law.breaks, *law.rates))
 
 
-def _steepest(joint_path: JointPath, s: FloatArray) -> FloatArray:
-    """Bounds of |dq_ds| between neighbouring arc lengths [rad/m], (n, dof).
+def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof).
 
     Args:
         joint_path: The joint path.
         s: Arc lengths, which do not decrease [m], (n + 1,).
+        speeds: Bounds of the path speed between them [m/s], (n,).
     """
-    return np.asarray(steepest(joint_path.breaks, joint_path.coefficients, s))
+    speeds = np.ascontiguousarray(speeds)
+    return np.asarray(_travel.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
 
 
 def _largest_since(values: FloatArray, original: Law, law: Law, window: float) -> FloatArray:

@@ -268,7 +268,7 @@ class _Motion:
 
     def __init__(self, plan: Trajectory, t: FloatArray) -> None:
         self.t = t
-        self.q, self.dq, self.ddq = (plan.with_rests(t, order) for order in range(3))
+        self.q, self.dq, self.ddq = plan.motion_with_rests(t)
 
     def at(self, _: FloatArray, order: int) -> FloatArray:
         """The motion at all of the times."""
