@@ -34,6 +34,24 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
         return list(pool.map(work, items))
 
 
+def do_both(work: Callable[[], R], own: Callable[[], T]) -> tuple[R, T]:
+    """Do mostly compiled work in another thread, and other work in this one meanwhile.
+
+    Both have ended when this returns or raises; where both fail, the error is that of the other.
+
+    Args:
+        work: The work, nearly all of it in few calls of compiled functions, or of the system.
+        own: What this thread does.
+
+    Returns:
+        Their results.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(work)
+        found = own()
+    return done.result(), found
+
+
 def split_evenly(count: int, parts: int) -> list[slice]:
     """Slices of so many parts, about equally long, that make up a sequence.
 

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour._progress import Progress, Step, under
+from armcontour._threads import do_both
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.progress import job_progress
@@ -112,7 +113,7 @@ def run_job(
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
         with warm_for_run(job.arm.dimension, progress):
-            from armcontour.jobs import run, steps_of, teach
+            from armcontour.jobs import run, steps_of, teach, warnings_of
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             progress.expect([*steps, WRITING.names[0]])
@@ -121,17 +122,18 @@ def run_job(
 
                 study = run(job, progress=progress)
                 progress(WRITING)
-                write_motions(folder, job, study.runs)
-                notes = _write_exports(folder, job, study.runs, exports)
-                folder.write("report.html", render_report(study))
+                write = partial(_write_plans, folder, job, study.runs, exports)
+                notes, page = do_both(write, partial(render_report, study))
+                folder.write("report.html", page)
                 folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
             else:
                 plans = teach(job, progress=progress)
                 progress(WRITING)
                 # With formats chosen, no other files are written.
-                if not exports:
-                    write_motions(folder, job, plans)
-                notes = _write_exports(folder, job, plans, exports)
+                motions = not exports
+                write = partial(_write_plans, folder, job, plans, exports, motions=motions)
+                # Warnings are looked for once: the summary has them, and they are printed.
+                notes, _ = do_both(write, partial(warnings_of, plans.values()))
                 files = [*folder.files, "summary.json"]
                 folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:
@@ -164,10 +166,17 @@ def write_motions(
             folder.place(f"{name}/torque.csv", torque)
 
 
-def _write_exports(
-    folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], exports: Exports | None
+def _write_plans(
+    folder: ResultFolder,
+    job: Job,
+    plans: Mapping[str, RunPlan],
+    exports: Exports | None,
+    *,
+    motions: bool = True,
 ) -> list[str]:
-    """Write the exports of every run; returns warnings."""
+    """Write the motions of every run, if they are wanted, and its exports; returns warnings."""
+    if motions:
+        write_motions(folder, job, plans)
     if not exports:
         return []
     found = [write_exports(folder, job, name, plan, exports) for name, plan in plans.items()]

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
+from typing import TypeAlias
 
 from armcontour import _files, _staging
 from armcontour._text import list_some
@@ -28,6 +29,8 @@ MANIFEST = ".armcontour.json"
 JOURNAL = "journal.json"
 # Largest number of files in a message.
 MOST_NAMED = 3
+# Number, size and times of a file.
+_State: TypeAlias = tuple[int, int, int, int]
 
 
 class ResultFolder:
@@ -53,6 +56,8 @@ class ResultFolder:
         self.folder = folder
         self.files: list[str] = []
         self._force = force
+        # Files of an earlier result that were found unchanged, and their state then.
+        self._seen: dict[str, _State | None] = {}
         try:
             self._target = _resolve(folder)
             self._replaces = _is_in_use(self._target)
@@ -153,7 +158,14 @@ class ResultFolder:
             )
 
     def _is_unchanged(self, name: str, written: Mapping[str, str]) -> bool:
-        return _checksum(self._target / name) == written[name]
+        """Whether a file is as it was written; read again only if it was touched since."""
+        file = self._target / name
+        state = _state(file)
+        if state is None or self._seen.get(name) != state:
+            if _checksum(file) != written[name]:
+                return False
+            self._seen[name] = state
+        return True
 
     def _put_in_place(self) -> None:
         """Write the manifest and move all files to the destination."""
@@ -316,6 +328,15 @@ def _checksum(file: FilePath) -> str:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             return ""
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _state(file: FilePath) -> _State | None:
+    """What the system says of a file that changes with the file; None if it says nothing."""
+    try:
+        found = file.lstat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
 def _steps_to(folder: FilePath, name: str) -> list[FilePath]:
