@@ -106,7 +106,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     segment = path.locate(s)
     u = s - path.breaks[segment]
     knots = Knots(segment=segment, piece=path.orientation.locate(s), u0=u, u1=u, s0=s)
-    first = first_knots(path)
+    first = first_knots(path, arm.span)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
     solver = Numeric(path, arm, 6, FirstPoses.of(path, first), Solution(q=q, cost=0.0), 1e-10)

@@ -6,7 +6,7 @@ import sys
 import time
 from functools import partial
 from operator import truediv
-from threading import Condition, Event, Timer, current_thread
+from threading import Barrier, Condition, Event, Timer, current_thread
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ import armcontour as ac
 from armcontour._pool import STARTS, ProcessPool, Worker
 from armcontour._process import ProcessEnded, pack, unpack
 from armcontour._processes import WorkAhead, map_in_processes, share_work
-from armcontour._threads import Beside, map_in_threads, split_evenly
+from armcontour._threads import Beside, do_both, map_in_threads, split_evenly
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -80,6 +80,19 @@ def test_work_beside_that_has_not_begun_is_dropped(monkeypatch):
     go.set()
     done[0].join(10)
     assert not done[0].is_alive() and len(done) == 1
+
+
+def test_both_have_ended_whatever_fails():
+    # Each waits for the other.
+    both = Barrier(2)
+    found = do_both(lambda: (both.wait(10), "other")[1], lambda: (both.wait(10), "own")[1])
+    assert found == ("other", "own")
+    done = []
+    with pytest.raises(ZeroDivisionError):
+        do_both(lambda: (time.sleep(0.05), done.append(1)), partial(halve, 0.0))
+    assert done == [1]
+    with pytest.raises(ZeroDivisionError):
+        do_both(partial(halve, 0.0), lambda: None)
 
 
 @given(st.integers(0, 100), st.integers(1, 20))

@@ -158,6 +158,7 @@ def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
         (traced, 1, NO_NUMBERS),
         (traced.locate, 1, NO_NUMBERS),
         *((x, 1, NO_NUMBERS) for x in (planned, planned.motion, planned.s, planned.with_rests)),
+        (planned.motion_with_rests, 1, NO_NUMBERS),
         *((x, 1, NO_NUMBERS) for x in (planned.time_at, planned.speed_at, planned.sample)),
         (arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)),
         (servo.command, 3, NO_NUMBERS),

@@ -157,6 +157,23 @@ def test_force_refuses_files_that_changed_since_they_were_written(tmp_path: File
     assert (tmp_path / "one" / "taught.csv").read_text() == "edited by hand"
 
 
+def test_force_refuses_files_that_change_while_a_run_goes_on(tmp_path: FilePath) -> None:
+    write(tmp_path, ["one/taught.csv", "report.html"])
+    file = tmp_path / "one" / "taught.csv"
+    before, times = file.read_text(), file.stat()
+    edited = before[::-1]
+    assert edited != before
+    with (
+        pytest.raises(InvalidInput, match="one/taught.csv changed since armcontour wrote"),
+        ResultFolder(tmp_path, force=True) as folder,
+    ):
+        folder.write("report.html", "newer")
+        # Of the same length and age: the system knows that it was touched.
+        file.write_text(edited)
+        os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert file.read_text() == edited
+
+
 def test_force_writes_over_no_foreign_file(tmp_path: FilePath) -> None:
     write(tmp_path, ["report.html"])
     (tmp_path / "one").mkdir()

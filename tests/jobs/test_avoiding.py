@@ -14,7 +14,7 @@ from armcontour.errors import Collision
 from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.io.summary import summarise_taught
-from armcontour.jobs import teach
+from armcontour.jobs import RunPlan, teach
 from armcontour.report import render_report
 from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
@@ -109,13 +109,34 @@ def test_collisions_are_refused_with_pair_place_and_time(job: ac.Job) -> None:
     assert plan.clearance is not None and not plan.clearance.kept
 
 
-def test_contours_are_followed_in_another_configuration(job: ac.Job) -> None:
-    (free,) = teach(job).values()
+def post_at_elbow(job: ac.Job, free: RunPlan) -> ac.Job:
+    """The job with a post where a plan has the elbow at its start."""
     elbow = job.arm.links(free.trajectory(0.0))[3]
     post = Obstacle(
         name="post", shape=Box(size=[0.06, 0.06, 0.06]), place=Frame(position=elbow + [0, 0, 0.03])
     )
-    (plan,) = teach(dataclasses.replace(job, scene=Scene(obstacles=(post,)))).values()
+    return dataclasses.replace(job, scene=Scene(obstacles=(post,)))
+
+
+def test_the_first_contour_decides_before_all_are_timed(job: ac.Job, monkeypatch) -> None:
+    (free,) = teach(job).values()
+    monkeypatch.setattr("armcontour.jobs.avoiding.avoid", None)
+    (plan,) = teach(post_at_elbow(job, free)).values()
+    assert plan.clearance is not None and plan.clearance.kept
+    assert plan.avoided == ("another configuration is taken, in which the contours are clear",)
+
+
+def test_a_single_contour_is_followed_in_another_configuration(job: ac.Job) -> None:
+    alone = dataclasses.replace(job, path=job.program.contours[0].path)
+    (free,) = teach(alone).values()
+    (plan,) = teach(post_at_elbow(alone, free)).values()
+    assert plan.clearance is not None and plan.clearance.kept
+    assert plan.avoided == ("another configuration is taken, in which the contours are clear",)
+
+
+def test_contours_are_followed_in_another_configuration(job: ac.Job) -> None:
+    (free,) = teach(job).values()
+    (plan,) = teach(post_at_elbow(job, free)).values()
     assert plan.clearance is not None and plan.clearance.kept
     assert plan.avoided[0] == "another configuration is taken, in which the contours are clear"
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1

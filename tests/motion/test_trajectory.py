@@ -109,6 +109,16 @@ def test_rounding_beyond_the_end_is_not_outside(bent):
     np.testing.assert_array_equal(bent(3 * (1 + 2e-16)), bent(3.0))
 
 
+def test_rest_before_and_after(bent):
+    t = np.array([-1.0, 0.0, 0.5, 2.0, 3.0, 4.0])
+    expected = bent(np.clip(t, 0, 3)), bent(np.clip(t, 0, 3), 1), bent(np.clip(t, 0, 3), 2)
+    for values in expected[1:]:
+        values[[0, -1]] = 0.0
+    for order, values in enumerate(bent.motion_with_rests(t)):
+        np.testing.assert_array_equal(values, expected[order])
+        np.testing.assert_array_equal(values, bent.with_rests(t, order))
+
+
 @pytest.mark.parametrize("order", [-1, 4, 1.5])
 def test_other_orders_are_refused(bent, order, refuses):
     refuses(lambda: bent(0.0, order), ac.InvalidInput, "from 0 to 3", str(order))

@@ -14,7 +14,7 @@ from armcontour.timing.fastest_configuration import (
     ROUGHLY,
     bound_duration,
     find_starts,
-    trace_all_fastest,
+    trace_by_duration,
 )
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace_all
@@ -53,6 +53,16 @@ def test_chooses_as_if_it_had_planned_them_all(traced):
     assert np.array_equal(chosen.coefficients, found[int(np.argmin(durations))].coefficients)
 
 
+def test_all_configurations_come_the_fastest_first(traced):
+    arm, path, limits, found = traced
+    durations = [plan_optimal(x, arm, limits, intervals=ROUGHLY).duration for x in found]
+    ways = [x for group in trace_by_duration(path, arm, limits) for x in group]
+    expected = [found[k] for k in np.argsort(durations, kind="stable")]
+    assert len(ways) == len(expected) > 1
+    for own, other in zip(ways, expected, strict=True):
+        assert np.array_equal(own.coefficients, other.coefficients)
+
+
 def test_of_equal_configurations_the_first_counts(monkeypatch):
     arm, path = ac.load_arm("ur5e"), seams()["rounded"]
     found = trace_all(path, arm)[:1] * 3
@@ -65,7 +75,7 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
     slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=None)
-    usual = trace_all_fastest(path, arm, slow)
+    usual = next(trace_by_duration(path, arm, slow))
     assert len(usual) > 1
     rng = np.random.default_rng(4)
 
@@ -75,7 +85,7 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
 
     monkeypatch.setattr("armcontour.timing.fastest_configuration.plan_optimal", noisy)
     for _ in range(5):
-        found = trace_all_fastest(path, arm, slow)
+        found = next(trace_by_duration(path, arm, slow))
         assert [x(0.0).tolist() for x in found] == [x(0.0).tolist() for x in usual]
 
 

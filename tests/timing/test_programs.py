@@ -33,7 +33,7 @@ from armcontour.program import (
     round_corners,
 )
 from armcontour.timing import trace_and_plan, trace_program
-from armcontour.timing.fastest_configuration import trace_all_fastest
+from armcontour.timing.fastest_configuration import trace_by_duration
 
 PMK3S = ac.load_arm("pmk3s")
 UR5E = ac.load_arm("ur5e")
@@ -526,7 +526,7 @@ def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chose
     program = Program(moves=moves)
     rounded = round_corners(program, tolerance=1e-3)
     limits = IN_SPACE.replace(speed=0.02, joint_torque=None)
-    equals = trace_all_fastest(rounded.contours[0].path, UR5E, limits)
+    equals = next(trace_by_duration(rounded.contours[0].path, UR5E, limits))
     assert len(equals) > 1
     durations = [ac.plan(rounded, UR5E, limits, start=x(0.0)).duration for x in equals]
     assert max(durations) > 1.001 * min(durations)
@@ -621,7 +621,7 @@ def test_a_traced_program_is_timed_again_without_tracing(
         raise AssertionError("traced again")
 
     tracing = sys.modules["armcontour.timing.program_tracing"]
-    monkeypatch.setattr(tracing, "trace_all_fastest", never)
+    monkeypatch.setattr(tracing, "trace_by_duration", never)
     monkeypatch.setattr(tracing, "trace", never)
     again = ac.plan(traced, PMK3S, IN_PLANE, reserve=0.2)
     assert again.duration == whole.duration and again.events == whole.events

@@ -523,7 +523,7 @@ def test_a_guide_does_not_swing_beside_a_short_turn():
 
 def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     path = PATHS["axis per waypoint"]
-    knots = first_knots(path)
+    knots = first_knots(path, panda.span)
     poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
     starts = configurations(panda, poses[0], 5)
     ways, reached = follow_ways(panda, poses, 5, starts)
@@ -548,7 +548,7 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
 
 
 def test_halving_knots_leaves_the_knots_as_they_were():
-    knots = first_knots(PATHS["per waypoint"])
+    knots = first_knots(PATHS["per waypoint"], 1.0)
     before = [getattr(knots, name).copy() for name in ("segment", "u0", "u1", "s0")]
     which = np.arange(len(knots)) % 3 == 1
     u = (knots.u0[which] + knots.u1[which]) / 2

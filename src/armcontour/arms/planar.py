@@ -80,6 +80,11 @@ class PlanarTwoLink(Arm):
         """Shortest and longest distance of the tool from the first joint [m]."""
         return abs(self.link1 - self.link2), self.link1 + self.link2
 
+    @property
+    def span(self) -> float:
+        """Length of all links together [m]."""
+        return self.link1 + self.link2
+
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m], eq. (1)-(2)."""
         return self._motion(0, q)

@@ -80,6 +80,13 @@ class SerialArm(Arm):
         axes = self.twist_jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
+    @cached_property
+    def span(self) -> float:
+        """Distances from joint to joint, and on to the tool, together [m]."""
+        *_, end = self.arrays
+        parts = np.concatenate([self.chain.positions, end[None, :, 3]])
+        return float(np.linalg.norm(parts, axis=1).sum())
+
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,7 @@ PLACES = 8
 # Where the turn about the tool axis is free, so many of them are tried in each configuration.
 TURNS = 8
 REST = "at rest"
+OTHER = "another configuration is taken, in which the contours are clear"
 # Position and orientation, with the turn about the tool axis.
 WHOLE_POSE = 6
 
@@ -84,18 +85,18 @@ def keep_clear(
         InvalidInput: The job has a scene, but the shapes of the arm are not known.
     """
     progress(Step(("clearance",)))
-    if job.scene is None and not (job.arm.knows_shapes and can_measure()):
-        # Nobody asked for it.
+    if not _is_looked_at(job):
         unseen = _why_unseen(job.arm)
         return Cleared(traced=traced, trajectory=trajectory, clearance=None, notes=unseen)
     cell = job.cell
     if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
     found = cell.check(trajectory)
-    notes: tuple[str, ...] = ()
+    notes = (OTHER,) if traced.passed_over else ()
     if not found.kept and not job.ignore_collisions:
-        other, notes = avoid(job, this, traced, cell, progress)
-        if notes:
+        other, more = avoid(job, this, traced, cell, progress)
+        if more:
+            notes = tuple(dict.fromkeys((*notes, *more)))
             progress(Step(("timing",)))
             traced = other
             trajectory = time_run(job, this, traced, progress, duration=this.duration)
@@ -104,6 +105,27 @@ def keep_clear(
         _refuse(traced.program, trajectory, cell)
         found.refuse()
     return Cleared(traced=traced, trajectory=trajectory, clearance=found, notes=notes)
+
+
+def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
+    """What tells whether a contour keeps clear along a joint path; None if no choice needs it.
+
+    The first contour of a program is looked at before all others are traced and timed in its
+    configuration. A single contour is looked at once, when it is planned.
+
+    Args:
+        job: The job.
+    """
+    several = job.objective is None or len(job.objective.contours) > 1
+    chosen = job.start is None and isinstance(job.arm, SerialArm)
+    if several and chosen and not job.ignore_collisions and _is_looked_at(job):
+        return job.cell.keeps
+    return None
+
+
+def _is_looked_at(job: Job) -> bool:
+    """Whether distances are computed; without a scene nobody asks for what is not known."""
+    return job.scene is not None or (job.arm.knows_shapes and can_measure())
 
 
 def _why_unseen(arm: Arm) -> tuple[str, ...]:
@@ -166,7 +188,7 @@ def avoid(
             # No rapid helps; the plan is refused with its first contour that comes too near.
             return traced, ()
         traced = other
-        notes.append("another configuration is taken, in which the contours are clear")
+        notes.append(OTHER)
     steps, around = [], 0
     for k, x in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))

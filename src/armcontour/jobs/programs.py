@@ -16,7 +16,7 @@ from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
-from armcontour.motion import Execution, Method, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import (
     Contour,
     Leads,
@@ -270,8 +270,12 @@ def trace_and_time_run(
     progress: Progress | None = None,
     *,
     duration: float | None = None,
+    fits: Callable[[JointPath], bool] | None = None,
 ) -> tuple[Tracing, Trajectory]:
-    """Trace a program as `trace_run`, and time it as `time_run`, partly at the same time."""
+    """Trace a program as `trace_run`, and time it as `time_run`, partly at the same time.
+
+    With `fits`, as of `trace_program`, configurations may be passed over.
+    """
     return trace_and_plan(
         program,
         job.arm,
@@ -279,6 +283,7 @@ def trace_and_time_run(
         branch=job.branch,
         start=start_of(program, job.start),
         duration=duration,
+        fits=fits,
         progress=progress,
         memory=job.memory,
         **this.plan_options,

@@ -24,7 +24,7 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.geometry import Path, count_full_stops
-from armcontour.jobs.avoiding import keep_clear
+from armcontour.jobs.avoiding import first_contour_clear, keep_clear
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
@@ -601,7 +601,8 @@ def _plan(
     with reach_told(job):
         objective, path = programs_of(job, this, progress)
         progress(Step(("tracing",)))
-        both = trace_and_time_run(job, this, path, progress, duration=this.duration)
+        clear = first_contour_clear(job)
+        both = trace_and_time_run(job, this, path, progress, duration=this.duration, fits=clear)
         return objective, path, *both
 
 

@@ -270,6 +270,12 @@ class PathLaw(LawAlongPath):
             values.setflags(write=False)
         return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 
+    @property
+    def speeds(self) -> FloatArray:
+        """Path speeds at the breaks [m/s], (n + 1,)."""
+        last = np.array([len(self.breaks) - 2])
+        return np.append(self.rates.ds, self.path_position(last, self.breaks[-1:], 1))
+
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """S or a derivative at times `t` by the formula of interval `i`."""
         return np.asarray(self.path_motion(i, t)[order])

@@ -132,7 +132,7 @@ class _Poses:
         self.path, self.start = path, start
         self.task = task_dimension(path, arm)
         self.configurations = Configurations(arm, self.task)
-        knots = first_knots(path)
+        knots = first_knots(path, arm.span)
         self.first = FirstPoses.of(path, knots)
         fine, self.at = subdivide(path, knots, self.first.row)
         self.fine = self.first.row if len(fine) == len(knots) else row_of_poses(path, fine)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -59,18 +60,18 @@ def trace_fastest(
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    return trace_all_fastest(path, arm, limits, branch=branch, start=start)[0]
+    return next(trace_by_duration(path, arm, limits, branch=branch, start=start))[0]
 
 
-def trace_all_fastest(
+def trace_by_duration(
     path: Path,
     arm: Arm,
     limits: Limits | None = None,
     *,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
-) -> list[JointPath]:
-    """Trace a path in all configurations whose optimal plans take the least time.
+) -> Iterator[list[JointPath]]:
+    """Trace a path in all configurations, those with the fastest optimal plans first.
 
     Args:
         path: As in `trace_fastest`, as the others.
@@ -79,8 +80,9 @@ def trace_all_fastest(
         branch: See above.
         start: See above.
 
-    Returns:
-        Joint paths that are as fast, the shortest one first; of a long path only one.
+    Yields:
+        Joint paths that are as fast, the shortest one first. Of a long path there is only the
+        fastest one.
 
     Raises:
         Unreachable: No configuration completes the path.
@@ -92,20 +94,28 @@ def trace_all_fastest(
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
         long = _trace_long(path, arm, bounds) if branch is None and start is None else None
         if long is not None:
-            return [long]
+            yield [long]
+            return
     found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
     if len(found) == 1:
-        return found
-    at_least = [bound_duration(x, rough) for x in found]
-    durations = np.full(len(found), np.inf)
-    for i in np.argsort(at_least, kind="stable"):
-        if SURE * at_least[i] > durations.min():
-            break
-        # If no configuration can be planned, the plan of the first one raises the reason.
-        with suppress(ArmContourError):
-            durations[i] = plan_optimal(found[i], arm, rough, intervals=ROUGHLY).duration
-    as_fast = durations <= durations.min() * (1 + AS_FAST)
-    return [x for x, fast in zip(found, as_fast, strict=True) if fast]
+        yield found
+        return
+    at_least = np.array([bound_duration(x, rough) for x in found])
+    order = np.argsort(at_least, kind="stable").tolist()
+    durations: dict[int, float] = {}
+    while order or durations:
+        # The others are not planned yet: their bounds say that they take longer.
+        while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
+            i = order.pop(0)
+            durations[i] = np.inf
+            # If no configuration can be planned, the plan of the first one raises the reason.
+            with suppress(ArmContourError):
+                durations[i] = plan_optimal(found[i], arm, rough, intervals=ROUGHLY).duration
+        least = min(durations.values())
+        as_fast = sorted(i for i, x in durations.items() if x <= least * (1 + AS_FAST))
+        yield [found[i] for i in as_fast]
+        for i in as_fast:
+            del durations[i]
 
 
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NoReturn, cast
 
@@ -117,6 +117,7 @@ def trace_and_plan(
     arm: Arm,
     limits: Limits,
     *,
+    fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> tuple[Tracing, Trajectory]:
@@ -126,13 +127,16 @@ def trace_and_plan(
         program: The program.
         arm: The arm.
         limits: The limits.
+        fits: As of `trace_program`.
         progress: Called as by `trace_program`, then with the step "timing", then as by `plan`.
         options: All others of `plan`.
 
     Raises:
         ArmContourError: As `trace_program`, and then as `plan`.
     """
-    traced, found = _plan(program, arm, limits, progress=progress, tracing=progress, **options)
+    traced, found = _plan(
+        program, arm, limits, fits=fits, progress=progress, tracing=progress, **options
+    )
     assert isinstance(traced, Tracing)
     return traced, found
 
@@ -148,6 +152,7 @@ def _plan(
     reserve: float = 0.0,
     duration: float | None = None,
     smoothing: npt.ArrayLike = (),
+    fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     tracing: Progress | None = None,
     memory: float = _memory.DEFAULT,
@@ -177,7 +182,7 @@ def _plan(
     def trace(add: AddMove) -> Tracing:
         assert isinstance(program, Program)
         found = trace_program(
-            program, arm, bounds, branch=branch, start=start, progress=tracing, add=add
+            program, arm, bounds, branch=branch, start=start, fits=fits, progress=tracing, add=add
         )
         if tracing is not None:
             tracing(Step(("timing",)))

@@ -20,7 +20,7 @@ from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
-from armcontour.timing.fastest_configuration import AS_FAST, bound_duration, trace_all_fastest
+from armcontour.timing.fastest_configuration import AS_FAST, bound_duration, trace_by_duration
 from armcontour.tracing import trace
 
 # Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
@@ -58,10 +58,12 @@ class Tracing:
     Args:
         program: The program.
         steps: The joint paths in order.
+        passed_over: Whether a configuration was taken that is not the fastest, as that did not fit.
     """
 
     program: Program
     steps: tuple[TracedMove, ...]
+    passed_over: bool = False
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
@@ -81,6 +83,7 @@ def trace_program(
     *,
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     add: AddMove | None = None,
 ) -> Tracing:
@@ -99,6 +102,8 @@ def trace_program(
             By default the arm's own.
         branch: As in `plan`.
         start: As in `plan`.
+        fits: Whether a contour may be followed along a joint path, asked where a configuration is
+            chosen: one that does not fit is only taken if none does.
         progress: Called after every contour with the step "tracing" and the share that is done.
         add: Called with every step as soon as it is there, and with the share of all of them that
             are there with it, about.
@@ -106,7 +111,7 @@ def trace_program(
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
-    tracer = _Tracer.of(program, arm, limits, branch, start)
+    tracer = _Tracer.of(program, arm, limits, branch, start, fits)
     for i, move in enumerate(program.moves):
         known = len(tracer.steps)
         tracer.follow(i, move)
@@ -115,7 +120,7 @@ def trace_program(
                 add(x, (i + 1) / len(program.moves))
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
-    return Tracing(program=program, steps=tuple(tracer.steps))
+    return Tracing(program=program, steps=tuple(tracer.steps), passed_over=tracer.passed_over)
 
 
 @dataclass(slots=True)
@@ -130,10 +135,12 @@ class _Tracer:
     limits: Limits
     branch: str | None
     start: npt.ArrayLike | None
+    fits: Callable[[JointPath], bool] | None
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
     looks_ahead: bool = True
+    passed_over: bool = False
 
     @classmethod
     def of(
@@ -143,6 +150,7 @@ class _Tracer:
         limits: Limits | None,
         branch: str | None = None,
         start: npt.ArrayLike | None = None,
+        fits: Callable[[JointPath], bool] | None = None,
     ) -> _Tracer:
         """The tracer of a program; arguments as in `trace_program`."""
         bounds = choose_limits("trace_program", arm, limits)
@@ -155,6 +163,7 @@ class _Tracer:
             bounds,
             branch,
             start,
+            fits,
         )
 
     def follow(self, i: int, move: Move) -> None:
@@ -229,11 +238,29 @@ class _Tracer:
             branch: As in `trace_fastest`.
             start: As in `trace_fastest`.
         """
-        found = trace_all_fastest(path, self.limited, branch=branch, start=start)
-        if len(found) == 1 or not self.looks_ahead:
-            return found[0]
-        durations = np.array([self._look_ahead(x, i) for x in found])
-        return found[int(np.argmax(durations <= durations.min() * (1 + AS_FAST)))]
+        fits = self.fits if self.looks_ahead else None
+        first: JointPath | None = None
+        for group in trace_by_duration(path, self.limited, branch=branch, start=start):
+            for x in self._in_order(group, i):
+                if fits is None or fits(x):
+                    self.passed_over |= first is not None
+                    return x
+                first = x if first is None else first
+        assert first is not None
+        return first
+
+    def _in_order(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
+        """Joint paths of a move that are as fast: those first after which the rest is faster.
+
+        Args:
+            as_fast: The joint paths.
+            i: Index of the move.
+        """
+        if len(as_fast) == 1 or not self.looks_ahead:
+            return as_fast
+        durations = np.array([self._look_ahead(x, i) for x in as_fast])
+        durations[durations <= durations.min() * (1 + AS_FAST)] = durations.min()
+        return [as_fast[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """A lower bound of the duration of some moves after a move [s]; infinite without a way.

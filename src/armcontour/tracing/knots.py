@@ -13,6 +13,8 @@ from armcontour.tracing._knots import cut_cells
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
+# But it may be so long, over the span of the arm: on a short way the arm hardly bends.
+SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
 # Fractions of an interval at which the distance of the tool from the path is computed.
@@ -81,11 +83,12 @@ class Knots:
         return np.asarray(self.s0 + (u - self.u0))
 
 
-def first_knots(path: Path, finer: int = 1) -> Knots:
+def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
     """The knot intervals that refinement starts from: at every break of the path, and between.
 
     Args:
         path: The path.
+        span: As of the arm [m].
         finer: Factor by which the intervals are shorter than they need to be.
     """
     cells = _cells(path)
@@ -100,7 +103,8 @@ def first_knots(path: Path, finer: int = 1) -> Knots:
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
     # Kernels are compiled for arrays that may be written.
     u0, u1, s0 = np.array(cells.u0), np.array(cells.u1), np.array(cells.s0)
-    cell, at = cut_cells(u0, u1, s0, turning, finer, FIRST_STEP * extent, FIRST_TURN)
+    step = max(FIRST_STEP * extent, SHORTEST_FIRST_STEP * span)
+    cell, at = cut_cells(u0, u1, s0, turning, finer, step, FIRST_TURN)
     u0, u1, s0 = at
     return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
 

@@ -152,9 +152,8 @@ def sketch_all(
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
     task = task_dimension(path, arm)
-    knots = first_knots(path)
-    chain = np.concatenate([arm.chain.positions, arm.arrays[4][None, :, 3]])
-    few = knots.part(_few_places(path, knots, SKETCHED * np.linalg.norm(chain, axis=1).sum()))
+    knots = first_knots(path, arm.span)
+    few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
     found = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
     return np.append(few.s0, path.length), [x.q for x in found]
 
@@ -183,7 +182,9 @@ def _trace_planar(
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
-    joint_path = refine(ClosedForm(path, arm, branch, tolerance), first_knots(path), path.stops)
+    joint_path = refine(
+        ClosedForm(path, arm, branch, tolerance), first_knots(path, arm.span), path.stops
+    )
     joint_path = turn_into_range(joint_path, arm.limits)
     refuse_out_of_range(joint_path, arm.limits)
     return joint_path
@@ -199,7 +200,7 @@ def _trace_serial(
         InvalidInput: As in `trace`.
     """
     task = task_dimension(path, arm)
-    knots = first_knots(path, FINER if task < arm.dof else 1)
+    knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
     first = FirstPoses.of(path, knots)
     found: list[JointPath] = []
     refusals: list[Unreachable] = []
