@@ -62,10 +62,12 @@ class Path(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
-        at = np.arange(n + 1) if self.waypoints is EVERY_VERTEX else np.asarray(self.waypoints)
-        if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
-            raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-        object.__setattr__(self, "waypoints", _checks.lock_copy(at))
+        if self.waypoints is EVERY_VERTEX:
+            at = np.arange(n + 1)
+            at.setflags(write=False)
+        else:
+            at = _increasing(self.waypoints, n)
+        object.__setattr__(self, "waypoints", at)
         object.__setattr__(self, "breaks", _checks.lock_floats(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
@@ -387,6 +389,18 @@ class Path(Value):
         snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
         snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
+
+
+def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
+    """Waypoints of a path of n segments, locked.
+
+    Raises:
+        InvalidInput: They do not increase from 0 to n.
+    """
+    at: IntArray = np.asarray(waypoints)
+    if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
+        raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
+    return _checks.lock_copy(at)
 
 
 def _range(values: FloatArray, unit: str) -> str:
