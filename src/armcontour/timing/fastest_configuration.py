@@ -100,11 +100,12 @@ def trace_by_duration(
     if len(found) == 1:
         yield found
         return
-    at_least = np.array([bound_duration(x, rough) for x in found])
+    at_least = [bound_duration(x, rough) for x in found]
     order = np.argsort(at_least, kind="stable").tolist()
+    # Of those that are planned and did not come yet.
     durations: dict[int, float] = {}
     while order or durations:
-        # The others are not planned yet: their bounds say that they take longer.
+        # What takes longer by its bound is not planned yet.
         while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
