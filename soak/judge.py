@@ -20,6 +20,8 @@ STEP = 1e-9
 SLOWEST = 1e-6
 # Nearer than this to the edge of the reach [m] a path may be refused.
 EDGE = 2e-9
+# A motion that takes longer is refused [s].
+LONGEST = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +75,8 @@ def _answer(problem: Problem) -> tuple[str, str, float]:
             planned = ac.plan(problem.path, problem.arm, problem.limits, **options)
         except ac.NotRealizable as error:
             refused = str(error)
+            if error.limit is None and _least_duration(problem) > LONGEST:
+                return "refused", refused, 0.0
             name = (error.limit or "").replace(" ", "_")
             if not options.get(name) or not error.allowed < options[name]:
                 return "dishonest", refused, 0.0
@@ -86,6 +90,15 @@ def _answer(problem: Problem) -> tuple[str, str, float]:
             return "violation", notes, worst
         return "refused" if refused else "planned", refused, worst
     return "dishonest", f"{refused} (and what was allowed was then refused too)", 0.0
+
+
+def _least_duration(problem: Problem) -> float:
+    """A time that the joints need for their ways along a joint path at full velocity [s]."""
+    path, velocity = problem.path, problem.limits.joint_velocity
+    if not isinstance(path, ac.JointPath) or velocity is None:
+        return 0.0
+    way = np.abs(np.diff(path(path.breaks), axis=0)).sum(axis=0)
+    return float((way / velocity).max())
 
 
 def _leaves_reach(problem: Problem) -> bool:
