@@ -37,7 +37,7 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 def do_both(work: Callable[[], R], own: Callable[[], T]) -> tuple[R, T]:
     """Do mostly compiled work in another thread, and other work in this one meanwhile.
 
-    Both have ended when this returns or raises; where both fail, the error is that of the other.
+    Both have ended when this returns or raises; where both fail, the error is that of this thread.
 
     Args:
         work: The work, nearly all of it in few calls of compiled functions, or of the system.
