@@ -234,14 +234,17 @@ def try_races(bench: Bench, count: int, seed: int) -> int:
     for i in range(count):
         draw = random.Random(f"{seed} race {i}")
         name = draw.choice(["run", "export", "demo"])
-        arguments = bench.prepare(name, earlier=draw.random() < 0.5)
+        earlier = draw.random() < 0.5
+        arguments = bench.prepare(name, earlier=earlier)
         first = begin(bench.folder, arguments)
         time.sleep(draw.uniform(0.0, 0.2))
         second = begin(bench.folder, arguments)
         said = [x.communicate(timeout=600)[1] for x in (first, second)]
         codes = sorted((first.returncode, second.returncode))
         wrong = bench.wrong(name, earlier=True)
-        if codes != [0, 2]:
+        # A folder is written to for a sixth of a second. Where it may be replaced, the second run
+        # may come after the first.
+        if codes != [0, 2] and not (earlier and codes == [0, 0]):
             wrong = f"exit codes {codes}: {said}"
         if wrong:
             failed += 1
