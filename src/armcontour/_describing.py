@@ -20,13 +20,13 @@ FEW = 6
 def line_up(title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<") -> str:
     """A title, and below it rows of aligned cells, for `print`.
 
-    Rows whose cells behind the first are all empty are left out. Long lines go on in the next one;
+    Rows whose cells after the first are all empty are left out. Long lines go on in the next one;
     of too many lines, the number of the others is said.
 
     Args:
         title: The first line.
         rows: The cells, the name of the row first.
-        columns: Alignment of the columns behind the first, as in a format, "<" or ">"; the last one
+        columns: Alignment of the columns after the first, as in a format, "<" or ">"; the last one
             holds for all columns that follow.
     """
     kept = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]

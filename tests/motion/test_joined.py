@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import JointPath, stand_still
+from armcontour.motion import JointPath, PathLaw, stand_still
+from armcontour.motion.joined import JoinedLaws
 
 LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
 
@@ -75,3 +76,14 @@ def test_a_kept_table_of_laws_gives_the_same_as_a_new_one(many):
         t = np.linspace(many.starts[first], many.starts[last], 333)
         for order in range(3):
             np.testing.assert_array_equal(many(t, order), fresh(t, order))
+
+
+def test_a_table_is_used_again_also_beside_a_pause(many, monkeypatch):
+    pauses = [k for k, law in enumerate(many.laws) if type(law) is not PathLaw]
+    begin, end = many.starts[pauses[0] + 1], many.starts[pauses[1]]
+    t, made, of = np.linspace(begin, end, 200)[1:-1], [], JoinedLaws.of
+    monkeypatch.setattr(JoinedLaws, "of", lambda *given: made.append(1) or of(*given))
+    again = ac.Trajectory(laws=many.laws, method="optimal")
+    for order in range(3):
+        again(t, order)
+    assert len(made) == 1

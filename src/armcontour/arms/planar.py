@@ -83,7 +83,7 @@ class PlanarTwoLink(Arm):
     @property
     def span(self) -> float:
         """Length of all links together [m]."""
-        return self.link1 + self.link2
+        return self.reach[1]
 
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m], eq. (1)-(2)."""

@@ -41,6 +41,21 @@ def linear_motion(slope: float, t: float) -> tuple[float, float, float]:
     return c, t * h, t * t * p
 
 
+@compiled(inner=True)
+def speed_after(ds: float, dds: float, jerk: float, c: float, h: float, t: float) -> float:
+    """The path speed a time t after the start of an interval; c and h as `linear_motion` has them.
+
+    Args:
+        ds: Of the interval's `Rates`, as are dds and jerk.
+        dds: Of the rates.
+        jerk: Of the rates.
+        c: The hyperbolic or circular cosine.
+        h: The sine, over its factor.
+        t: The time [s].
+    """
+    return ds * c + dds * h + jerk * t**2 / 2
+
+
 @compiled()
 def path_motions(
     i: IntArray,
@@ -73,7 +88,7 @@ def path_motions(
         way = s[j] + ds[j] * h + dds[j] * p + jerk[j] * u**3 / 6
         # Rounding errors must not move s past a break, at which derivatives may jump.
         found[0, k] = min(max(way, s[j]), s[j + 1])
-        speed = ds[j] * c + dds[j] * h + jerk[j] * u**2 / 2
+        speed = speed_after(ds[j], dds[j], jerk[j], c, h, u)
         found[1, k] = speed
         found[2, k] = ds[j] * slope[j] * h + dds[j] * c + jerk[j] * u
         found[3, k] = slope[j] * speed + jerk[j]

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
-from armcontour.motion._laws import linear_motion
+from armcontour.motion._laws import linear_motion, speed_after
 
 
 @compiled(inner=True)
@@ -105,7 +105,7 @@ def fastest_along(
         else:
             t = breaks[n] - breaks[i]
             c, h, _ = linear_motion(slope[i], t)
-            end = ds * c + a * h + jerk[i] * t**2 / 2
+            end = speed_after(ds, a, jerk[i], c, h, t)
         fastest = max(ds, end)
         # ds² is a parabola over s, or ds one over time; with a peak where the acceleration is 0.
         if a > 0.0 and jerk[i] < 0.0:

@@ -332,7 +332,11 @@ class Trajectory(Value):
             if begin <= first and last <= end:
                 return which - begin, joined
         if last - first <= KEPT:
-            begin, end = max(first - MORE, 0), min(last + MORE, len(self.laws))
+            begin, end = first, last
+            while begin > max(first - MORE, 0) and type(self.laws[begin - 1]) is PathLaw:
+                begin -= 1
+            while end < min(last + MORE, len(self.laws)) and type(self.laws[end]) is PathLaw:
+                end += 1
             own = [x for x in self.laws[begin:end] if type(x) is PathLaw]
             if len(own) == end - begin:
                 joined = JoinedLaws.of(own, np.array(self.starts[begin:end]))

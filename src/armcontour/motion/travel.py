@@ -101,7 +101,7 @@ def _(law: PathLaw) -> FloatArray:
 def _(law: SmoothedLaw) -> FloatArray:
     """The averaged path speed is never above the largest original one in the window."""
     speeds = _largest_since(_fastest_along(law.law)[:, None], law.law, law, sum(law.windows))
-    return _along(law.joint_path, law.s, speeds[:, 0])
+    return _along(law.joint_path, law.s, speeds.ravel())
 
 
 @fastest_joints.register
@@ -123,7 +123,6 @@ def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArr
         s: Arc lengths, which do not decrease [m], (n + 1,).
         speeds: Bounds of the path speed between them [m/s], (n,).
     """
-    speeds = np.ascontiguousarray(speeds)
     return np.asarray(_travel.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
 
 
