@@ -23,7 +23,7 @@ TSC := $(TOOLS)/node_modules/.bin/tsc
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
 
-demo: $(VENV)/base-usual  ## Run the paper's job end to end, and say where its report is
+demo: $(VENV)/base-usual  ## Run the paper's job and cut a plate with a UR5e; print where the report is
 	$(BIN)/armcontour demo --out demo --force
 
 test: $(VENV)/test-all  ## Run the whole test suite, on all cores

@@ -20,7 +20,7 @@ from armcontour._signatures import to_text
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "src" / "armcontour" / "_kernels.txt"
 RUNS = {
-    "plane": ["demo"],
+    "plane": ["run", "paper"],
     "space": ["run", str(ROOT / "examples" / "drawings" / "gasket.dxf"), "--cell", "ur5e"],
 }
 TESTS = "-"

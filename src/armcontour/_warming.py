@@ -112,17 +112,17 @@ def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
 
 
 @contextmanager
-def warm_for_run(dimension: int, progress: Progress) -> Iterator[None]:
+def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Compile what a usual run needs, if it is not compiled yet, in other processes meanwhile.
 
     What is called inside waits for the functions that it needs, which are compiled first then.
     What fails here is compiled where it is called.
 
     Args:
-        dimension: Dimension of the arm's work space.
+        dimension: Dimension of the arm's work space; None for arms of both dimensions.
         progress: Called as by `warm`, while something is waited for.
     """
-    which: Which = "plane" if dimension == 2 else "space"
+    which: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
 
     def tell(step: Step) -> None:
         if step.done == 0.0:

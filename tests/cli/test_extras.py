@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sys
 import tomllib
@@ -10,9 +9,6 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
-
-from armcontour.cli import running
-from armcontour.jobs import Job
 
 ROOT = FilePath(__file__).parents[2]
 # Extras for those who develop armcontour.
@@ -100,32 +96,35 @@ def test_a_missing_extra_is_one_sentence(
     assert not (folder / "out").exists()
 
 
-def test_the_demo_without_mujoco_is_the_demo_without_its_experiments(
+def test_the_demo_needs_no_extra(
     command_in: Any, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = running.built_in_job()
-    few = [x for x in whole.runs if x.name in ("uncompensated", "inverse-dynamics", "optimal")]
-    coarse = tuple(dataclasses.replace(x, period=4e-3) for x in few)
-    job: Job = dataclasses.replace(whole, runs=coarse, published=None)
-    monkeypatch.setattr(running, "built_in_job", lambda: job)
-    found, said = {}, {}
-    for name in ("with", "without"):
-        with monkeypatch.context() as there:
-            if name == "without":
-                there.setitem(sys.modules, "mujoco", None)
-            ended = command_in(tmp_path, "demo", "--out", name)
-        assert ended.code == 0, ended.errors
-        said[name] = " ".join(ended.out.split())
-        found[name] = json.loads((tmp_path / name / "summary.json").read_text())["runs"]
-        assert (tmp_path / name / "report.html").stat().st_size > 1e6
-    assert "pip install" not in said["with"]
-    assert said["without"].count("pip install 'armcontour[experiment]'") == 1
-    assert "the run inverse-dynamics, which only these judge" in said["without"]
-    # A hint for jobs of users; nobody can change this one.
-    assert "give the job an experiment" not in said["without"]
-    assert list(found["with"]) == ["uncompensated", "optimal", "inverse-dynamics"]
-    assert list(found["without"]) == ["uncompensated", "optimal"]
-    for name, run in found["without"].items():
-        there = found["with"][name]
-        assert there.pop("experiment")
-        assert run == there
+    for library in ("mujoco", "ezdxf", "pyarrow"):
+        monkeypatch.setitem(sys.modules, library, None)
+    ended = command_in(tmp_path, "demo", "--out", "out")
+    assert ended.code == 0, ended.errors
+    paper, plate = (
+        json.loads((tmp_path / "out" / name / "summary.json").read_text()) for name in ("", "plate")
+    )
+    assert list(paper["runs"]) == ["conventional", "proposed", "shaped"]
+    # The figures that README.md states.
+    errors = {name: x["contour_error"]["rms"] for name, x in paper["runs"].items()}
+    assert errors["proposed"] == pytest.approx(2.28e-6, rel=0.01)
+    assert errors["conventional"] == pytest.approx(3.583e-3, rel=0.01)
+    contours = [x for x in plate["runs"]["cut"]["moves"] if x["kind"] == "contour"]
+    # The outline is cut last.
+    assert len(contours) == 3 and contours[-1]["name"] == "path 1"
+    for name in (*paper["files"], *(f"plate/{x}" for x in plate["files"])):
+        assert (tmp_path / "out" / name).is_file()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for job in (paper, plate):
+        assert f'id="{job["job"]}-overview"' in page
+
+
+def test_the_paper_job_is_known_by_its_name(command_in: Any, tmp_path: FilePath) -> None:
+    ended = command_in(tmp_path, "run", "paper", "--out", "out", "--no-simulation")
+    assert ended.code == 0, ended.errors
+    assert len(json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]) == 6
+    # A file of this name is the user's.
+    (tmp_path / "paper").write_text("name: [")
+    assert command_in(tmp_path, "run", "paper", "--out", "other").code == 2

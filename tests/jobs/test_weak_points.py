@@ -204,3 +204,53 @@ def test_what_is_left_of_the_approach_is_said_with_the_dwell_that_mends_it():
     none, mended = approached(dwell / 1e3)
     assert none == []
     assert mended.contour_error.max <= 1.01e-3 * later
+
+
+def delayed_loops(taught, limits, delay, step=25e-6):
+    """Joint positions of two loops with saturation whose velocity command is delayed.
+
+    Euler's method with its own interpolation; shares no code with the servo model.
+    """
+    late = round(delay / step)
+    t = np.arange(0.0, taught.t[-1] + 0.05, step)
+    columns = []
+    for joint in range(2):
+        u = np.interp(t, taught.t, taught.q[:, joint]).tolist()
+        bound = float(limits.joint_acceleration[joint])
+        q, dq, asked, found = u[0], 0.0, [0.0] * late, []
+        for x in u:
+            found.append(q)
+            asked.append(25.0 * (x - q))
+            acceleration = 150.0 * (asked[-1 - late] - dq)
+            dq += step * min(max(acceleration, -bound), bound)
+            q += step * dq
+        columns.append(found)
+    return np.array(columns).T
+
+
+def test_a_run_at_the_full_limit_states_the_cost_of_a_cycle_of_delay():
+    limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.15, centripetal_acceleration=0.09)
+    points = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
+    asked = job(
+        ac.Path.polyline(points),
+        rounding=Rounding(tolerance=5e-3),
+        limits=limits,
+        compensation="pole_placement",
+        reserve=0.0,
+    )
+    found = ac.run(asked).runs["one"]
+    assert any("drive cycle" in x for x in found.warnings)
+    # An independent simulation with the delay agrees on the size of the error.
+    path = found.path.single_path
+    q = delayed_loops(found.taught, limits, 1e-3)
+    error = path.project(asked.arm.forward(q)).distance
+    rms = float(np.sqrt(np.mean(error**2)))
+    assert rms > 10 * found.evaluation.contour_error.rms
+    assert found.delayed.contour_error.rms == pytest.approx(rms, rel=0.2)
+    with_reserve = dataclasses.replace(
+        asked, runs=(dataclasses.replace(asked.runs[0], reserve=0.02),)
+    )
+    spared = ac.run(with_reserve).runs["one"]
+    assert spared.warnings == () and spared.delayed is None
+    error = path.project(asked.arm.forward(delayed_loops(spared.taught, limits, 1e-3))).distance
+    assert np.sqrt(np.mean(error**2)) < 2 * spared.evaluation.contour_error.rms

@@ -13,7 +13,7 @@ import yaml
 from armcontour.cli.running import built_in_job
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import Experiment, Study, run
+from armcontour.jobs import Experiment, RunResult, Study, run
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import bindings, overview, paths
 from armcontour.report.sections.motion import accelerations, contour_error, find_saturation
@@ -82,13 +82,18 @@ def test_tiles_say_who_was_saturated(study: Study) -> None:
 
 def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
     assert not any("On rigid bodies" in x for x in overview(study).notes)
+
+    def notes_on_bodies(runs: dict[str, RunResult]) -> list[str]:
+        notes = overview(Study(job=study.job, runs=runs)).notes
+        return [x for x in notes if x.startswith("On rigid bodies")]
+
     plain, made_up = study.runs["uncompensated"], study.runs["proposed"]
     assert plain.experiment is not None and made_up.experiment is not None
     swapped = {
         "uncompensated": dataclasses.replace(plain, experiment=made_up.experiment),
         "proposed": dataclasses.replace(made_up, experiment=plain.experiment),
     }
-    (note,) = overview(Study(job=study.job, runs=swapped)).notes
+    (note,) = notes_on_bodies(swapped)
     assert note.startswith(
         "On rigid bodies the run proposed is farther from the path than uncompensated, which is "
         "the same plan without compensation"
@@ -101,7 +106,7 @@ def test_compensation_that_does_harm_on_bodies_is_said(study: Study) -> None:
     assert any("are not those that the compensation knows, or its drives" in x for x in told)
     rubbed = dataclasses.replace(swapped["proposed"].run, experiment=Experiment(coulomb=6.0))
     swapped["proposed"] = dataclasses.replace(swapped["proposed"], run=rubbed)
-    (note,) = overview(Study(job=study.job, runs=swapped)).notes
+    (note,) = notes_on_bodies(swapped)
     assert note.endswith(
         "too little; nor does it know what the robot has: Coulomb friction of 6 N m."
     )

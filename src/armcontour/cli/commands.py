@@ -126,7 +126,7 @@ def run(
 
 @app.command()
 def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
-    """Run the built-in job: the paper's contouring job on the PMK-3s."""
+    """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
     from armcontour.cli.running import run_demo
 
     run_demo(out, force=force, open_report=open_report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 # A job may have one of these endings, or none.
 JOBS = (".yaml", ".yml", "")
+# Name of the built-in job, which any command takes in place of a job file.
+PAPER = "paper"
 
 
 def read_overrides(x: JobOptions) -> JobOverrides:
@@ -59,6 +62,11 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     )
 
 
+def library_file(name: str) -> FilePath:
+    """A file of the package's library of jobs."""
+    return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
+
+
 def is_job(file: FilePath) -> bool:
     """Whether a file is a job by its name; else it is a drawing."""
     return file.suffix.lower() in JOBS
@@ -89,6 +97,8 @@ def open_job(
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
+        if str(file) == PAPER and not file.exists():
+            file = library_file("paper.yaml")
         return read_job(file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
     # A robot description, say, is no drawing, and needs no cell.
     find_reader(file)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from armcontour._progress import Progress, Step, under
 from armcontour._threads import do_both
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
+from armcontour.cli.opening import library_file
 from armcontour.cli.progress import job_progress
 
 if TYPE_CHECKING:
@@ -23,8 +23,14 @@ if TYPE_CHECKING:
 WRITING = Step(("writing the results",))
 
 
+# The runs of the paper's job that the demo compares.
+COMPARED = ("conventional", "proposed", "shaped")
+
+
 def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
-    """Run the built-in job, and say what an extra would add to it.
+    """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both.
+
+    The results of the paper's job are in the folder itself, those of the plate in its subfolder.
 
     Args:
         out: Folder for the results.
@@ -34,47 +40,55 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     Raises:
         ArmContourError: The folder cannot be used.
     """
-    left_out: list[str] = []
+    from armcontour._warming import warm_for_run
+    from armcontour.io import ResultFolder, read_job
+    from armcontour.io.summary import summary
 
-    def read(progress: Progress) -> Job:
-        from armcontour.execution.rigid_body_plant import can_simulate
+    with ResultFolder(out, force=force) as folder, job_progress() as progress:
+        jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
+        with warm_for_run(None, progress):
+            from armcontour.jobs import run, steps_of
+            from armcontour.report import render_demo
 
-        job = built_in_job()
-        if can_simulate():
-            return job
-        alone, runs = without_bodies(job)
-        left_out.extend(runs)
-        return alone
+            steps = [step for job in jobs.values() for x in job.runs for step in steps_of(x)]
+            progress.expect([*steps, WRITING.names[0]])
+            studies = {name: run(job, progress=progress) for name, job in jobs.items()}
+            progress(WRITING)
 
-    run_job(read, out, force=force, open_report=open_report)
-    if left_out:
-        Console().say(
-            "Left out: how all runs do on the arm's rigid bodies, and the run "
-            f"{' and '.join(left_out)}, which only these judge; both need MuJoCo: pip install "
-            "'armcontour[experiment]'."
-        )
+            def write() -> None:
+                for name, study in studies.items():
+                    others = len(folder.files)
+                    write_motions(folder, study.job, study.runs, under=name)
+                    own = [x.removeprefix(name) for x in folder.files[others:]]
+                    folder.write(f"{name}summary.json", summary(study, [*own, "summary.json"]))
+
+            _, page = do_both(write, partial(render_demo, list(studies.values())))
+            folder.write("report.html", page)
+    for study in studies.values():
+        _print_results(study, [])
+    _show_report(out, open_report)
+
+
+def _show_report(out: FilePath, open_report: bool) -> None:
+    """Print the address of a report, and open it if asked."""
+    report = (out / "report.html").resolve()
+    Console().say(f"Report: {report.as_uri()}")
+    if open_report:
+        open_page(report)
 
 
 def built_in_job() -> Job:
     """The paper's job, which is a part of the package."""
     from armcontour.io import parse_job
 
-    file = resources.files("armcontour.jobs") / "library" / "paper.yaml"
-    return parse_job(file.read_text(encoding="utf-8"), source="the built-in job")
+    return parse_job(library_file("paper.yaml").read_text("utf-8"), source="the built-in job")
 
 
-def without_bodies(job: Job) -> tuple[Job, list[str]]:
-    """A job without experiments, and without runs that nothing else judges.
-
-    Args:
-        job: The job.
-
-    Returns:
-        What is left of it, and the names of the runs that are not.
-    """
-    kept = [x for x in job.runs if x.compensation != "inverse_dynamics"]
-    lost = [x.name for x in job.runs if x not in kept]
-    return replace(job, runs=tuple(replace(x, experiment=None) for x in kept)), lost
+def _compared_runs() -> Job:
+    """The paper's job with the runs that the demo compares, without experiments."""
+    job = built_in_job()
+    runs = tuple(replace(x, experiment=None) for x in job.runs if x.name in COMPARED)
+    return replace(job, runs=runs)
 
 
 def run_job(
@@ -139,18 +153,21 @@ def run_job(
     if not simulate:
         _print_plans(job, plans, out, notes)
         return
-    report = (out / "report.html").resolve()
-    _print_results(study, report, notes)
-    if open_report:
-        open_page(report)
+    _print_results(study, notes)
+    _show_report(out, open_report)
 
 
 def write_motions(
-    folder: ResultFolder,
-    job: Job,
-    plans: Mapping[str, RunPlan],
+    folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], *, under: str = ""
 ) -> None:
-    """Write taught data, plan and torques of every run as CSV."""
+    """Write taught data, plan and torques of every run as CSV.
+
+    Args:
+        folder: The folder of the results.
+        job: The job.
+        plans: Plans by the names of their runs.
+        under: Begin of all names of files, such as `plate/`.
+    """
     from armcontour.io import write_planned, write_taught, write_torque
 
     names = job.arm.joint_names
@@ -158,12 +175,12 @@ def write_motions(
         # Thousands of laws take long to evaluate: once for both files.
         planned = result.trajectory.sample(result.run.period)
         taught = partial(write_taught, taught=result.taught, joint_names=names)
-        folder.place(f"{name}/taught.csv", taught)
+        folder.place(f"{under}{name}/taught.csv", taught)
         plan = partial(write_planned, x=planned, joint_names=names)
-        folder.place(f"{name}/planned.csv", plan)
+        folder.place(f"{under}{name}/planned.csv", plan)
         if job.arm.has_bodies:
             torque = partial(write_torque, x=planned, arm=job.arm)
-            folder.place(f"{name}/torque.csv", torque)
+            folder.place(f"{under}{name}/torque.csv", torque)
 
 
 def _write_plans(
@@ -204,8 +221,8 @@ def _print_plans(
     console.say(f"Taught data: {out.resolve()}")
 
 
-def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None:
-    """Print a table of all runs, warnings, and where the report is."""
+def _print_results(study: Study, notes: Sequence[str]) -> None:
+    """Print a table of all runs, remarks and warnings."""
     from armcontour.jobs import warnings_of
     from armcontour.jobs.quantities import assumed_numbers, unknown_notes
 
@@ -249,7 +266,7 @@ def _print_results(study: Study, report: FilePath, notes: Sequence[str]) -> None
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
     lines += unknown_notes(study)
-    for text in (*lines, f"Report: {report.as_uri()}"):
+    for text in lines:
         console.say(text)
 
 

@@ -27,6 +27,7 @@ from armcontour.program import (
     round_corners,
     smooth_curvature,
 )
+from armcontour.servo import ServoModel
 from armcontour.timing import (
     Explanation,
     Tracing,
@@ -348,11 +349,19 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     )
 
 
-def execute_run(job: Job, this: Run, taught: TaughtData) -> Execution:
+def execute_run(
+    job: Job, this: Run, taught: TaughtData, servo: ServoModel | None = None
+) -> Execution:
     """Simulate how the servo executes the set-points of a run.
+
+    Args:
+        job: The job.
+        this: The run.
+        taught: Its set-points.
+        servo: The simulated servo; by default that of the job's plant.
 
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    plant = ServoPlant(job.arm, job.plant_servo, this.limits)
+    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo, this.limits)
     return execute(taught, plant, resolution=RESOLUTION, memory=job.memory)

@@ -42,10 +42,12 @@ from armcontour.jobs.reach import reach_told
 from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
+    DRIVE_CYCLE,
     INVERSE_DYNAMICS,
     capped,
     made_for_bodies,
     overloaded,
+    sensitive_to_delay,
     smoothed_beyond,
     unsettled,
 )
@@ -71,6 +73,10 @@ SHAPING = "shaping"
 LONG = 60.0
 # Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
+# Compensation methods whose set-points are made for the servo model.
+SERVO_COMPENSATIONS = ("inverse", "pole_placement")
+# Share of a joint's acceleration limit from which an execution uses the full limit.
+FULL = 0.99
 Result = TypeVar("Result", bound="RunPlan")
 
 
@@ -297,6 +303,8 @@ class RunResult(RunPlan):
         execution: The executed motion.
         evaluation: Errors of the executed motion.
         executed_clearance: How far the arm stays from itself and from its cell, as executed.
+        delayed: Evaluation of the same set-points on a servo with one more drive cycle of delay;
+            None for a plan that leaves a reserve, or without compensation.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
     """
@@ -305,6 +313,7 @@ class RunResult(RunPlan):
     execution: Execution
     evaluation: Evaluation
     executed_clearance: Clearance | None = None
+    delayed: Evaluation | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
 
@@ -347,6 +356,7 @@ class RunResult(RunPlan):
                 *planned,
                 *overloaded(self.execution, self.evaluation, self.run),
                 *unsettled(self.evaluation, self.trajectory, self.path),
+                *sensitive_to_delay(self.evaluation, self.delayed),
             )
         bodies = None if self.experiment is None else self.experiment.evaluation
         return (*planned, made_for_bodies(self.evaluation, bodies, self.run))
@@ -518,7 +528,33 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         execution=executed,
         evaluation=evaluation,
         executed_clearance=_executed_clearance(job, plan, executed),
+        delayed=_evaluate_with_delay(job, this, plan, evaluation),
     )
+
+
+def _evaluate_with_delay(
+    job: Job, this: Run, plan: RunPlan, nominal: Evaluation
+) -> Evaluation | None:
+    """Evaluate the set-points on a servo with a drive cycle of delay between its loops.
+
+    The delay T of the velocity command gives `ddq = K_v (K_p (u - q) - (1 - K_p T) dq)` to first
+    order in T, which is a servo with the gains `K_p / (1 - K_p T)` and `K_v (1 - K_p T)`.
+
+    Returns:
+        The evaluation; None if the plan does not use the full acceleration, without compensation
+        for this servo, or if the joints do not come to rest.
+    """
+    servo = job.plant_servo
+    left = 1 - servo.kp * DRIVE_CYCLE
+    full = not this.reserve and nominal.demand_ratio.max() > FULL
+    if not full or this.compensation not in SERVO_COMPENSATIONS or (left < 0.5).any():
+        return None
+    kv = None if servo.kv is None else servo.kv * left
+    try:
+        executed = execute_run(job, this, plan.taught, servo.replace(kp=servo.kp / left, kv=kv))
+    except ExecutionError:
+        return None
+    return evaluate(executed, plan.path, until=this.until)
 
 
 def _executed_clearance(job: Job, plan: RunPlan, executed: Execution) -> Clearance | None:

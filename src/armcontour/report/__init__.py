@@ -2,6 +2,7 @@
 
 from armcontour.report.report import (
     render_batch,
+    render_demo,
     render_drawing,
     render_judged,
     render_learning,
@@ -13,6 +14,7 @@ from armcontour.report.report import (
 
 __all__ = [
     "render_batch",
+    "render_demo",
     "render_drawing",
     "render_judged",
     "render_learning",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,33 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         return _page(study.job, _sections(study, certificate))
     finally:
         forget()
+
+
+def render_demo(studies: Sequence[Study]) -> str:
+    """Render the most important sections of several studies as one HTML page without other files.
+
+    Args:
+        studies: The studies, each with a job name of its own.
+    """
+    shown = (
+        sections.overview,
+        sections.published,
+        sections.program,
+        sections.paths,
+        sections.space,
+        sections.tool_speed,
+        sections.contour_error,
+        sections.clearance,
+    )
+    found = []
+    for study in studies:
+        job = study.job
+        parts = [x for x in (section(study) for section in shown) if x is not None]
+        parts[0] = replace(parts[0], title=job.title)
+        found += [replace(x, key=f"{job.name}-{x.key}") for x in parts]
+    forget()
+    about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
+    return _page(None, found, title="armcontour demo", about=about)
 
 
 def _sections(study: Study, certificate: Certificate | None) -> list[Section]:

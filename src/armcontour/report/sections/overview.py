@@ -16,7 +16,7 @@ from armcontour.report.style import few
 
 # Largest number of runs with tiles; more runs are compared in a table.
 MOST_TILED = 2
-MASSES = "What torques and experiments assume about masses: see Drive torques."
+MASSES = "The masses that torques and experiments assume are listed under Drive torques."
 # Share of the time from which a joint is shown as saturated; less would show as 0.0%.
 SATURATED = 5e-4
 # A smaller share of the largest tool speed is rounding of the simulation.
@@ -36,6 +36,7 @@ OTHER_ROBOT = (
 def overview(study: Study) -> Section:
     """Duration, errors and demand of every run, as tiles or in a table."""
     many = len(study.runs) > MOST_TILED
+    experiments = any(x.run.experiment is not None for x in study.runs.values())
     return Section(
         key="overview",
         title="At a glance",
@@ -55,7 +56,7 @@ def overview(study: Study) -> Section:
                 if result.failure is not None
             ),
             *_worse_on_bodies(study),
-            *((MASSES,) if many and assumed_numbers(study.job.arm) else ()),
+            *((MASSES,) if many and experiments and assumed_numbers(study.job.arm) else ()),
         ),
     )
 
