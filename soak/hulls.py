@@ -10,6 +10,8 @@ For the built-in arms (repositories of the makers, beside this one):
     python -m soak.hulls panda franka_description/robots/fer/fer.urdf.xacro \
         --package franka_description=franka_description --argument hand=false \
         --rename fer_=panda_
+    python -m soak.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
+        --package franka_description=franka_description --argument hand=false
 
 A hull is the intersection of half-spaces that hold every corner of the mesh, so it holds the mesh.
 Half-spaces are added where the hull is farthest from the mesh's own convex hull (the sandwich
@@ -50,7 +52,7 @@ SOURCES = {
         "Robots A/S.",
         "BSD-3-Clause: see LICENSE-universal-robots.txt.",
     ),
-    "panda": (
+    "franka": (
         "Convex hulls of the collision meshes of franka_description, Franka Robotics GmbH.",
         "Apache-2.0: see NOTICE-franka.txt.",
     ),
@@ -156,7 +158,7 @@ def main(words: list[str]) -> int:
     hulls = [hull_of(x, told.excess) for x in arm.shapes.shapes]
     for x in hulls:
         x["name"] = x["name"].replace(old, new) if old else x["name"]
-    source, license_text = SOURCES["panda" if told.name == "panda" else "ur"]
+    source, license_text = SOURCES["franka" if told.name in ("panda", "fr3") else "ur"]
     page = {
         "source": f"{source} They are up to {max(x['excess'] for x in hulls) * 1e3:.2g} mm larger.",
         "license": license_text,

@@ -138,8 +138,8 @@ def test_runs_a_small_dxf(folder: FilePath, call: Call) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("plain.csv", ("--cell", "panda, pmk3s, ur10e, ur5e")),
-        ("plain.csv --cell lathe", ("'lathe'", "panda, pmk3s, ur10e, ur5e")),
+        ("plain.csv", ("--cell", "fr3, panda, pmk3s, ur10e, ur5e")),
+        ("plain.csv --cell lathe", ("'lathe'", "fr3, panda, pmk3s, ur10e, ur5e")),
         ("job.yaml --cell pmk3s", ("job.yaml", "--cell goes with a drawing")),
         ("none.csv --cell pmk3s", ("none.csv", "There is no file")),
         ("plain.txt --cell pmk3s", ("plain.txt", ".dxf")),

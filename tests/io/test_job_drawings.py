@@ -251,9 +251,12 @@ def test_a_job_file_is_a_cell_whose_own_path_gives_way(folder: FilePath) -> None
 def test_refuses_what_is_no_cell(folder: FilePath, refuses: Callable[..., None]) -> None:
     drawing = folder / "two.csv"
     refuses(
-        lambda: read_cell("lathe", drawing), InvalidInput, "'lathe'", "panda, pmk3s, ur10e, ur5e"
+        lambda: read_cell("lathe", drawing),
+        InvalidInput,
+        "'lathe'",
+        "fr3, panda, pmk3s, ur10e, ur5e",
     )
-    refuses(lambda: read_cell("", drawing), InvalidInput, "panda, pmk3s, ur10e, ur5e")
+    refuses(lambda: read_cell("", drawing), InvalidInput, "fr3, panda, pmk3s, ur10e, ur5e")
     refuses(
         lambda: read_cell(folder / "no.yaml", drawing),
         InvalidInput,

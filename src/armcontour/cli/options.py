@@ -48,7 +48,7 @@ CellOfDrawing = Annotated[
     str | None,
     typer.Option(
         "--cell",
-        help="Where a drawing is run: built in are panda, pmk3s, ur10e and ur5e; or a job file "
+        help="Where a drawing is run: built in are fr3, panda, pmk3s, ur10e and ur5e; or a job file "
         "without a path.",
     ),
 ]

@@ -49,8 +49,9 @@ def test_universal_robots_by_their_dh_parameters(name):
         np.testing.assert_allclose(rotation, place[:3, :3], atol=1e-12)
 
 
-def test_the_panda_by_its_dh_parameters():
-    arm = ac.load_arm("panda")
+@pytest.mark.parametrize("name", ["panda", "fr3"])
+def test_franka_arms_by_their_dh_parameters(name):
+    arm = ac.load_arm(name)
     for q in random_joints(7):
         place = np.eye(4)
         for angle, (a, d, alpha) in zip([*q, 0], PANDA, strict=True):

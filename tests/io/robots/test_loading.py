@@ -55,7 +55,7 @@ def write(tmp_path, data):
 
 
 def test_the_papers_arm(arm):
-    assert ac.arm_names() == ("panda", "pmk3s", "ur10e", "ur5e")
+    assert ac.arm_names() == ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
     assert (arm.name, arm.base, arm.link1, arm.link2) == ("PMK-3s", 0.135, 0.250, 0.215)
     np.testing.assert_array_equal(arm.limits.joint_acceleration, [0.72, 0.72])
     assert arm.limits.joint_velocity is None and arm.limits.speed is None

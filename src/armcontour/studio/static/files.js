@@ -11,7 +11,7 @@ import { notify } from "./messages.js";
 const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
 const DRAWINGS = /\.(dxf|svg|nc|ngc|gcode|tap|cnc|csv|txt)$/i;
 const ACCEPTED = ".yaml,.yml,.dxf,.svg,.nc,.ngc,.gcode,.tap,.cnc,.csv,.txt,.urdf";
-const CELLS = ["", "pmk3s", "ur5e", "ur10e", "panda"];
+const CELLS = ["", "pmk3s", "ur5e", "ur10e", "panda", "fr3"];
 
 class Files {
   /** @param {Store} store @param {Link} link */
