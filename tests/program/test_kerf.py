@@ -102,6 +102,33 @@ def test_what_vanishes_is_refused_with_the_largest_kerf_that_fits(
     assert len(cut(outline, hole, kerf=0.0199).contours) == 2
 
 
+def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer() -> None:
+    outline = circle(0, 0, 0.05, layer="CUT")
+    for layer in ("CUT", "HOLES"):
+        hole = circle(0.01, 0, 0.0045, name="hole", layer=layer)
+        inner, outer = cut(outline, hole, kerf=1.2e-3).contours
+        assert 1 / inner.path.curvatures == pytest.approx([3.9e-3], abs=1e-15)
+        assert 1 / outer.path.curvatures == pytest.approx([50.6e-3], abs=1e-15)
+        with pytest.raises(InvalidInput) as caught:
+            cut(outline, hole, kerf=12e-3)
+        assert caught.value.allowed == pytest.approx(9e-3, rel=1e-3)
+        near = circle(0.101, 0, 0.05, layer=layer)
+        with pytest.raises(InvalidInput):
+            cut(outline, near, kerf=1.2e-3)
+
+
+def test_layers_may_have_a_kerf_of_their_own() -> None:
+    outline, hole = circle(0, 0, 0.05, layer="A"), circle(0, 0, 0.02, layer="B")
+    by_layer = {"B": {"kerf": 4e-3}}
+    inner, outer = cut(outline, hole, kerf=1e-3, by_layer=by_layer).contours
+    radii = [1 / x.path.curvatures[0] for x in (inner, outer)]
+    assert radii == pytest.approx([0.018, 0.0505], abs=1e-15)
+    other = circle(0.1025, 0, 0.05, layer="B")
+    assert len(cut(outline, other, kerf=1e-3).contours) == 2
+    with pytest.raises(InvalidInput):
+        cut(outline, other, kerf=1e-3, by_layer=by_layer)
+
+
 def test_contours_that_cross_themselves_or_are_too_near_are_refused(
     refuses: Callable[..., None],
 ) -> None:

@@ -154,7 +154,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
     process = job.process
     layers = {
-        layer: {key: x for key, x in given.items() if key not in ("lead_in", "lead_out")}
+        layer: {key: x for key, x in given.items() if key not in ("lead_in", "lead_out", "kerf")}
         for layer, given in process.by_layer.items()
     }
     plain = dataclasses.replace(

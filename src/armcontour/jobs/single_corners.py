@@ -84,10 +84,9 @@ def refuse_no_corners(program: Program, process: Process, numbers: Sequence[int]
             f"{len(program.contours)}: give layers a tolerance (path.layers), or choose a contour "
             "(path.names)."
         )
-    if process.kerf is not None or any(
-        process.of_layer(x.layer).weave is not None for x in program.contours
-    ):
-        key = "weave" if process.kerf is None else "kerf"
+    layer = process.of_layer(program.contours[0].layer)
+    if layer.kerf is not None or layer.weave is not None:
+        key = "weave" if layer.kerf is None else "kerf"
         raise InvalidInput(
             f"corners.at goes without process.{key}, which moves the path off its waypoints: leave "
             "one of them out."

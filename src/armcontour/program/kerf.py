@@ -45,28 +45,30 @@ def apply_kerf(program: Program, process: Process) -> Program:
             vanishes; an offset in several parts of a contour with events; an open one in several
             parts; or two contours that are nearer than the kerf.
     """
-    if not process.kerf:
-        return program
     contours = program.contours
+    kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
+    if not any(kerfs):
+        return program
     sides = [process.kerf_side] * len(contours)
     if process.kerf_side == WASTE:
         sides = [
             side if x.closed else ""
-            for x, side in zip(contours, waste_sides(contours, process.up), strict=True)
+            for x, side in zip(contours, waste_sides(contours, process), strict=True)
         ]
+    sides = [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
     flat = [_flatten(x, i, process) if sides[i] else None for i, x in enumerate(contours)]
     parts: list[list[OffsetPart]] = [
-        [] if x is None else _offset(x, contours[i], i, process.kerf, sides[i])
+        [] if x is None else _offset(x, contours[i], i, kerfs[i], sides[i])
         for i, x in enumerate(flat)
     ]
     if process.kerf_side == WASTE:
-        _refuse_near_ones(contours, flat, parts, process.kerf)
+        _refuse_near_ones(contours, flat, parts, kerfs)
     made = [
         [x] if not own else _contours_of(x, i, own, process.up)
         for i, (x, own) in enumerate(zip(contours, parts, strict=True))
     ]
     moves = _replaced(program.moves, made)
-    left = [contour_called(x, i) for i, x in enumerate(contours) if not sides[i]]
+    left = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
     notes = program.notes
     if left:
         more = f" and {len(left) - 1} more open contours stay" if len(left) > 1 else " stays"
@@ -151,38 +153,45 @@ def _refuse_near_ones(
     contours: Sequence[Contour],
     flat: Sequence[Segments | None],
     parts: Sequence[Sequence[OffsetPart]],
-    kerf: float,
+    kerfs: Sequence[float],
 ) -> None:
-    """Refuse contours of one layer of which one is cut into along the other.
+    """Refuse contours of which one is cut into along the other.
 
     Raises:
         InvalidInput: There are such contours.
     """
-    for layer in dict.fromkeys(x.layer for x in contours):
-        own = [i for i, x in enumerate(contours) if x.layer == layer and flat[i] is not None]
-        if len(own) < 2:
-            continue
-        sources = [x for x in (flat[i] for i in own) if x is not None]
-        paths = [Segments.join([x.segments for x in parts[i]]) for i in own]
-        pair = crossing_owners(sources) or crossing_owners(paths)
-        if pair is None:
-            owner = np.repeat(np.arange(len(own)), [len(x) for x in paths])
-            path = Segments.join(paths)
-            source = Segments.join(sources)
-            nearest = find_nearest(source, path.at(slice(None), path.lengths / 2))
-            late = nearest.distance < kerf / 2 - SLACK
-            if not late.any():
-                continue
-            k = int(np.argmin(nearest.distance))
-            row = int(np.searchsorted(source.breaks, nearest.s[k], side="right")) - 1
-            ends = np.cumsum([len(x) for x in sources])
-            pair = int(owner[k]), int(np.searchsorted(ends, row, side="right"))
-        first, second = (contour_called(contours[own[k]], own[k]) for k in pair)
-        raise InvalidInput(
-            f"{first} and {second} cross, or are nearer to each other than the kerf of "
-            f"{1e3 * kerf:.6g} mm, so that the cut along one goes into the other: move them apart, "
-            "or give a smaller kerf."
-        )
+    own = [i for i, x in enumerate(flat) if x is not None]
+    if len(own) < 2:
+        return
+    sources = [x for x in flat if x is not None]
+    paths = [Segments.join([x.segments for x in parts[i]]) for i in own]
+    pair = crossing_owners(sources) or crossing_owners(paths)
+    if pair is None:
+        owner = np.repeat(np.arange(len(own)), [len(x) for x in paths])
+        path = Segments.join(paths)
+        source = Segments.join(sources)
+        nearest = find_nearest(source, path.at(slice(None), path.lengths / 2))
+        room = nearest.distance - np.array([kerfs[i] for i in own])[owner] / 2
+        k = int(np.argmin(room))
+        if room[k] >= -SLACK:
+            return
+        row = int(np.searchsorted(source.breaks, nearest.s[k], side="right")) - 1
+        ends = np.cumsum([len(x) for x in sources])
+        pair = int(owner[k]), int(np.searchsorted(ends, row, side="right"))
+    first, second = (own[k] for k in pair)
+    kerf = max(kerfs[first], kerfs[second])
+    raise InvalidInput(
+        f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
+        f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so that the cut along one "
+        "goes into the other: move them apart, give a smaller kerf, or give a layer that is not "
+        "cut through the kerf null in process.by_layer."
+    )
+
+
+def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
+    """Name of a contour for messages, with its layer if there are several layers."""
+    called, layer = contour_called(contours[number], number), contours[number].layer
+    return f"{called} (layer {layer})" if len({x.layer for x in contours}) > 1 else called
 
 
 def _contours_of(

@@ -21,10 +21,20 @@ WASTE = "waste"
 QUARTER = np.pi / 2
 # If the sine of the angle between tangent and `up` is below this, left and right are undefined.
 UPRIGHT = 1e-6
+# Sine of the angle of a vertex towards the side of an arc, above which the arc would cross the
+# contour by more than the share of its length in which contact is not judged.
+SHARP = 0.005
 
 
 def lead_path(
-    path: Path, length: float, shape: str, side: str, up: FloatArray, *, after: bool
+    path: Path,
+    length: float,
+    shape: str,
+    side: str,
+    up: FloatArray,
+    *,
+    after: bool,
+    beyond: FloatArray | None = None,
 ) -> Path:
     """The lead-in before a path, or the lead-out after it.
 
@@ -35,6 +45,9 @@ def lead_path(
         side: Side of the path on which an arc lies, seen in the direction of travel.
         up: In space, the upward direction, which defines left and right, (3,).
         after: True for the lead-out.
+        beyond: Unit tangent of a closed contour at the other side of the vertex that the lead
+            touches. If the contour turns towards the side of an arc there, the lead is a line along
+            the bisector instead: a tangent arc would cross the contour.
 
     Raises:
         InvalidInput: The lead is an arc and the tangent goes straight up.
@@ -43,6 +56,11 @@ def lead_path(
     which = "left" if after else "right"
     point, tangent = path(s), path(s, 1, side=which)
     row = -1 if after else 0
+    if shape == "arc" and beyond is not None:
+        entering, leaving = (tangent, beyond) if after else (beyond, tangent)
+        if _side_vector(entering, side, up) @ leaving > SHARP:
+            inwards = (leaving - entering) / np.linalg.norm(leaving - entering)
+            shape, tangent = "line", inwards if after else -inwards
     if shape == "line":
         start = point if after else point - length * tangent
         normal, curvature, start_tangent = np.zeros_like(tangent), 0.0, tangent

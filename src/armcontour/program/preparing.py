@@ -17,7 +17,6 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import weave_path
 from armcontour.program.closed_contours import close_contour
 from armcontour.program.kerf import apply_kerf
-from armcontour.program.leads import WASTE, lead_path
 from armcontour.program.moves import (
     Contour,
     Dwell,
@@ -32,7 +31,7 @@ from armcontour.program.ordering import order_contours
 from armcontour.program.process import Lead, Leads, Process, Weave
 from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
 from armcontour.program.resuming import resume
-from armcontour.program.scrap_side import waste_sides
+from armcontour.program.scrap_side import LeadPlacement
 from armcontour.program.tabs import add_tabs
 
 
@@ -66,7 +65,8 @@ def prepare(
         else:
             moves.append(x)
     rapids_away = leading_away(program.moves)
-    sides = _lead_sides(program.contours, process)
+    placement = LeadPlacement(program.contours, process)
+    count = len(program.contours)
     moves = switch_off_between(moves, process.off_between)
     program, run_in = resume(
         dataclasses.replace(program, moves=tuple(moves)),
@@ -79,14 +79,14 @@ def prepare(
             f"but there are {0 if lengths is None else len(lengths)}: run a job, which finds them, "
             "or give the leads a length."
         )
-    sides = sides[len(sides) - len(program.contours) :]
-    contours = []
-    for k, x in enumerate(program.contours):
+    contours: list[Contour] = []
+    for k, x in enumerate(program.contours, count - len(program.contours)):
         own = process.of_layer(x.layer)
-        leads = _lead_lengths(own, lengths, k)
-        contours.append(_add_leads(x, own, leads, run_in if k == 0 else None, sides[k]))
+        leads = _lead_lengths(own, lengths, len(contours))
+        contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
     result = _link(program.moves, contours, process, rapids_away)
-    return dataclasses.replace(program, moves=tuple(result))
+    notes = (*program.notes, *placement.notes)
+    return dataclasses.replace(program, moves=tuple(result), notes=notes)
 
 
 def arrange(program: Program, process: Process) -> Program:
@@ -255,14 +255,13 @@ def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
     return dataclasses.replace(contour, path=path, events=tuple(events), ring=contour.closed)
 
 
-def _lead_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The scrap side of every contour; "left" if no lead is on the scrap side."""
-    needed = any(x.side == WASTE for x in process.leads)
-    return waste_sides(contours, process.up) if needed else ["left"] * len(contours)
-
-
 def _add_leads(
-    contour: Contour, process: Process, leads: Leads, run_in: Contour | None, waste: str
+    contour: Contour,
+    process: Process,
+    leads: Leads,
+    run_in: Contour | None,
+    placement: LeadPlacement,
+    number: int,
 ) -> Contour:
     """A contour with its leads, and with the events that switch the process on and off.
 
@@ -271,7 +270,8 @@ def _add_leads(
         process: Requirements of the process.
         leads: Lengths of the leads.
         run_in: Part of the contour before `from_s`, which serves as lead-in if it is long enough.
-        waste: The scrap side of the contour.
+        placement: Where leads are laid.
+        number: Number of the contour there.
     """
     path, events = contour.path, list(contour.events)
     if process.switch is not None:
@@ -283,32 +283,21 @@ def _add_leads(
     before = 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
-        lead = _lead_in(path, process, process.lead_in, leads.before, run_in, waste)
+        if run_in is not None and run_in.path.length >= leads.before:
+            end = run_in.path.length
+            lead = cut_path(run_in.path, end - leads.before, end)
+        else:
+            lead = placement.lay(number, path, process.lead_in, leads.before, after=False)
         before = lead.length
         parts.insert(0, lead)
     if process.lead_out is not None and leads.after > REPEATED_POINT:
-        shape, side = process.lead_out.shape, _lead_side(process.lead_out, waste)
-        parts.append(lead_path(path, leads.after, shape, side, process.up, after=True))
+        parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
     return dataclasses.replace(
         contour,
         path=join_paths(parts),
         events=tuple(dataclasses.replace(x, s=x.s + before) for x in events),
         work=(before, before + path.length),
     )
-
-
-def _lead_side(lead: Lead, waste: str) -> str:
-    """The side of a lead, "left" or "right"."""
-    return waste if lead.side == WASTE else lead.side
-
-
-def _lead_in(
-    path: Path, process: Process, lead: Lead, length: float, run_in: Contour | None, waste: str
-) -> Path:
-    """The lead-in of a path: the end of the run-in if that is long enough, else a new lead."""
-    if run_in is not None and run_in.path.length >= length:
-        return cut_path(run_in.path, run_in.path.length - length, run_in.path.length)
-    return lead_path(path, length, lead.shape, _lead_side(lead, waste), process.up, after=False)
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:

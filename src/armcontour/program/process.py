@@ -176,6 +176,7 @@ class LayerProcess:
     Args:
         lead_in, lead_out, switch, tabs, weave: As in the process; None for none.
         overlap, dwell, events, analog, passes: As in the process.
+        kerf: As in the process; None for a layer that is not cut through, such as marks.
     """
 
     overlap: Distance = 0.0
@@ -188,6 +189,7 @@ class LayerProcess:
     passes: Annotated[int, AtLeast(1)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
+    kerf: Distance | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -227,7 +229,8 @@ class Process:
             drawings that are cut, else "drawn".
         reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
         kerf: Width of the cut [m]; the tool goes beside the contour by half of it. None for a
-            process that does not cut.
+            process that does not cut. If any layer has a kerf, contours without one, such as
+            marks, neither are holes nor have holes.
         kerf_side: Side of the contour on which the cut lies: "waste", which leaves open contours as
             they are, or "left" or "right" in the direction of travel.
         from_s: Arc length at which to resume the program, over all contours from their start
@@ -365,7 +368,7 @@ class Process:
     @property
     def cuts(self) -> bool:
         """Whether material is thrown away: there is a kerf, or an arc lead lies in the waste."""
-        return self.kerf is not None or any(
+        return any(x.kerf is not None for x in self.variants) or any(
             x.shape == "arc" and x.side == WASTE for x in self.leads
         )
 
