@@ -164,6 +164,14 @@ def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(turned):
         assert on == pytest.approx(4e-3) and path.length - off == pytest.approx(4e-3)
 
 
+def test_leads_of_a_contour_that_has_an_overlap_already_touch_its_tangent():
+    (around,) = ac.prepare(ac.Program(moves=(circle(0.01),)), ac.Process(overlap=2e-3)).contours
+    done = ac.prepare(
+        ac.Program(moves=(around,)), ac.Process(begin="drawn", lead_in=LEAD, lead_out=LEAD)
+    ).path
+    assert done.curvatures[[0, -1]] == pytest.approx([np.pi / 2 / 4e-3] * 2)
+
+
 def test_random_leads_lie_in_the_waste_or_are_refused():
     rng = np.random.default_rng(7)
     refused = 0

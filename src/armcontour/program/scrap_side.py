@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
@@ -59,7 +60,8 @@ class LeadPlacement:
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
         self._cut = cut_contours(contours, process)
         self._around: tuple[FloatArray, FloatArray] | None = None
-        self.notes: list[str] = []
+        # Leads that are shorter than asked: share of the length, and a description.
+        self._shortened: list[tuple[float, str]] = []
 
     def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
         """The lead-in or the lead-out of contour `number`.
@@ -110,18 +112,29 @@ class LeadPlacement:
                 needed=length,
                 allowed=fits,
             )
-        self.notes.append(
-            f"{where}: the {kind} is {1e3 * fits:.4g} mm long, not the {1e3 * length:.4g} mm in "
-            "which the tool reaches its speed, because a longer one crosses a contour or leaves "
-            "the scrap."
-        )
+        said = f"the {kind} of {where}: {1e3 * fits:.4g} in place of {1e3 * length:.4g} mm"
+        self._shortened.append((fits / length, said))
         return lead_of(fits)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence on leads that are shorter than the tool needs to reach its speed, if any."""
+        if not self._shortened:
+            return ()
+        count = several(len(self._shortened), "lead")
+        return (
+            "Leads are shorter than the tool needs to reach its speed, because longer ones cross a "
+            f"contour or leave the scrap: {count}, most {min(self._shortened)[1]}.",
+        )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
         """Unit tangent of a closed contour at the other side of the vertex that a lead touches."""
         own = contour.path
+        # A contour with an overlap does not end at its start.
+        if np.linalg.norm(own.end - own.starts[0]) > REPEATED_POINT:
+            return None
         nearest = own.project(path(path.length if after else 0.0)[None])
-        if not contour.closed or nearest.distance[0] > 2 * REPEATED_POINT:
+        if nearest.distance[0] > 2 * REPEATED_POINT:
             return None
         s = float(own.breaks[np.argmin(np.abs(own.breaks - nearest.s[0]))])
         if abs(s - nearest.s[0]) > 2 * REPEATED_POINT:
