@@ -344,18 +344,18 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     if ratio[joint] < FAR_ABOVE:
         return []
     smooth = limits.joint_jerk is not None and bool(np.isfinite(limits.joint_jerk[joint]))
-    cause, mend = (
-        ("compensation needs set-points that change faster than the plan", "")
+    cause, advice = (
+        ("the compensated set-points change faster than the plan", "reserve: 10 % reduces this.")
         if smooth
         else (
-            "where the planned acceleration jumps, so do the set-points",
-            "Limits of jerk (joint_jerk) avoid jumps of the plan. ",
+            "the velocity of the compensated set-points changes in steps where the planned "
+            "acceleration does",
+            "A limit of jerk (limits: joint_jerk) reduces this; --derivatives does not.",
         )
     )
     return [
-        f"{target.option}, run {name}: {cause}, and a controller that joins them by quintics needs "
-        f"up to {ratio[joint]:.0f} times the acceleration limit of {table.joint_names[joint]}. "
-        f"{mend}With --derivatives 0 a ROS controller joins them by lines."
+        f"{target.option}, run {name}: {cause}, so a controller that follows them needs up to "
+        f"{ratio[joint]:.0f} times the acceleration limit of {table.joint_names[joint]}. {advice}"
     ]
 
 

@@ -48,8 +48,8 @@ CellOfDrawing = Annotated[
     str | None,
     typer.Option(
         "--cell",
-        help="Where a drawing is run: built in are fr3, panda, pmk3s, ur10e and ur5e; or a job file "
-        "without a path.",
+        help="Where a drawing is run: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job "
+        "file without a path.",
     ),
 ]
 Memory = Annotated[
