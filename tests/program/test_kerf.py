@@ -165,6 +165,37 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given() -> None:
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
 
 
+def test_a_cut_beside_an_open_contour_keeps_clear_of_its_ends() -> None:
+    hook = Path.polyline([(0, 0), (0.04, 0), (0.04, 0.02), (0.02, 0.02), (0.02, 0.003)])
+    with pytest.raises(InvalidInput) as caught:
+        cut(hook, kerf=8e-3, kerf_side="left")
+    # Half the kerf on each side of the gap.
+    assert caught.value.allowed == pytest.approx(3e-3, rel=1e-3)
+    for kerf, side in ((2.99e-3, "left"), (2.99e-3, "right")):
+        done = cut(hook, kerf=kerf, kerf_side=side).path
+        away = hook.project(done(np.linspace(0, done.length, 999))).distance
+        assert away.min() == pytest.approx(kerf / 2, abs=1e-12)
+
+
+def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused() -> None:
+    rng = np.random.default_rng(3)
+    refused = 0
+    for _ in range(150):
+        points = np.cumsum(rng.uniform(-0.02, 0.02, (int(rng.integers(3, 7)), 2)), axis=0)
+        kerf = float(rng.choice([1e-3, 4e-3, 8e-3]))
+        try:
+            done = cut(Path.polyline(points), kerf=kerf, kerf_side="left").path
+        except InvalidInput:
+            refused += 1
+            continue
+        found = done(np.linspace(0, done.length, 500))
+        a, b = points[:-1], points[1:]
+        share = ((found[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
+        foot = a + np.clip(share, 0, 1)[:, :, None] * (b - a)
+        assert np.linalg.norm(found[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9
+    assert 10 < refused < 120
+
+
 @pytest.mark.parametrize("held", ["pointing", "following"])
 def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_its_way(
     held: str,

@@ -134,9 +134,10 @@ def _offset(
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
+        result = "leaves nothing of it" if contour.closed else "has no room beside it"
         raise InvalidInput(
-            f"{called}: a kerf of {1e3 * kerf:.6g} mm leaves nothing of it; the largest kerf that "
-            f"fits is {1e3 * fits:.4g} mm.",
+            f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
+            f"{1e3 * fits:.4g} mm.",
             needed=kerf,
             allowed=fits,
         )

@@ -67,7 +67,13 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     pieces, rows = _raw_pieces(_table(source, mirror), abs(distance), closed)
     if not len(pieces):
         return []
-    parts = _cut(pieces, rows)
+    knives = np.empty((0, 6))
+    if not closed:
+        # The other side of an open contour may be in the way, and so may its ends.
+        other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
+        ends = _end_circles(pieces, abs(distance))
+        knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
+    parts = _cut(pieces, rows, knives)
     middles = _at(parts.pieces, parts.pieces[:, LENGTH] / 2)
     clear = find_nearest(source, middles * mirror).distance >= abs(distance) - SLACK
     parts = parts.only(clear)
@@ -261,13 +267,30 @@ class _Parts:
         return _Parts(pieces=pieces, rows=merged.rows, owners=merged.owners, nodes=merged.nodes)
 
 
-def _cut(pieces: FloatArray, rows: IntArray) -> _Parts:
-    """Pieces cut where they meet; ends that are one place have one number."""
+def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
+    """Half circles with radius d [m] around the ends of the open contour of an offset, (4, 6)."""
+    ends = _at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
+    leaving = _at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
+    across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
+    halves = [(ends, leaving), (ends + across, -leaving)]
+    more = np.tile([-1 / d, np.pi * d], (2, 1))
+    return np.concatenate([np.column_stack([a, b, more]) for a, b in halves])
+
+
+def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
+    """Pieces cut where they meet each other or `knives`; ends that are one place have one number.
+
+    Args:
+        pieces: The pieces, (n, 6).
+        rows: Rows of the source, (n,).
+        knives: Other pieces, which make no parts, (m, 6).
+    """
     n = len(pieces)
-    which, places = crossings(pieces)
+    which, places = crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), which.reshape(-1)])
     at = np.concatenate([np.zeros(n), pieces[:, LENGTH], places.reshape(-1)])
     order = np.lexsort((at, owners))
+    order = order[owners[order] < n]
     owners, at = owners[order], at[order]
     long = (owners[1:] == owners[:-1]) & (np.diff(at) > SAME_PLACE / 2)
     first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
