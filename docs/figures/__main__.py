@@ -32,7 +32,6 @@ NAMES = (
     "poles",
     "robustness",
     "shaping",
-    "space",
     "tracing",
     "trust",
 )
@@ -50,8 +49,6 @@ def main(names: list[str]) -> int:
         # A module may give its picture another name than its own.
         file = getattr(module, "FILE", name)
         print(style.save(figure, file).relative_to(style.FOLDER))
-        if name == "overview":
-            print(style.save_png(figure, name).relative_to(style.FOLDER))
         plt.close(figure)
     return 0
 

@@ -1,4 +1,4 @@
-"""The moving picture of the README: a drag in the Studio, frame by frame. Needs a Chromium.
+"""The moving picture of the Studio's guide: a drag in the Studio, frame by frame. Needs a Chromium.
 
 `python -m docs.figures.studio_drag` drives a real Studio: the mouse moves a step, the page answers,
 and what it shows then is a frame. So every frame is true, but the pace is the picture's own;
