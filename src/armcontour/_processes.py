@@ -200,8 +200,8 @@ class WorkAhead(Generic[T, R]):
 
         Args:
             item: The item.
-            share: How much of all items there is with this one. What is left to be added is taken
-                to be as much work for others as it was for this process to come so far.
+            share: Share of all items added so far, this one included, 0 to 1. Used to estimate the
+                work left.
         """
         with self.news:
             self.items.append(item)

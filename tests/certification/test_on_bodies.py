@@ -190,7 +190,7 @@ def test_what_was_lowered_is_said_with_its_place_and_its_reason(overshooting):
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
     assert causes == {"acceleration", "tool"} and data["on_bodies"] is None
     page = render_report(overshooting.study, certificate=overshooting)
-    assert "Lowered: speed by up to " in page
+    assert "Reduced: speed by up to " in page
     assert "lowered" in str(overshooting.contours[0])
 
 
@@ -226,10 +226,10 @@ def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
     found = ac.certify(parse_job(job))
     assert found.on_bodies is not None
-    assert found.on_bodies.startswith("It is true of independent servos only: on the arm's rigid")
+    assert found.on_bodies.startswith("Valid for independent joint servos only: ")
     assert "plant: rigid_body" in found.on_bodies
     page = render_report(found.study, certificate=found)
-    assert "It is true of independent servos only" in page
+    assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))
     e = tried.experiment.evaluation
     off = max(e.contour_error.max, e.missed.max) * 1e3

@@ -560,7 +560,7 @@ class Search:
 
 
 class _Moments:
-    """When a plan is in each cell of its path, and a while before and after.
+    """Time interval of the plan in each cell of its path, with a margin on both sides.
 
     Args:
         trial: The trial.

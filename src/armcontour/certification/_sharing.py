@@ -342,7 +342,7 @@ def shape_part(path: Path) -> float:
 
 
 def _list_moves(program: Program) -> str:
-    """The moves of a program that is more than one contour, and what to leave out of it."""
+    """List the moves of a program, and state which to remove so that one contour remains."""
     kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
     counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
     leave = []

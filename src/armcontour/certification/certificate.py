@@ -336,26 +336,26 @@ class Certificate:
 
     @property
     def on_bodies(self) -> str | None:
-        """That a certificate for servos says nothing of the arm's bodies, in a sentence.
+        """Sentence that a certificate for servos is not valid for the arm's rigid bodies.
 
-        None where it is for bodies, or where there are no bodies or no MuJoCo to judge them.
+        None for a certificate on rigid bodies, and without bodies or without MuJoCo.
         """
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:
             return None
-        said = "It is true of independent servos only: "
+        said = "Valid for independent joint servos only: "
         if self.experiment is None:
-            said += "on the arm's rigid bodies the tool may be further off"
+            said += "coupled dynamics of the arm's rigid bodies can increase the error"
         else:
             e = self.experiment.evaluation
             off = max(e.contour_error.max, e.missed.max)
             beyond = "above" if off > self.budget.servo_allowed else "within"
             said += (
                 f"in the experiment on the arm's rigid bodies the contour error is {mm(off)}, "
-                f"{beyond} the {mm(self.budget.servo_allowed)} that servos keep"
+                f"{beyond} the {mm(self.budget.servo_allowed)} allowed for servos"
             )
         if len(self.path.moves) > 1:
-            return f"{said}; an experiment of the job says how far."
+            return f"{said}; an experiment of the job measures it."
         return f"{said}; plant: rigid_body (--plant rigid_body) certifies for these."
 
     @property

@@ -118,7 +118,7 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     if len(found.contours) > 1:
         console.show_table(CONTOURS, contour_rows(found), title="Contours")
     for lowered in found.lowered:
-        console.say(f"Lowered: {lowered}.")
+        console.say(f"Reduced: {lowered}.")
     console.say(f"Holds for: {found.model}.")
     if found.on_bodies is not None:
         console.say(found.on_bodies)

@@ -557,7 +557,7 @@ class PlaceOptions:
         list[str] | None,
         typer.Option(
             "--uncertainty",
-            help="By how much the part may be off: 'x: 2 mm'; the worst corner counts; may be "
+            help="Position error of the part: 'x: 2 mm'; the worst corner counts; may be "
             "repeated; 0 takes an axis out that the job has.",
         ),
     ] = None

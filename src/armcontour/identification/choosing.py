@@ -1,4 +1,4 @@
-"""What the log of a joint speaks for: how it began, whether it saturated, its order."""
+"""Select the model of a joint: initial state, saturation, order."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armcontour.identification.profile import LOSS, loss, with_kv
 from armcontour.identification.starting import first_states, initial, known_from, liveliest
 
 # Twice the logarithm of the likelihood that a limit or an offset must gain: one log of ten thousand
-# gains it by chance. A limit that is not there is worse than one that is not seen.
+# gains it by chance. A false saturation limit is worse than a missed one.
 GAIN = 15.1
 # The same, of what a wrong belief about the begin costs: never by chance.
 START_COST = 25.0

@@ -44,8 +44,8 @@ class Profile:
     def interval(self, name: str, quantile: float, *, white: bool) -> tuple[float, float]:
         """The 95 % interval of "kp" or "delay".
 
-        What K_v leaves open and what would be open if it were known add in squares, as they do
-        where the likelihood is a Gaussian.
+        The total variance is the variance given K_v plus the variance due to K_v, as for a
+        Gaussian likelihood.
         """
         forth, back = (math.log, _exp) if name == "kp" else (float, float)
         value, *ends = (forth(getattr(x.state, name)) for x in (self.best, self.slow, self.fast))

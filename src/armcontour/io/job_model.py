@@ -449,8 +449,8 @@ class PlacementModel:
         over: The axes of the grid of places.
         objective: What is best: the shortest cycle, the best manipulability, the largest clearance
             or the largest margin of torque.
-        uncertainty: By how much the part may be off: every place counts as the worst of it and of
-            the corners of this box.
+        uncertainty: Position error of the part: each candidate is rated by the worst case within
+            this box, of which every corner is planned.
         move: What is moved: the part, with the obstacles that are fixed to it, or the base of the
             arm.
         absolute: Whether x, y and z are coordinates of the point that is placed; by default they

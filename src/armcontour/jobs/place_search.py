@@ -31,7 +31,7 @@ class PlaceSearch:
         objective: What is best: "cycle", the shortest duration; "manipulability", the largest of
             the least singular values along the path; "clearance", the largest of the least
             distances; or "torque", the largest share of the torque limits that is left free.
-        uncertainty: By how much the part may be off its place, of some axes [m, rad]; 0 is as if
+        uncertainty: Position error of the part, of some axes [m, rad]; 0 is as if
             the axis were not named.
         what: What is moved: the "part", with the obstacles that are fixed to it; or the "base" of
             the arm, whose cell stays.

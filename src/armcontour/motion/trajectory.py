@@ -23,8 +23,8 @@ from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 AT_ONCE = 50_000
 # Times of so many laws along joint paths are computed together.
 MANY = 4
-# A table of at most so many laws is kept, to be used again: it takes some megabytes. It has some
-# laws more than were asked for, before and after them, as the next times may be of these.
+# Largest number of laws in the cached table (a few MB), and number of laws before and after the
+# requested range that the table includes.
 KEPT, MORE = 100, 3
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12

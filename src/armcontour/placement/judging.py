@@ -125,7 +125,7 @@ class Judge:
         moves: What coordinates of a place mean.
         what: What they move, "part" or "base".
         objective: One of `OBJECTIVES`.
-        uncertainty: By how much the part may be off its place [m, rad].
+        uncertainty: Position error of the part [m, rad].
     """
 
     job: Job

@@ -50,7 +50,7 @@ class Placement:
         moves: What coordinates of a place mean.
         what: What is moved, "part" or "base".
         objective: What is best: "cycle", "manipulability", "clearance" or "torque".
-        uncertainty: By how much the part may be off its place [m, rad]; all figures then are of the
+        uncertainty: Position error of the part [m, rad]; all figures then are of the
             worst of a place and the corners around it.
         verdicts: What is known of every place, the last axis fastest.
         best: The best place of the grid.

@@ -71,7 +71,7 @@ def place(
         objective: What is best: "cycle" (default), the shortest duration; "manipulability", the
             largest of the least singular values along the path; "clearance", the largest of the
             least distances; or "torque", the largest share of the torque limits that is left free.
-        uncertainty: By how much the part may be off its place, of some axes [m, rad]: every place
+        uncertainty: Position error of the part, of some axes [m, rad]: every place
             then counts as the worst of it and of the corners of this box, planned for each. Other
             axes of the job's placement stay; 0 takes one out.
         what: What is moved: the "part" (default), with the obstacles that are fixed to it; or the

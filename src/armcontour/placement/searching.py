@@ -1,7 +1,7 @@
 """The search over a grid: bounds of all places first, then plans of those that may be the best.
 
-What it finds does not depend on who works: places are planned ahead of their turn, but what is
-kept of each is what the best of all places before it, in the order of their bounds, asks for.
+The result does not depend on the number of workers: each place is compared with the best place
+before it, in the order of the bounds.
 """
 
 from __future__ import annotations

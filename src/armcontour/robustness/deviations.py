@@ -166,8 +166,8 @@ class Worst:
     def corners(self, most: int) -> FloatArray:
         """Corners of the box, the worst by the linear model first, (m, k).
 
-        They are all corners, if there are no more than `most`; else those that are the worst of all
-        at some time, and then the worst of all (of many unknowns: of those next to the former).
+        All corners if there are at most `most`; otherwise the corners that are worst at some time,
+        then the worst overall (with many unknowns: among the neighbours of the former).
 
         Args:
             most: Largest number of corners.

@@ -13,8 +13,7 @@ import numpy as np
 T = TypeVar("T")
 # Results that are kept of every step: those of a few runs and pins that are looked at by turns.
 KEPT = 4
-# Of results with samples: those that are shown, and what they are compared with; and only the
-# newest one where there are more samples than this.
+# Number of sampled results in the cache: 2, or 1 above 200,000 samples.
 LARGE_KEPT, MOST_SAMPLES = 2, 200_000
 
 

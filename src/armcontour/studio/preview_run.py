@@ -104,7 +104,7 @@ def coarser_run(
 def with_fewer_samples(execution: Execution) -> Execution:
     """The execution at every second of its samples, or third and so on; largest demands stay.
 
-    What is between these samples is not told any more.
+    Intermediate samples are discarded.
     """
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:

@@ -54,7 +54,7 @@ class AllLimits:
 
     @classmethod
     def of(cls, active: Sequence[Constraint], dof: int) -> AllLimits | None:
-        """The limits of constraints; None if there are others, several of one kind, or too few.
+        """Limits of constraints; None if the compiled kernel does not support this set.
 
         Args:
             active: The constraints.

@@ -67,8 +67,8 @@ from armcontour.timing.grid import (
 from armcontour.timing.jerk.task import MOST_ITERATIONS, JerkLimits, Task
 from armcontour.timing.vanishing import reparametrize, standing
 
-# Where the margin between grid points costs more than this share of a limit, the grid is refined,
-# at most MOST_REFINEMENTS times; the allowed share grows each time, up to LARGEST_MARGIN_EVER.
+# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
+# most MOST_REFINEMENTS times; the share grows each time, up to LARGEST_MARGIN_EVER.
 LARGEST_MARGIN = 1e-2
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2

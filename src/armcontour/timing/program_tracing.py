@@ -105,8 +105,7 @@ def trace_program(
         fits: Whether a contour may be followed along a joint path, asked where a configuration is
             chosen: one that does not fit is only taken if none does.
         progress: Called after every contour with the step "tracing" and the share that is done.
-        add: Called with every step as soon as it is there, and with the share of all of them that
-            are there with it, about.
+        add: Called after each move with the move and the approximate share done.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.

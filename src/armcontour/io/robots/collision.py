@@ -55,7 +55,7 @@ def link_shapes(
         last: The link after the last moving joint: what hangs on it is the tool's.
 
     Raises:
-        InvalidInput: A mesh is not there, or geometry that is none.
+        InvalidInput: A mesh file is missing, or a geometry tag is unknown.
     """
     found = []
     for name, (link, frame) in carried.items():

@@ -402,7 +402,7 @@ def _notes(found: Certificate) -> tuple[str, ...]:
             f"{len(found.corners)} corners of the box: the worst has a contour error of "
             f"{_mm(found.corners.max.max())}."
         )
-    notes += [f"Lowered: {x}." for x in found.lowered]
+    notes += [f"Reduced: {x}." for x in found.lowered]
     if found.goal.saturation == "report":
         notes.append("Saturation was allowed; the certified execution includes it.")
     if found.check.not_judged:

@@ -66,7 +66,7 @@ def certify(x: Request) -> Frame:
         f"Certified: {found.duration:.4f} s, {found.cost:+.4f} s to the optimum, with "
         f"{budget.left * 1e3:.4g} mm of the tolerance left. It holds for: {found.model}."
     )
-    notes = [f"Lowered: {y}." for y in found.lowered]
+    notes = [f"Reduced: {y}." for y in found.lowered]
     if found.on_bodies is not None:
         notes.append(found.on_bodies)
     header = {
