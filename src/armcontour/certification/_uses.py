@@ -49,8 +49,8 @@ RESOLUTION = 1e-4
 DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Directions across the path in which errors over a box are added up, in space.
 DIRECTIONS = 16
-# Penalty ratio for a command outside the joint range: slowing down cannot correct it completely, but
-# each round of the search reduces the speed there.
+# Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
+# but each round of the search reduces the speed there.
 OUTSIDE = 1.1
 # Shares of limits, and phases of a command interval, that differ by less than this are the same.
 SAME = 1e-9
