@@ -18,7 +18,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check page package docs links soak bench figures schema kernels vendor clean
+.PHONY: help demo test check page package docs site links soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -74,11 +74,13 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
-docs: $(VENV)/test-all $(VENV)/docs  ## Build the documentation as a site; run the code on it, and check its links
+docs: $(VENV)/docs  ## Build the documentation as a site
 	rm -rf $(SITE)
 	$(BIN)/python -m sphinx -b html -E -j auto -W --keep-going -q docs $(SITE)
-	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py
 	@echo "The documentation is built: file://$(CURDIR)/$(SITE)/index.html"
+
+site: docs $(VENV)/test-all  ## Build the site and test it: its code, links, names, and accessibility in a browser
+	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py
 
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links

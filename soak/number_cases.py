@@ -311,7 +311,7 @@ BASES: list[dict[str, Any]] = [
     _path(**_DRAWN, repeat={"columns": 2, "column_spacing": 0.04, "rows": 1, "row_spacing": 0.03}),
     _with(PLANE, process=_PROCESS),
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
-    _with(PLANE, process={"kerf": 2e-4}, path=_CLOSED),
+    _with(PLANE, process={"kerf": 2e-4, "by_layer": {"": {"kerf": 2e-4}}}, path=_CLOSED),
     _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
     _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),

@@ -530,7 +530,8 @@ Run only: 2.1855 s, at rest after 2.1930 s
   joint demand / limit  1.0393
   method                optimal, compensation pole_placement
   path                  1 contour, 0.09793 m
-  taught                608 set-points every 4 ms""",
+  taught                608 set-points every 4 ms
+  warnings              1, in .warnings""",
     ),
     "ShapedPath": (
         shaped,
@@ -555,7 +556,7 @@ Spread over 100 drawn robots (seed 7)
     "Study": (
         lambda: ac.Study(job=parse_job(CORNER_JOB), runs={"only": result()}),
         """\
-Study of corner
+Study of corner, 1 warning
   run     motion    RMS error      largest  demand / limit
   only  2.1855 s  0.001807 mm  0.004192 mm          1.0393""",
     ),

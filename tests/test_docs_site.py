@@ -206,7 +206,7 @@ def test_the_site_is_published_from_main_only_with_no_more_rights_than_it_needs(
     steps = [*build["steps"], *publish["steps"]]
     used = [x["uses"] for x in steps if "uses" in x]
     assert used and all(re.fullmatch(r"actions/[\w-]+@v\d+", x) for x in used)
-    assert [x["run"] for x in steps if "run" in x] == ["make docs"]
+    assert [x["run"] for x in steps if "run" in x] == ["make site"]
 
 
 def test_what_the_site_needs_is_the_extra_docs() -> None:

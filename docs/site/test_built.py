@@ -1,4 +1,4 @@
-"""The site as it was built: `make docs` runs this after the build.
+"""The site as it was built: `make site` runs this after the build.
 
 Links lead somewhere, nothing comes from other sites, every public name is found; and in a browser
 no page has a serious fault of accessibility, nor is anything cut off.

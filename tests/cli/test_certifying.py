@@ -19,7 +19,7 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path):
     code, shown, errors = command("certify", job, "--out", out)
     assert code == 0, errors
     assert "Holds for: independent joint servos" in shown and "rounding" in shown
-    assert "It is true of independent servos only: on the arm's rigid bodies" in shown
+    assert "Valid for independent joint servos only: " in shown
     data = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     written = {str(x.relative_to(out)) for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == written - {".armcontour.json"}

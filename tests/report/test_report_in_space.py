@@ -181,7 +181,7 @@ def test_torques_of_plan_and_experiment_with_what_they_rest_on(study: Study, pag
     assert {x.name for x in section.figures[2].data} == {"planned", "experiment: applied"}
     (note,) = section.notes
     assert "drives' own inertia" in note
-    assert "masses: see Drive torques" in page
+    assert "listed under Drive torques" in page
 
 
 def test_experiments_stand_beside_the_servo_over_time(study: Study, page: str) -> None:

@@ -72,7 +72,7 @@ def test_a_certificate_has_a_report(short, drawings):
     assert found.header["left"] >= 0
     assert found.header["name"] == "paper-certificate.html"
     # Its answer says for which robots it is true.
-    assert found.header["notes"][-1].startswith("It is true of independent servos only: ")
+    assert found.header["notes"][-1].startswith("Valid for independent joint servos only: ")
 
 
 def test_a_certificate_can_be_of_rigid_bodies(short, drawings):
