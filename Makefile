@@ -64,6 +64,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.learning
 	$(BIN)/python -m soak.clearance
 	$(BIN)/python -m soak.certificates
+	$(BIN)/python -m soak.certificates --jobs 100
 	$(BIN)/python -m soak.placement
 	$(BIN)/python -m soak.numbers
 	$(BIN)/python -m soak.interrupts

@@ -1,5 +1,6 @@
 """`python -m soak.certificates`: sample drawings certified on both cells, judged independently.
 
+With `--jobs 100`: so many random jobs of one path each, executed until all joints are at rest.
 With `--bodies 1000`: a square on the rigid bodies of the UR5e, judged by MuJoCo on so many newly
 drawn robots of the box, and on as many of its worst corners.
 """
@@ -57,6 +58,8 @@ SERVO = 1e-4
 TIMES = 1_000_000
 LARGEST = 300
 AROUND = 1e-3  # [s]
+# A certified error may be exceeded by this [m]: rounding, and peaks between samples of the search.
+ROUNDED = 1e-9
 # Joints may take this much more than their limits: rounding.
 KEPT = 1e-9
 
@@ -83,6 +86,63 @@ def outside(drawing: str, cell: str) -> list[str]:
     if share > 1 + KEPT:
         said.append(f"the plan uses {share:.9g} of a joint's acceleration limit at {t:.9g} s")
     return said
+
+
+def random_job(seed: int) -> ac.Job:
+    """A polyline of 2 to 5 random segments on the PMK-3s, to be certified with a small budget."""
+    rng = np.random.default_rng(seed)
+    points = [np.array([0.35, 0.2])]
+    while len(points) < rng.integers(3, 7):
+        points.append(points[-1] + rng.normal(0.0, 0.05, 2))
+        if not 0.25 < np.hypot(*points[-1]) < 0.5 or points[-1].min() < 0.05:
+            points.pop()
+    tolerance = 10 ** rng.uniform(-4, -2.7)
+    return parse_job(
+        f"""
+name: random
+arm: pmk3s
+path: {{points: {np.array(points).tolist()}}}
+limits: {{speed: {rng.uniform(0.08, 0.3)}, joint_acceleration: {rng.uniform(0.7, 6)}}}
+corners: {{tolerance: {min(tolerance, 0.3 * _shortest(points))}}}
+servo:
+  kp: {rng.uniform(15, 40)}
+  kv: {rng.uniform(100, 200)}
+  dead_time: {rng.choice([0.0, 0.004])}
+  interpolation: {rng.choice(["linear", "cubic"])}
+command_interval: {rng.choice([4, 8, 20])} ms
+certificate: {{servo: {10 ** rng.uniform(-6, -4)}}}
+runs:
+  only: {{compensation: {{method: inverse}}}}
+"""
+    )
+
+
+def _shortest(points: list[FloatArray]) -> float:
+    """Length of the shortest segment of a polyline [m]."""
+    return float(np.hypot(*np.diff(points, axis=0).T).min())
+
+
+def until_rest(seed: int) -> list[str] | None:
+    """Sentences on a random certificate that its execution exceeds; None if none is found."""
+    job = random_job(seed)
+    try:
+        found = ac.certify(job)
+    except ac.NotRealizable:
+        return None
+    # The plant executes until all joints are at rest.
+    plant = ac.ServoPlant(job.arm, job.plant_servo, found.run.limits)
+    executed = ac.execute(found.taught, plant, resolution=5e-5)
+    error = float(found.path.path.project(executed.tool).distance.max())
+    stated = {
+        "the budget": found.budget.executed,
+        "the evaluation": found.evaluation.contour_error.max,
+        "the contour": found.contours[0].error.max,
+    }
+    return [
+        f"job {seed}: contour error {error:.6g} m, {name} states {x:.6g} m"
+        for name, x in stated.items()
+        if error > x * (1 + 1e-3) + ROUNDED
+    ]
 
 
 def largest_acceleration(
@@ -147,8 +207,19 @@ def main() -> int:
     """Run it; returns the exit code."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--bodies", type=int, default=0, help="robots as rigid bodies")
-    bodies = arguments.parse_args().bodies
+    arguments.add_argument("--jobs", type=int, default=0, help="random jobs of one path")
+    arguments.add_argument("--seed", type=int, default=0, help="seed of the first random job")
+    given = arguments.parse_args()
+    bodies, jobs = given.bodies, given.jobs
     bad = 0
+    if jobs:
+        results = [until_rest(given.seed + k) for k in range(jobs)]
+        certified = [x for x in results if x is not None]
+        for said in certified:
+            bad += bool(said)
+            print("".join(f"  {x}\n" for x in said), end="")
+        print(f"{jobs} random jobs: {len(certified)} certified, {bad} executed with larger errors")
+        return int(bad > 0)
     if bodies:
         said = on_bodies(bodies)
         print("\n".join(said) or "none outside")

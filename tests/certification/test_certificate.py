@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from soak.certificates import until_rest
 
 import armcontour as ac
 from armcontour.certification._derating import Derating, plan_derated
@@ -369,3 +370,9 @@ def test_errors_of_one_path_count_until_the_tool_rests():
     (contour,) = found.contours
     of_contour, of_all = contour.error, found.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
+
+
+@pytest.mark.parametrize("seed", [1, 16])
+def test_no_error_exceeds_the_certified_one_until_all_joints_rest(seed):
+    """The tool leaves the path while it is slower than 1 mm/s."""
+    assert until_rest(seed) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,22 @@ def test_by_default_errors_are_covered_until_the_tool_rests(arm):
     )  # fmt: skip
     found = ac.evaluate(late, LINE)
     assert found.duration == 0.5 and found.until == found.settled == 2.0
+
+
+def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_tool_is_slow(arm):
+    # It runs along the line for 1 s, and creeps sideways at 0.5 mm/s for another second.
+    tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
+    done = by_hand(arm, T, tool)
+    laws = (LapLaw(breaks=np.array([0.0, 1.0]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),)
+    plan = replace(done.taught, trajectory=ac.Trajectory(laws=laws, method="hand"))
+    found = ac.evaluate(replace(done, taught=plan), LINE)
+    assert found.until == found.settled == pytest.approx(1.0, abs=0.011)
+    error = found.contour_error
+    assert error.max == pytest.approx(5e-4, rel=1e-3) and error.t_max == T[-1]
+    assert error.rms < 5e-6
+    given = ac.evaluate(replace(done, taught=plan), LINE, until=1.5).contour_error
+    assert (given.max, given.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
+    assert given.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
 
 def test_ratios_to_the_limits(arm):

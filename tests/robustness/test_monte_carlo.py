@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from soak.certificates import random_job
 
 import armcontour as ac
 from armcontour.motion import LapLaw
@@ -124,6 +125,18 @@ def test_other_limits_and_periods(mac, rounded, arm, servo, limits):
     taught = ac.compensate(mac, servo, method="inverse", period=0.011)
     found = spread(taught, rounded, arm, servo, bounds, Box(gains=0.1), samples=4)
     agrees(found, taught, rounded, arm, servo, bounds, 4)
+
+
+@pytest.mark.parametrize("seed", [1, 16])
+def test_a_tool_slower_than_a_millimetre_per_second_still_leaves_its_path(seed):
+    job = random_job(seed)
+    plan = ac.certify(job)
+    setting = plan.taught, plan.path.path, job.arm, job.plant_servo, plan.run.limits
+    found = spread(*setting, Box(), samples=1)
+    result = reference(*setting, resolution=1e-4)[1]
+    error = result.contour_error
+    assert error.t_max > result.settled
+    assert found.nominal_max == pytest.approx(error.max, rel=1e-3, abs=5e-9)
 
 
 def test_a_box_of_nothing_is_the_nominal_robot(leading, rounded, arm, servo, limits):

@@ -417,7 +417,7 @@ class Search:
                 return None
             if rms > 1.0:
                 self.tightness["error"] *= ERROR_GOAL / rms
-            which, _ = setting.judged(executed)
+            which, *_ = setting.judged(executed)
             uses = trial.uses.raised(
                 executed.t[which],
                 tool=speed**2 * (1 + KEPT),

@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate_quietly
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.evaluation.pieces import Piece, settling_time
+from armcontour.evaluation.pieces import Piece, evaluated_times
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
 from armcontour.execution.plant import count_intervals, refuse_too_long
 from armcontour.execution.rigid_body_plant import STEP
@@ -153,7 +153,7 @@ class Setting(Robot):
 
     def judge(self, executed: Execution) -> Judged:
         """Judge the tool of an execution while errors count."""
-        which, until = self.judged(executed)
+        which, until, rms_until = self.judged(executed)
         n = len(executed.t)
         work = (0.0, self.path.length) if self.work is None else self.work
         piece = Piece(
@@ -162,6 +162,7 @@ class Setting(Robot):
             objective=None,
             which=which,
             until=until,
+            rms_until=rms_until,
             beyond=n,
             work=work,
         )
@@ -190,17 +191,15 @@ class Setting(Robot):
             memory=self.memory,
         )
 
-    def judged(self, executed: Execution) -> tuple[slice, float]:
-        """The times of an execution at which errors count, and when they end to count [s]."""
+    def judged(self, executed: Execution) -> tuple[slice, float, float]:
+        """Samples of an execution whose errors count, and ends of errors and of their RMS [s]."""
         plan = executed.taught.trajectory
         t, window = executed.t, self.window(plan)
         if window is None:
-            # As in `evaluate`: rest at the end does not make the root mean square smaller.
-            rests = settling_time(executed, executed.tool_speed)
-            return slice(0, len(t)), max(plan.duration, rests)
+            return slice(0, len(t)), *evaluated_times(executed, None)
         begin, end = (int(x) for x in np.searchsorted(t, window))
         # One result at least, however short the contour is.
-        return slice(min(begin, len(t) - 2), max(end, begin + 2)), window[1]
+        return slice(min(begin, len(t) - 2), max(end, begin + 2)), window[1], window[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -335,7 +334,7 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
     tool, speed = np.zeros(len(t)), setting.limits.speed
     if speed is not None:
         tool = (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2
-    counts, _ = setting.judged(executed)
+    counts, *_ = setting.judged(executed)
     judged = setting.judge(executed)
     tool[counts] = np.maximum(tool[counts], (judged.speed / (1 + SPEED_SLACK)) ** 2)
     now = slice(0 if setting.work is None else int(np.searchsorted(t, 0.0)), len(t))
@@ -529,7 +528,7 @@ def _left_out(setting: Setting, groups: list[_Group], t: FloatArray) -> list[Flo
     found = []
     for x in (run for group in groups for run in group.runs):
         off = np.zeros(len(t))
-        counts, _ = setting.judged(x)
+        counts, *_ = setting.judged(x)
         times = np.clip(np.searchsorted(t, x.t[counts]), 0, len(t) - 1)
         np.maximum.at(off, times, setting.judge(x).missed_over_time)
         found.append(off)

@@ -300,7 +300,7 @@ class _Certifying:
             memory=robot.memory,
         )
         t = executed.t
-        pieces = pieces_of(executed, program, None, float(t[-1]))
+        pieces = pieces_of(executed, program, None, None)
         error = ErrorProfile.join([x.contour_error for x in pieces])
         missed = max(x.missed.max for x in pieces)
         return Uncertified(

@@ -77,6 +77,7 @@ class ErrorProfile(Value):
         until: float,
         side: FloatArray | None = None,
         peak: Peak | None = None,
+        rms_until: float | None = None,
     ) -> ErrorProfile:
         """Make the profile from the first time to `until`; the last value is kept to the end.
 
@@ -88,21 +89,13 @@ class ErrorProfile(Value):
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
             peak: A higher value between the times, which becomes one of the values, but does not
                 count for the RMS; or None.
+            rms_until: End of the time over which the RMS is taken [s]; by default `until`.
         """
-        end = np.array([until])
-        if t[-1] < until:
-            t, values, s = (
-                np.append(x, y) for x, y in ((t, end), (values, values[-1:]), (s, s[-1:]))
-            )
-        elif t[-1] > until:
-            last = np.interp(end, t, values), np.interp(end, t, s)
-            inside = t < until
-            t, values, s = (
-                np.append(x[inside], y) for x, y in ((t, end), (values, last[0]), (s, last[1]))
-            )
-        span = float(until - t[0])
+        times, (weighted,) = _cut(t, until if rms_until is None else rms_until, values)
+        t, (values, s) = _cut(t, until, values, s)
+        span = float(times[-1] - times[0])
         # A profile without duration has one value.
-        square = np.trapezoid(values**2, t) / span if span > 0 else values[-1] ** 2
+        square = np.trapezoid(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
         if peak is not None:
             # One peak of many: it would count for more than its share of the mean.
             k = int(np.searchsorted(t, peak.t))
@@ -147,3 +140,9 @@ class ErrorProfile(Value):
 def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
     """Join columns, with NaN after each."""
     return np.concatenate([np.append(x, np.nan) for x in columns])
+
+
+def _cut(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+    """Times up to `end` and the columns there; after the last time its values hold."""
+    inside = t < end
+    return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]

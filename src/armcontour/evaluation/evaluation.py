@@ -21,7 +21,7 @@ from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
-from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
+from armcontour.evaluation.pieces import Piece, evaluated_times, pieces_of, settling_time
 from armcontour.geometry import Path
 from armcontour.motion import Execution
 from armcontour.program import Program
@@ -37,7 +37,8 @@ class Evaluation(Value):
     Args:
         duration: Planned time of the motion [s].
         settled: Time after which the tool stays below 1 mm/s [s].
-        until: End of the time that the errors cover [s].
+        until: End of the time over which root mean squares are taken [s]; largest errors cover the
+            time until all joints are at rest, unless `evaluate` was given an end.
         contour_error: Distance from the tool to its place on the path [m].
         missed: Largest distance from a place of the path to the tool: a part of the path that the
             tool does not reach counts.
@@ -172,9 +173,10 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
 
-    Errors are weighted by time, from the first set-point to `until`; after its end the execution
-    stands still. In a program, every contour is judged while the process is planned to be at work
-    on it, and nothing is judged between contours. A single path is judged from start to end.
+    Root mean squares are weighted by time, from the first set-point to `until`; after its end the
+    execution stands still. In a program, every contour is judged while the process is planned to be
+    at work on it, and nothing is judged between contours. A single path is judged from start to
+    end.
 
     Args:
         executed: The execution.
@@ -182,8 +184,9 @@ def evaluate(
         objective: The path or program before rounding or shaping; needed for `objective_error`,
             `objective_missed` and `corners`.
         limits: The limits; by default the arm's own.
-        until: End of the time that errors cover [s]; by default when the planned motion has ended
-            and the tool is at rest. Not allowed for a program of more than one path.
+        until: End of the time that errors cover [s]. By default largest errors cover the whole
+            execution, and root mean squares the time until the planned motion has ended and the
+            tool stays below 1 mm/s. Not allowed for a program of more than one path.
         limit_use: Whether `utilisation` and `limit_ratios` are computed, which takes longer than
             all errors together; without it they are None.
 
@@ -201,10 +204,10 @@ def evaluate(
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
-    end = max(duration, settled)
     if until is not None:
-        end = _checks.positive("until", until, "s")
-    pieces = pieces_of(executed, program, before, end)
+        until = _checks.positive("until", until, "s")
+    _, end = evaluated_times(executed, until)
+    pieces = pieces_of(executed, program, before, until)
     contours = tuple(x.contour_error for x in pieces)
     shares = [x.speed_shares(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)

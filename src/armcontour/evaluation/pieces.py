@@ -46,6 +46,7 @@ class Piece:
         objective: The path before rounding, or None if unknown.
         which: The samples of the piece.
         until: End of the piece [s].
+        rms_until: End of the time over which root mean squares are taken [s]; by default `until`.
         since: Its start [s]; by default that of its first sample.
         beyond: Index after the last sample at which the tool may still be on the path.
         work: Places between which parts of the path count that the tool leaves out [m].
@@ -63,6 +64,7 @@ class Piece:
     before_work: tuple[float, float] | None = None
     offset: float = 0.0
     since: float | None = None
+    rms_until: float | None = None
 
     @cached_property
     def t(self) -> FloatArray:
@@ -307,7 +309,9 @@ class Piece:
             peak = find_peak(self.t, values, measure, since=since, until=until, hidden=hidden)
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
-        return ErrorProfile.over_time(self.t, values, s + self.offset, self.until, side, peak)
+        return ErrorProfile.over_time(
+            self.t, values, s + self.offset, self.until, side, peak, self.rms_until
+        )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
         """Joint positions between sample i of the piece and the next one [rad], (n, dof).
@@ -346,8 +350,17 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
     return float(executed.t[moving[-1]]) if len(moving) else 0.0
 
 
+def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
+    """Ends of the times that largest values and root mean squares of a single path cover [s]."""
+    if until is not None:
+        return until, until
+    # Rest at the end would reduce the root mean square, but a slow tool can still leave the path.
+    end = max(executed.taught.trajectory.duration, settling_time(executed, executed.tool_speed))
+    return max(end, float(executed.t[-1])), end
+
+
 def pieces_of(
-    executed: Execution, path: Program, objective: Program | None, until: float
+    executed: Execution, path: Program, objective: Program | None, until: float | None
 ) -> list[Piece]:
     """Split an execution into its contours, each while the process is at work on it.
 
@@ -357,12 +370,14 @@ def pieces_of(
         executed: The execution.
         path: The program that was planned.
         objective: The program before rounding, or None if unknown.
-        until: End of the evaluation of a single path [s].
+        until: End of the evaluation of a single path [s]; None is until all joints are at rest,
+            with root mean squares until the tool is slower than `REST_SPEED`.
 
     Raises:
         InvalidInput: The execution or the objective has another number of contours than the path.
     """
     spans = executed.taught.trajectory.contour_spans
+    last, rms_until = evaluated_times(executed, until)
     count = len(spans)
     if len(path.contours) != count:
         raise InvalidInput(
@@ -376,7 +391,7 @@ def pieces_of(
     if path.single_path is None:
         judged = [_find_window(executed, x) for x in spans]
     else:
-        judged = [(slice(0, len(executed.t)), (None, until), 0.0)]
+        judged = [(slice(0, len(executed.t)), (None, last), 0.0)]
     starts = [which.start for which, _, _ in judged[1:]]
     beyond = [*starts, len(executed.t)]
     before = [None] * count if objective is None else objective.contours
@@ -388,12 +403,13 @@ def pieces_of(
             which=which,
             since=begin,
             until=end,
-            beyond=last,
+            rms_until=None if path.single_path is None else rms_until,
+            beyond=following,
             work=contour.at_work,
             before_work=None if first is None else first.at_work,
             offset=offset,
         )
-        for contour, first, (which, (begin, end), offset), last in zip(
+        for contour, first, (which, (begin, end), offset), following in zip(
             path.contours, before, judged, beyond, strict=True
         )
     ]

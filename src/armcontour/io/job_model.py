@@ -377,7 +377,7 @@ class RunModel:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
         limits, corners, command_interval: As the keys of the job, for this run only.
-        until: End of the time over which errors are evaluated [s]; by default when the tool rests.
+        until: End of the time over which errors are evaluated [s]; by default when all joints rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
         smoothing: Window of a moving average of the plan's s(t), or two windows [s]: one makes
             accelerations along the path continuous, a second bounds their rate. For the timing

@@ -231,7 +231,7 @@ class Run:
         period: Command interval [s].
         timing_options: Options of the timing method.
         compensation_options: Options of the compensation method.
-        until: End of the time over which errors are evaluated [s]; None is when the tool rests.
+        until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
         smoothing: Windows of a moving average of s(t), none, one or two [s]; for the timing

@@ -56,7 +56,8 @@ class Clock(NamedTuple):
         period: Command interval [s].
         steps: Number of results per command interval.
         finish: End of the time over which errors are evaluated [s].
-        fixed: Whether this end is fixed; otherwise errors are evaluated until the tool rests.
+        fixed: Whether this end is fixed; otherwise largest errors are evaluated until the joints
+            rest, and root mean squares until the tool is slower than `REST_SPEED`.
     """
 
     start: float
@@ -561,7 +562,7 @@ def _execute(
         done = end
         now = clock.start + done * period
         speed = rest.reach * _bound_speed(kp, kv, commands[:, knots, 0], states)
-        if done >= quiet and speed < (STILL_SPEED if clock.fixed else REST_SPEED):
+        if done >= quiet and speed < STILL_SPEED:
             if now < clock.finish:
                 return _finish(e, (clock.finish - now) * e.square), SETTLED
             return e, SETTLED
@@ -608,7 +609,8 @@ def run(
     for i in range(len(samples.kp)):
         e, status = _execute(i, robot, line, clock, drive, rest, samples, states, anchors)
         found.rms[i] = math.sqrt(e.end_integral / (e.end - max(clock.begin, 0.0)))
-        found.max[i] = math.sqrt(e.end_peak)
+        # A tool that is slower than REST_SPEED can still leave the path.
+        found.max[i] = math.sqrt(e.end_peak if clock.fixed else e.peak)
         found.until[i] = e.end
         found.saturated[i] = states.saturated.max() / e.end
         found.demand_ratio[i] = states.ratio.max()

@@ -73,7 +73,7 @@ class Spread:
     Args:
         max: Largest contour error of each execution [m], (n,).
         rms: Root mean square over time of the contour error [m], (n,).
-        until: End of the time over which contour errors are evaluated [s], (n,).
+        until: End of the time over which `rms` is taken [s], (n,).
         saturated: Fraction of this time in which the joint that saturates longest is saturated,
             (n,).
         demand_ratio: Largest absolute demand of a joint over its acceleration limit (the lower one

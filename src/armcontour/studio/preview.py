@@ -342,8 +342,7 @@ def _contour_errors(
 ) -> tuple[tuple[Piece, ...], ErrorProfile, float]:
     """The execution along each contour, the contour error, and when the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
-    end = max(execution.taught.trajectory.duration, settled) if until is None else until
-    pieces = tuple(pieces_of(execution, path, None, end))
+    pieces = tuple(pieces_of(execution, path, None, until))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 
