@@ -98,6 +98,11 @@ def test_two_runs_of_a_robot(command, shop, tmp_path):
     code, _, errors = command(*judge, log, "--taught", out)
     assert code == 2 and "run.csv has the set-points of run 1 (run.csv)" in errors
 
+    # The log of the second run for the set-points of the first.
+    second = ("learn", shop.file, "--taught", shop.first, "--log", tmp_path / "run2.csv")
+    code, _, errors = command(*second, "--out", again)
+    assert code == 2 and "run2.csv is the log of another run" in errors and not again.exists()
+
     # The log of the second run, for which those of the job are taken without --taught.
     second = tmp_path / "run2.csv"
     code, shown, errors = command(*judge, second, "--json")

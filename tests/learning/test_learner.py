@@ -118,6 +118,22 @@ def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
     np.testing.assert_array_equal(last.q, taught.q)
 
 
+@pytest.mark.parametrize("noise", [1e-6, 1e-5, 1e-4])
+def test_a_recording_with_the_noise_of_encoders_is_learned_from(taught, path, noise):
+    arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
+    robot = ac.ServoPlant(arm, robot, ac.Limits(joint_acceleration=30.0).for_joints(2))
+    errors, rng = [], np.random.default_rng(5)
+    for _ in range(2):
+        done = ac.execute(taught, robot)
+        q = done.q + rng.normal(scale=noise, size=done.q.shape)
+        run = ac.learning.Recording(t=done.t, q=q, in_plan_time=True)
+        taught = ac.learn(taught, run, arm=arm, servo=SERVO)
+        errors.append(ac.evaluate(done, path).contour_error.rms)
+        # The noise of encoders moves the tool by less than it does the joints.
+        assert taught.noise < noise
+    assert errors[1] < 0.1 * errors[0]
+
+
 def test_it_stops_when_only_noise_is_left(arm, taught):
     """A robot like its model, but with noise: two runs leave nothing."""
     loud = ac.RigidBodyPlant(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,11 +24,15 @@ def rods(lengths=(0.25, 0.25)):
 
 def executed(arm, servo, path):
     taught = ac.compensate(ac.plan(ac.JointPath.spline(path), arm), servo, method="none")
+    return taught, log_of(arm, servo, taught)
+
+
+def log_of(arm, servo, taught):
     done = ac.execute(taught, ac.ServoPlant(arm, servo.replace(kp=24.0)))
     t = np.arange(-0.1, done.t[-1], 5e-3)
     q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
     command = np.stack([np.interp(t, taught.t, x) for x in taught.q.T], axis=1)
-    return taught, ac.Log(t=t + 7.0, command=command, measured=q, source="run1.csv")
+    return ac.Log(t=t + 7.0, command=command, measured=q, source="run1.csv")
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +81,23 @@ def test_another_job(run, servo, refuses):
     arm, taught, log = run
     _, another = executed(arm, servo, [(0.7, 0.4), (0.2, 1.1), (0.6, 0.5), (0.0, 0.4)])
     refuses(lambda: ac.learn(taught, another, arm=arm, servo=servo), ac.InvalidInput, "another job")
+
+
+@pytest.mark.parametrize("amplitude", [0.4e-3, 1e-2])
+def test_the_log_of_another_run(run, servo, amplitude):
+    """Its set-points are other ones, by 30 times the noise of the log and more."""
+    arm, taught, _ = run
+    taught = ac.compensate(taught.trajectory, servo, method="inverse")
+    other_run = replace(
+        taught, q=taught.q + amplitude * np.sin(0.02 * np.arange(len(taught.q)))[:, None]
+    )
+    log = log_of(arm, servo, other_run)
+    noise = np.random.default_rng(3).normal(scale=1e-5, size=log.measured.shape)
+    log = other(log, measured=log.measured + noise)
+    with pytest.raises(ac.InvalidInput, match="another run") as caught:
+        ac.learn(taught, log, arm=arm, servo=servo)
+    assert caught.value.limit == "set_points" and 0.4 < caught.value.needed / amplitude < 1
+    assert ac.learn(other_run, log, arm=arm, servo=servo).runs[0].set_points_off < 2e-5
 
 
 def test_too_short(run, servo, refuses):

@@ -262,15 +262,21 @@ def learn_run(
     Raises:
         ArmContourError: As `learn` raises it.
     """
-    lesson = learn(
-        taught,
-        executed,
-        arm=job.arm,
-        servo=job.servo,
-        limits=limits_to_keep(job, plan),
-        gravity_feedforward=feeds_gravity_forward(plan.run),
-        tool=tool,
-    )
+    try:
+        lesson = learn(
+            taught,
+            executed,
+            arm=job.arm,
+            servo=job.servo,
+            limits=limits_to_keep(job, plan),
+            gravity_feedforward=feeds_gravity_forward(plan.run),
+            tool=tool,
+        )
+    except InvalidInput as error:
+        # If the set-points are those of an earlier run, that run is named instead.
+        if error.limit == "set_points" and isinstance(executed, Log):
+            refuse_earlier_run(taught, executed)
+        raise
     if isinstance(executed, Log):
         refuse_earlier_run(taught, executed)
     return lesson

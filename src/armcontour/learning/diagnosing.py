@@ -9,6 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.learning.aligning import WORST_RATE, Clock, coarse_offset
+from armcontour.learning.lesson import LearnedRun
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
 from armcontour.motion.misreading import find_misreading
@@ -18,6 +19,9 @@ from armcontour.motion.misreading import find_misreading
 UNLIKE = 0.3
 # Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
 SAMPLES = 5.0
+# Logged set-points are those of another run if they differ from the taught ones by more than this
+# RMS [rad], by more than this share of the errors, and by more than so many times the noise.
+OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 
 
 def refuse_coarse(recording: Recording, lifted: Lifted) -> None:
@@ -67,6 +71,26 @@ def refuse_unlike(recording: Recording, clock: Clock, lifted: Lifted, expected: 
             f"{recording.source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan "
             f"lasts from 0 to {lifted.plan.duration:.4g} s: record the whole run, from before its "
             "first set-point until the arm rests."
+        )
+
+
+def refuse_other_set_points(run: LearnedRun) -> None:
+    """Refuse the log of another run by its set-points.
+
+    Raises:
+        InvalidInput: They differ from those of the taught data by more than noise explains.
+    """
+    error, noise = _size(run.error), _size(run.noise)
+    allowed = max(OTHERS, SHARE * error, NOISES * noise)
+    if run.set_points_off > allowed:
+        raise InvalidInput(
+            f"{run.source} is the log of another run: its set-points differ from the taught data "
+            f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
+            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the taught data that the robot "
+            "executed; if the controller logs filtered set-points, give a log without them.",
+            limit="set_points",
+            needed=run.set_points_off,
+            allowed=allowed,
         )
 
 

@@ -55,8 +55,8 @@ def loop_noise(
 ) -> FloatArray:
     """Standard deviation of the noise of measured positions in the joints' loops [rad], (dof,).
 
-    An execution has true positions, and its noise shows in the command that explains them. In a
-    log, the measurement's own noise hides that; but the loops have the same noise, at every cycle.
+    Exact positions show this noise in the command that explains them. In measured positions the
+    encoders' noise hides it, but the loops have the same noise in every cycle.
 
     Args:
         lifted: The model.
@@ -64,7 +64,7 @@ def loop_noise(
         unexplained: Difference of the joints from what is expected [rad], (n, dof).
         noise: White noise of the measurement [rad], (dof,).
     """
-    if recording.in_plan_time:
+    if recording.exact:
         return white_noise(lifted.equivalent_command(unexplained), MEAN)
     return np.asarray(noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step))
 

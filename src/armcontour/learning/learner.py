@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError
 from armcontour.learning.aligning import Clock, fit_clock, fit_delay, set_points_off
-from armcontour.learning.diagnosing import refuse_coarse, refuse_unlike
+from armcontour.learning.diagnosing import refuse_coarse, refuse_other_set_points, refuse_unlike
 from armcontour.learning.estimating import (
     UNTESTED,
     Estimate,
@@ -80,6 +80,7 @@ def learn(
     """
     nominal = _nominal(arm, servo, gravity_feedforward, known)
     lifted, judge, taught, run, _ = _see(taught, executed, nominal, tool)
+    refuse_other_set_points(run)
     before = taught.runs if isinstance(taught, Lesson) else ()
     return _next_lesson(taught, (*before, run), lifted, judge, limits)
 

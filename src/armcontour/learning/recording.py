@@ -26,6 +26,7 @@ class Recording:
         command: Set-points at the same times [rad], (n, dof), by which the clock is found; None if
             they were not recorded.
         in_plan_time: Whether `t` counts from the start of the plan, without error.
+        exact: Whether `q` are the true positions of a simulation, without measurement noise.
         source: Where it comes from, for messages.
 
     Raises:
@@ -36,6 +37,7 @@ class Recording:
     q: FloatArray
     command: FloatArray | None = None
     in_plan_time: bool = False
+    exact: bool = False
     source: str = "the log"
 
     def __post_init__(self) -> None:
@@ -122,5 +124,6 @@ def _of_execution(executed: Execution, taught: TaughtData) -> Recording:
         t=executed.t + shift,
         q=executed.q if executed.motor_q is None else executed.motor_q,
         in_plan_time=True,
+        exact=True,
         source="the execution",
     )
