@@ -336,6 +336,26 @@ def test_friction_is_named_and_leaves_nothing_determined():
         found.servo_model()
 
 
+@pytest.mark.parametrize(("friction", "standstill"), [(0.3, 0.0), (0.3, 100.0), (0.0, 100.0)])
+def test_standstill_does_not_hide_friction(friction, standstill):
+    """A joint that is shaken for 20 s, and stands still while the others are."""
+    truth = {"kp": 20.0, "kv": 72.2, "delay": 11e-3}
+    t = np.arange(round((20 + standstill) / 4e-3)) * 4e-3
+    shaken = np.minimum(t, 20.0)
+    fade = np.clip((20 - shaken) / 0.5, 0.0, 1.0)
+    phases = np.random.default_rng(7).uniform(0, 2 * np.pi, 20)
+    waves = [
+        np.sin(2 * np.pi * f * shaken + p) / (1 + f)
+        for f, p in zip(np.linspace(0.1, 5, 20), phases, strict=True)
+    ]
+    u = 3e-3 * fade * np.sum(waves, axis=0)
+    joint = _one(t, u, _measured(move(t, u, **truth, steps=40, friction=friction)))
+    assert any("dry friction" in x for x in joint.notes) == (friction > 0)
+    for x, value in zip(joint.estimates, truth.values(), strict=False):
+        assert x.determined == (friction == 0)
+        assert x.low <= value <= x.high
+
+
 def test_a_little_friction_widens_the_intervals():
     rows, notes = estimate(("guide", 16, 5e-5, 1, 0.1))
     assert any("friction" in x for x in notes)

@@ -19,6 +19,8 @@ SURE = 3.0
 # are estimated themselves, to first order, so less is allowed than of a standard deviation.
 SHIFT = 0.05
 SHIFT_OF_DELAY = 0.5e-3
+# A joint that is slower than this share of its largest velocity stands still.
+STANDSTILL = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +87,10 @@ def _respond(data: Data, found: Fit) -> FloatArray:
     state = found.state
     q = simulated(data, state)[0][0]
     t = np.ascontiguousarray(data.t[state.first : data.last])
-    against = -np.sign(np.gradient(q, t))
+    velocity = np.gradient(q, t)
+    # At standstill, where a simulated joint only settles, friction has no direction.
+    moves = np.abs(velocity) > STANDSTILL * np.abs(velocity).max()
+    against = np.where(moves, -np.sign(velocity), 0.0)
     # An acceleration acts as a set-point does that asks for it.
     command = np.ascontiguousarray(against / (state.kp * state.kv))
     out: FloatArray = _joint.second_order(
