@@ -174,6 +174,7 @@ def judge(case):
     note = ""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Limits of jerk add")
         try:
             arm = load(case.arm)
             samples = parse_trajectory(case.text, arm.joint_names)

@@ -67,6 +67,7 @@ def run(seed: int) -> Outcome:
     worst = 0.0
     with warnings.catch_warnings(), counted() as iterations:
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Limits of jerk add")
         try:
             result, notes, worst = _answer(problem)
         except Exception as error:  # noqa: BLE001 - every crash is a finding

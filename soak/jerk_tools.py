@@ -305,6 +305,7 @@ def run(seed: int) -> Outcome:
     kind, worst = "", 0.0
     with warnings.catch_warnings(), counted() as iterations:
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Limits of jerk add")
         try:
             problem = draw(seed)
             kind = problem.kind

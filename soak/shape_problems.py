@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import armcontour as ac
+from armcontour.geometry.fit import draw_with_arcs
 from soak.shape_matching import Pieces, cut
 
 PMK = ac.load_arm("pmk3s")
@@ -313,7 +314,7 @@ def _spline(rng: Random) -> ac.Path:
     turns = _signs(rng, count) * rng.uniform(0.05, 1.5, count)
     points = _walk(rng, rng.uniform(0.015, 0.05, count + 1), turns)
     while True:
-        path = ac.Path.spline(points, tolerance=10 ** rng.uniform(-6, -4))
+        path, _ = draw_with_arcs(ac.Path.spline(points), 10 ** rng.uniform(-6, -4))
         if _reached(path(np.linspace(0, path.length, 400))):
             return path
         middle = points.mean(axis=0)

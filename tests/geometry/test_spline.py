@@ -1,4 +1,4 @@
-"""Splines as tangent arcs, against scipy's cubic spline."""
+"""Splines as chains of transitions, against scipy's cubic spline."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from armcontour.geometry.fit import draw_with_arcs
 
 RANDOM = np.random.default_rng(0)
 CURVES = {
@@ -37,7 +38,7 @@ def scipys(points, closed):
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7])
 @pytest.mark.parametrize("name", CURVES)
-def test_arcs_stay_within_their_tolerance_of_the_spline(name, tolerance):
+def test_paths_stay_within_their_tolerance_of_the_spline(name, tolerance):
     points, closed = CURVES[name]
     path = ac.Path.spline(points, tolerance=tolerance, closed=closed)
     curve, at = scipys(points, closed)
@@ -45,7 +46,7 @@ def test_arcs_stay_within_their_tolerance_of_the_spline(name, tolerance):
     # Compared at nine places of every interval: between them it may be a little more.
     assert path.project(dense).distance.max() <= 1.1 * tolerance
     assert path.project(np.array(points, dtype=float)).distance.max() < 1e-12
-    # And the other way round: no arc leaves the spline.
+    # And the other way round: no transition leaves the spline.
     back = np.linalg.norm(path(np.linspace(0, path.length, 500))[:, None] - dense, axis=2)
     assert (
         back.min(axis=1).max() <= tolerance + np.linalg.norm(np.diff(dense, axis=0), axis=1).max()
@@ -64,11 +65,75 @@ def test_a_closed_spline_goes_on_smoothly_where_it_began():
     np.testing.assert_allclose(closed(0.0, 1), np.array([1, -1]) / np.sqrt(2), atol=1e-12)
 
 
-def test_the_arcs_become_more_with_the_square_root_of_the_tolerance_or_fewer():
+def test_arcs_of_a_spline_become_more_with_the_cube_root_of_the_tolerance():
     points, _ = CURVES["space"]
-    counts = [len(ac.Path.spline(points, tolerance=10.0**-k)) for k in (3, 6, 9)]
+    path = ac.Path.spline(points)
+    counts = []
+    for tolerance in (1e-3, 1e-6, 1e-9):
+        arcs, places = draw_with_arcs(path, tolerance)
+        s = np.linspace(0, arcs.length, 4001)
+        assert path.project(arcs(s)).distance.max() <= 1.1 * tolerance + 1e-9
+        at = np.interp(s, *places.T[::-1])
+        assert np.linalg.norm(path(at) - arcs(s), axis=1).max() < 3 * tolerance + 1e-6
+        assert not arcs.segments.bent.any() and arcs.turns.max() < 1e-9
+        counts.append(len(arcs))
     # Pairs of arcs are of third order: a thousandth of the tolerance, ten times as many.
-    assert 6 < counts[1] / counts[0] < 16 and 6 < counts[2] / counts[1] < 16
+    assert counts[1] / counts[0] < 16 and 6 < counts[2] / counts[1] < 16
+
+
+@pytest.mark.parametrize("name", ["plane", "space", "square", "closed in space", "small"])
+def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
+    points, closed = CURVES[name]
+    path = ac.Path.spline(points, closed=closed)
+    inner = path.breaks[1:-1]
+    left, right = (path(inner, 2, side=side) for side in ("left", "right"))
+    size = np.linalg.norm(path(inner, 2), axis=1).max()
+    assert np.linalg.norm(left - right, axis=1).max() < 1e-12 * size
+    if closed:
+        np.testing.assert_allclose(
+            path(0.0, 2), path(path.length, 2, side="left"), atol=1e-9 * size
+        )
+    curve, at = scipys(points, closed)
+    first, second = curve(at[1:-1], 1), curve(at[1:-1], 2)
+    tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
+    across = second - np.sum(second * tangent, axis=1, keepdims=True) * tangent
+    bend = across / np.sum(first**2, axis=1, keepdims=True)
+    found = path(path.breaks[path.waypoints][1:-1], 2)
+    np.testing.assert_allclose(found, bend, rtol=1e-9, atol=1e-9 * size)
+    # The parameter is the arc length within a millionth.
+    speed = np.linalg.norm(path(np.linspace(0, path.length, 9001), 1), axis=1)
+    assert np.abs(speed - 1).max() < 1e-6
+
+
+def test_a_tool_that_follows_a_spline_in_space_never_has_to_stop():
+    path = ac.Path.spline(WAYPOINTS).following_tangent([0, 0, 1])
+    assert len(path.stops) == 0 and len(path) > 10
+    at = path.breaks[1:-1]
+    np.testing.assert_allclose(path.orientation(at)[:, :, 0], path(at, 1), atol=1e-9)
+    s = np.linspace(0, path.length, 999)
+    axes, tangents = path.orientation(s)[:, :, 0], path(s, 1)
+    assert np.linalg.norm(axes - tangents, axis=1).max() < 1e-3
+    # It does not turn about the tangent.
+    rates, _ = path.orientation.rates(s)
+    assert np.abs(np.sum(rates * tangents, axis=1)).max() < 2e-3 * np.abs(rates).max()
+    assert len(ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.1).stops) == 0
+
+
+def test_orientations_keep_their_places_on_the_arcs_of_a_spline():
+    plain = ac.Path.spline(WAYPOINTS)
+    for path in (
+        plain.oriented(np.eye(3)),
+        plain.oriented(TURNS),
+        plain.following_tangent([0, 0, 1]),
+    ):
+        arcs, places = draw_with_arcs(path)
+        s = np.linspace(0, path.length, 777)
+        off = path.orientation(s) - arcs.orientation(np.interp(s, *places.T))
+        assert np.abs(off).max() < (0.01 if path.orientation.follows else 1e-5)
+        assert arcs.orientation.jumps.max(initial=0) < 1e-9
+        if not path.orientation.follows:
+            kept = arcs.breaks[arcs.waypoints][1:-1]
+            np.testing.assert_allclose(arcs.stops, kept if len(path.stops) else [])
 
 
 def test_repeated_points_are_merged_and_demands_are_kept():

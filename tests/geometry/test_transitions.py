@@ -174,9 +174,13 @@ def test_the_extent_is_that_of_dense_points(smooth):
 
 def test_what_is_for_lines_and_arcs_only_refuses(smooth, refuses):
     refuses(lambda: Tube.of(smooth, 1e-3), ac.InvalidInput, "transition between", index=1)
-    program = ac.Program.of(smooth)
-    kerf = ac.Process(kerf=1e-3, kerf_side="left")
-    refuses(lambda: ac.prepare(program, kerf), ac.InvalidInput, "transitions", "kerf first")
+
+
+def test_a_kerf_runs_beside_transitions(smooth):
+    process = ac.Process(kerf=1e-3, kerf_side="left")
+    beside = ac.prepare(ac.Program.of(smooth), process).path
+    distance = smooth.project(beside(np.linspace(0, beside.length, 2001))).distance
+    assert np.abs(distance - 0.5e-3).max() < 2e-7
 
 
 def test_columns_that_do_not_fit_are_refused(smooth, refuses):

@@ -11,6 +11,7 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Segments, Tube, _tube, round_with_parabolas
 from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.fit import draw_with_arcs
 from armcontour.geometry.nearest import pack
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
@@ -202,7 +203,7 @@ def test_a_crossing_is_not_a_way_to_turn_off():
 
 def test_arcs_on_arcs_keep_tolerance_zero():
     points = np.random.default_rng(3).normal(size=(8, 3))
-    path = ac.Path.spline(points, tolerance=1e-3)
+    path, _ = draw_with_arcs(ac.Path.spline(points), 1e-3)
     proof = Tube.of(path, 0.0).prove(path, evenly(path, path), 0.0)
     assert proof.ok
     # Cut at other places, too.
@@ -238,8 +239,9 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
     places = places_of(path)
     if bent:
         # Arcs around arcs, and places that are not the best ones.
-        objective = ac.Path.spline(points, tolerance=1e-2)
-        path = ac.Path.spline(points, tolerance=rng.choice([0.1, 0.02]))
+        spline = ac.Path.spline(points)
+        objective, _ = draw_with_arcs(spline, 1e-2)
+        path, _ = draw_with_arcs(spline, rng.choice([0.1, 0.02]))
         places = evenly(objective, path)
     reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
     proof = Tube.of(objective, tolerance).prove(path, places, reach)

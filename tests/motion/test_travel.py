@@ -23,6 +23,7 @@ PATH = ac.round_corners(ac.Path.polyline([[0.35, 0.1], [0.41, 0.15], [0.28, 0.3]
         {"limits": ARM.limits.replace(joint_jerk=50.0)},
     ],
 )
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_no_joint_moves_farther_than_its_bound(options: dict) -> None:
     limits = options.pop("limits", ARM.limits).replace(speed=0.1)
     path = PATH

@@ -301,6 +301,7 @@ def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
     )
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_stops_that_limits_of_jerk_force_are_named():
     arm = ac.load_arm("pmk3s")
     objective = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])

@@ -55,6 +55,7 @@ def with_knots(path, apart):
     return ac.Path(segments=path.segments.cut(row, number * step, (number + 1) * step))
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_under_a_limit_of_jerk_knots_do_not_matter_and_only_arcs_stop():
     path, arm = ac.Path.polyline(PAPER_JOB), ac.load_arm("pmk3s")
     limits = dataclasses.replace(arm.limits, joint_jerk=[36.0, 36.0], speed=0.1)

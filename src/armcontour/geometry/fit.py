@@ -15,6 +15,9 @@ from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.cusps import split_at_cusps
+from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.orienting import carry
+from armcontour.geometry.path import Path
 from armcontour.geometry.segments import (
     EVERY,
     REPEATED_POINT,
@@ -35,6 +38,8 @@ SHARE = 0.9
 MOST_PARTS = 8
 # If more intervals than this are needed, the tolerance is refused as too small for the curve.
 MOST_INTERVALS = 500_000
+# Arcs that stand for transitions are within this of them by default [m].
+DRAWN = 1e-7
 # An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
 CORNER = 1e-3
 # A derivative below this fraction of the largest is zero; the tangent is then a limit.
@@ -107,19 +112,49 @@ def fit_many(
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
 
-def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
-    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break.
-
-    Args:
-        curve: As in `fit_arcs`.
-        breaks: As in `fit_arcs`, (n,).
-        tolerance: As in `fit_arcs` [m].
+def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
+    """The path with tangent arcs for its transitions, within a tolerance of them [m].
 
     Returns:
-        The arcs, and the index of the vertex at each break, (n,).
+        The path, and arc lengths on both paths that belong together, at the vertices [m], (n, 2).
     """
-    row = np.zeros(len(breaks), dtype=np.intp)
-    return _fit(_single(curve), breaks, row, tolerance, through=True)
+    rows, at = path.segments, path.breaks
+    row = np.zeros(len(at), dtype=np.intp)
+    arcs, vertices = _fit(_single(path), at, row, tolerance, through=True)
+    source = np.repeat(np.arange(len(rows)), np.diff(vertices))
+    drawn, rest = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
+    columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}
+    lines = rows[rest].replace(quintics=np.empty((len(rest), 0, 0)))
+    source = np.concatenate([rest, source[drawn]])
+    order = np.argsort(source, kind="stable")
+    table = Segments.join([lines, arcs[drawn].replace(**columns)])[order]
+    first = np.searchsorted(source[order], np.arange(len(rows) + 1))
+    places = np.stack([at, table.breaks[first]], axis=1)
+    waypoints, own = first[path.waypoints], path.orientation
+    return Path(
+        segments=table,
+        merged=path.merged,
+        waypoints=waypoints,
+        orientation=None if own is None else _orient(own, table, places[path.waypoints]),
+    ), places
+
+
+def _orient(own: Orientation, table: Segments, places: FloatArray) -> Orientation:
+    """An orientation along other segments, whose waypoints have other arc lengths.
+
+    Args:
+        own: The orientation, which is not rounded.
+        table: The other segments.
+        places: Arc lengths of the waypoints on the own segments and on the others [m], (n, 2).
+    """
+    if own.follows:
+        return carry(table, own.starts[0], axis_only=own.axis_only)
+    middle = (table.breaks[:-1] + table.breaks[1:]) / 2
+    before, after = places.T
+    ratio = (np.diff(before) / np.diff(after))[np.searchsorted(after[1:-1], middle)]
+    rates, _ = own.rates(np.interp(middle, after, before))
+    starts = own(np.interp(table.breaks[:-1], after, before))
+    return Orientation.even(table.lengths, starts, ratio[:, None] * rates, axis_only=own.axis_only)
 
 
 def _refuse_fine(tolerance: float) -> None:

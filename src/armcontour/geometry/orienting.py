@@ -13,6 +13,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._quintics import quintic
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, log, rotations, shortest
+from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
 from armcontour.geometry.segments import Segments
 
@@ -139,7 +140,7 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
         InvalidInput: The path turns back by 180°, where the tool could turn to either side.
     """
     n = len(segments)
-    first, f = tangent_turns(segments)
+    turns = tangent_turns(segments)
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
@@ -152,22 +153,21 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
             point=segments.starts[i + 1].tolist(),
         )
     starts = np.empty((n, 3, 3))
-    segment_turns = exp(value_of(f, segments.lengths)[:, None] * first)
+    segment_turns = whole_turns(turns, segments.lengths)
     corner_turns = exp(corners)
     for k in range(n):
         starts[k] = frame
         if k + 1 < n:
             frame = corner_turns[k] @ segment_turns[k] @ frame
     return Orientation(
-        breaks=segments.breaks,
-        starts=starts,
-        first=first,
-        second=np.zeros_like(first),
-        f=f,
-        g=np.zeros_like(f),
-        axis_only=axis_only,
-        follows=True,
+        breaks=segments.breaks, starts=starts, **turns, axis_only=axis_only, follows=True
     )
+
+
+def whole_turns(turns: dict[str, FloatArray], lengths: FloatArray) -> FloatArray:
+    """Rotations from the starts to the ends of pieces that turn as `tangent_turns`, (n, 3, 3)."""
+    tilt, turn = (value_of(turns[x], lengths)[:, None] for x in "fg")
+    return exp(turn * turns["second"]) @ exp(tilt * turns["first"])
 
 
 def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:
@@ -193,34 +193,42 @@ def tangent_rates(segments: Segments) -> FloatArray:
     return np.asarray(segments.curvatures[:, None] * np.cross(segments.tangents, segments.normals))
 
 
-def tangent_turns(segments: Segments) -> tuple[FloatArray, FloatArray]:
-    """How the tangents of segments turn along them, as `first` and `f` of an `Orientation`.
+def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
+    """Turns of the tangents along segments, as `first`, `second`, `f` and `g` of an `Orientation`.
 
-    Along a transition the angle is a quintic: with the curvature at both ends, and with the change
-    of curvature there that both neighbours share, so that the derivative of the rate does not jump.
+    On a transition `second` is the axis from its first tangent to its last, and `first` is that of
+    the tilt out of this plane. Both angles are quintics: with the tangent and the curvature at both
+    ends, and with the change of curvature there that both neighbours share, so that the derivative
+    of the rate does not jump in a plane.
     """
-    first, linear = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
-    if not segments.bent.any():
-        return first, linear
+    first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
+    second, g = np.zeros_like(first), np.zeros_like(f)
     bent = np.flatnonzero(segments.bent)
-    ends = np.zeros(len(bent)), segments.lengths[bent]
-    tangents = [segments.at(bent, u, 1) for u in ends]
-    rates = [np.cross(t, segments.at(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)]
-    axis = _axes_of_turns(segments, bent)
-    angle = np.arctan2(
-        np.sum(np.cross(tangents[0], tangents[1]) * axis, axis=1),
-        np.sum(tangents[0] * tangents[1], axis=1),
-    )
-    change = _shared_changes(segments)
-    begin, end = (
-        [np.sum(x * axis, axis=1)[:, None] for x in pair]
-        for pair in ((rates[0], change[bent]), (rates[1], change[bent + 1]))
-    )
-    turned = quintic(ends[1], (np.zeros_like(begin[0]), *begin), (angle[:, None], *end))
-    f = np.pad(linear, ((0, 0), (0, 2)))
-    f[bent] = turned[:, :, 0] / ends[1][:, None] ** np.arange(6)
-    first[bent] = axis
-    return first, f
+    if len(bent):
+        ends = np.zeros(len(bent)), segments.lengths[bent]
+        tangents = [segments.at(bent, u, 1) for u in ends]
+        rates = [np.cross(t, segments.at(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)]
+        axis = _axes_of_turns(segments, bent)
+        tilt = np.cross(axis, tangents[0])
+        t0, t1 = (unit(x) for x in tangents)
+        turn = np.arctan2(dot(t1, tilt), dot(t1, t0))[:, None]
+        out = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
+        change = _shared_changes(segments)
+        tilted = np.cos(turn) * tilt - np.sin(turn) * t0
+        rate, bend = (
+            [
+                np.stack([dot(x, y), dot(x, axis)], axis=1)
+                for x, y in zip(pair, (tilt, tilted), strict=True)
+            ]
+            for pair in (rates, (change[bent], change[bent + 1]))
+        )
+        angles = np.hstack([out, turn])
+        none = np.zeros_like(angles)
+        turned = quintic(ends[1], (none, rate[0], bend[0]), (angles, rate[1], bend[1]))
+        f, g = (np.pad(x, ((0, 0), (0, 2))) for x in (f, g))
+        f[bent], g[bent] = np.moveaxis(turned, 2, 0) / ends[1][:, None] ** np.arange(6)
+        first[bent], second[bent] = tilt, axis
+    return {"first": first, "second": second, "f": f, "g": g}
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
@@ -234,8 +242,9 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
         other = np.cross(segments.at(bent, u, 1), segments.at(bent, u, 2)) * lengths[:, None]
         size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (found, other)]
         found = np.where(size[0] < NO_AXIS * size[1], other, found)
-    size = np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0))
+    across = found - dot(found, into)[:, None] * into / dot(into, into)[:, None]
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(np.divide(across, size, out=np.zeros_like(found), where=size > 0))
 
 
 def _shared_changes(segments: Segments) -> FloatArray:

@@ -34,8 +34,8 @@ SAME_BREAK = 1e-12
 class Path(Value):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
-    Rounding and smoothing put transitions between them, along which the curvature changes. Build
-    one with `polyline`, `spline` or `from_segments`.
+    Rounding and smoothing put transitions between them, along which the curvature changes. Splines
+    consist of transitions. Build one with `polyline`, `spline` or `from_segments`.
 
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
@@ -118,11 +118,11 @@ class Path(Value):
         closed: bool = False,
         demand: Demand = NO_DEMAND,
     ) -> Path:
-        """The cubic spline through `points`, as tangent arcs within `tolerance` of it.
+        """The cubic spline through `points`, as transitions of continuous curvature.
 
         Args:
             points: Points of the spline [m], (n, 2) or (n, 3); repeated points are merged.
-            tolerance: Largest distance between the spline and the arcs [m].
+            tolerance: Largest distance between the spline and the path [m].
             closed: Whether the spline is periodic; its last point must then repeat the first.
             demand: Speed, corner error and tag of all segments.
 

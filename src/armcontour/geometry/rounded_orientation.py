@@ -21,10 +21,9 @@ from armcontour.geometry.orientation import (
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
-    value_of,
     with_degree,
 )
-from armcontour.geometry.orienting import tangent_turns
+from armcontour.geometry.orienting import tangent_turns, whole_turns
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
@@ -170,10 +169,10 @@ def follow_rounded(
     """
     own = objective.orientation
     assert own is not None
-    first, f = tangent_turns(rounded)
+    turns = tangent_turns(rounded)
     starts = np.empty((len(rounded), 3, 3))
     frame = own.starts[0]
-    segment_turns = exp(value_of(f, rounded.lengths)[:, None] * first)
+    segment_turns = whole_turns(turns, rounded.lengths)
     kept = own.on_piece(np.arange(len(objective)), cut)
     for k in range(len(rounded)):
         if k and segment[k] != segment[k - 1]:
@@ -182,14 +181,7 @@ def follow_rounded(
         starts[k] = frame
         frame = segment_turns[k] @ frame
     sharp = Orientation(
-        breaks=rounded.breaks,
-        starts=starts,
-        first=first,
-        second=np.zeros_like(first),
-        f=f,
-        g=np.zeros_like(f),
-        axis_only=own.axis_only,
-        follows=True,
+        breaks=rounded.breaks, starts=starts, **turns, axis_only=own.axis_only, follows=True
     )
     return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
 
@@ -231,7 +223,8 @@ def blend_kinks(
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
     cut = np.minimum(wanted, np.minimum(lengths[:-1], lengths[1:]) / 2)
-    cut[sharp.jumps > SAME_ORIENTATION] = 0.0
+    uneven = np.any(sharp.second != 0, axis=1)
+    cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
     middle = cut * (0.5 - 2 * middle_of(smooth))
     return (
         _blend(lengths, sharp, cut, 2 * cut, smooth=smooth),
@@ -315,8 +308,8 @@ def _blend(
     starts[::2] = exp(before[:, None] * sharp.first) @ sharp.starts
     starts[1::2] = sharp.starts[1:]
     first[::2], first[1::2] = sharp.first, sharp.first[:-1]
-    second[1::2] = sharp.first[1:]
-    f[::2] = with_degree(sharp.f, degree)
+    second[::2], second[1::2] = sharp.second, sharp.first[1:]
+    f[::2], g[::2] = (with_degree(x, degree) for x in (sharp.f, sharp.g))
     with np.errstate(divide="ignore", invalid="ignore"):
         f[1::2], g[1::2] = (with_degree(x, degree) for x in _fade(cut, blend, smooth=smooth))
     used = spans > 0

@@ -1,33 +1,46 @@
-"""Approximation of a cubic spline through points by tangent arcs."""
+"""Cubic splines through points as chains of transitions, whose curvature is continuous."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between
-from armcontour.geometry.fit import fit_through
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.biarcs import dot, length, unit
+from armcontour.geometry.segments import REPEATED_POINT, Segments
+from armcontour.geometry.transitions import UNEVEN, join_up
+
+# Fractions of a piece at which its transition is compared with the spline, and the nodes and
+# weights with which the arc length between two of them is integrated.
+PLACES = np.linspace(0, 1, 17)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+# Part of the tolerance and of the unevenness that is allowed there, as both are a little larger
+# between these fractions.
+SHARE = 0.9
+# If more pieces than this are needed, the tolerance is refused as too small for the spline.
+MOST_PIECES = 500_000
 
 
 def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segments, IntArray]:
-    """Tangent arcs along the cubic spline through points.
+    """Transitions along the cubic spline through points.
 
-    The spline is C² over chord length, natural at its ends or periodic.
+    The spline is C² over chord length, natural at its ends or periodic. Each transition has the
+    points, tangents and curvatures of the spline at its ends; the spline is cut until all are
+    within the tolerance.
 
     Args:
         points: Points of the spline without equal neighbours [m], (n, dimension).
-        tolerance: Largest distance between the arcs and the spline [m].
+        tolerance: Largest distance between the transitions and the spline [m].
         closed: Whether the spline is periodic.
 
     Returns:
-        The arcs, and the index of the vertex at each point, (n,).
+        The transitions, and the index of the vertex at each point, (n,).
 
     Raises:
         InvalidInput: The ends of a closed spline differ, the spline turns back on the spot, the
             points are so far apart that rounding loses distances, or the tolerance needs too many
-            arcs.
+            transitions.
     """
     from scipy.interpolate import CubicSpline
 
@@ -37,15 +50,86 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
         points = np.concatenate([points[:-1], points[:1]])
     at = _chord_length(points)
     curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
-    segments, vertices = fit_through(curve, at, tolerance)
-    turns = angle_between(segments.end_tangents[:-1], segments.tangents[1:])
-    if (turns > TANGENT_TOLERANCE).any():
-        point = segments.starts[1 + int(np.argmax(turns))]
-        raise InvalidInput(
-            f"The spline turns back on the spot near {tuple(np.round(point, 6).tolist())} m: move "
-            "the points apart, or split the spline there."
-        )
-    return segments, vertices
+    powers = np.diff(at)[:, None, None] ** np.arange(4)[:, None]
+    with np.errstate(all="ignore"):
+        cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)
+        start = _contact(cubics, 0.0)
+        last = _contact(cubics[:1], 0.0) if closed else _contact(cubics[-1:], 1.0)
+    end = [np.concatenate([x[1:], y]) for x, y in zip(start, last, strict=True)]
+    segments = join_up((cubics[:, 0], *start), (cubics[:, 1:].sum(axis=1), *end), lengths)
+    return segments, np.append(np.flatnonzero(begin % 1 == 0), len(segments))
+
+
+def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Cut cubics in halves until a transition follows each part.
+
+    Args:
+        cubics: Coefficients of powers of a parameter from 0 to 1 [m], (n, 4, dimension).
+        tolerance: As of `fit_spline` [m].
+
+    Returns:
+        The coefficients of the parts, (m, 4, dimension); their arc lengths [m], (m,); and where
+        they begin, as index of the cubic plus fraction, (m,).
+    """
+    begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
+    done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    count = 0
+    while len(cubics):
+        lengths, good = _follow(cubics, tolerance)
+        count += len(cubics)
+        stuck = ~good & (lengths <= REPEATED_POINT)
+        if stuck.any():
+            point = tuple(np.round(cubics[stuck, 0][0], 6).tolist())
+            raise InvalidInput(
+                f"The spline turns back on the spot near {point} m: move the points apart, or "
+                "split the spline there."
+            )
+        if count > MOST_PIECES:
+            raise InvalidInput(
+                f"A spline would need more than {MOST_PIECES} segments to be within "
+                f"{tolerance:g} m: give it a larger tolerance."
+            )
+        done.append((cubics[good], lengths[good], begin[good]))
+        rest, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
+        half = np.tile([0.0, 0.5], len(begin))
+        cubics = re_expand(rest, half, np.full(len(rest), 0.5))
+        begin = (begin[:, None] + [0.0, size]).ravel()
+    cubics, lengths, begin = (np.concatenate(x) for x in zip(*done, strict=True))
+    order = np.argsort(begin)
+    return cubics[order], lengths[order], begin[order]
+
+
+def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
+    """Arc lengths of cubics [m], and whether a transition follows each within the tolerance."""
+    x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
+    speed = length(_at(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
+    steps = speed @ WEIGHTS / 2 * np.diff(PLACES)
+    s = np.concatenate([np.zeros((len(cubics), 1)), np.cumsum(steps, axis=1)], axis=1)
+    lengths = s[:, -1]
+    start, end = _contact(cubics, 0.0), _contact(cubics, 1.0)
+    rise = cubics[:, 1:].sum(axis=1)
+    quintics = join_up((0 * rise, *start), (rise, *end), lengths).quintics
+    y = (s / lengths[:, None])[..., None] ** np.arange(6)
+    off = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
+    rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
+    uneven = np.abs(length(rate) - 1)
+    return lengths, np.maximum(off / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
+
+
+def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
+    """Unit tangents and curvature vectors [1/m] of cubics at a parameter, (n, dimension) each."""
+    first, second = (_at(cubics, np.array([x]), order)[:, 0] for order in (1, 2))
+    tangent = unit(first)
+    across = second - dot(second, tangent)[:, None] * tangent
+    return tangent, across / dot(first, first)[:, None]
+
+
+def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
+    """Values or derivatives of cubics at parameters, (n, parameters, dimension)."""
+    from numpy.polynomial.polynomial import polyder, polyval
+
+    found = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
+    return np.asarray(np.moveaxis(found, -1, 1))
 
 
 def _chord_length(points: FloatArray) -> FloatArray:

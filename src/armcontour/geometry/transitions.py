@@ -72,7 +72,8 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         for order in (0, 1)
     ]
     ends[1::2] = (unit(x) for x in ends[1::2])
-    halves = biarcs(*ends)
+    with np.errstate(invalid="ignore"):  # straight ones have no normal
+        halves = biarcs(*ends)
     of = np.flatnonzero(bent)[row]
     columns = {x: getattr(segments, x)[of] for x in ("speeds", "tolerances", "tags")}
     share = step / (halves[0].lengths + halves[1].lengths)

@@ -182,12 +182,12 @@ class SegmentModel(Demand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplineModel:
-    """A cubic spline through `points`, replaced by arcs within `tolerance`.
+    """A cubic spline through `points`, whose curvature is continuous.
 
     Args:
         points: Points of the spline [m].
         closed: Whether the spline is closed: the last point repeats the first.
-        tolerance: Largest distance of the arcs from the spline [m].
+        tolerance: Largest distance between the spline and the path [m].
     """
 
     points: list[Point]

@@ -12,7 +12,7 @@ from armcontour.program.process import (
     Tabs,
     Weave,
 )
-from armcontour.program.rounding import put_on_path, round_corners, smooth_curvature
+from armcontour.program.rounding import draw_with_arcs, put_on_path, round_corners, smooth_curvature
 
 __all__ = [
     "Analog",
@@ -34,5 +34,6 @@ __all__ = [
     "prepare",
     "put_on_path",
     "round_corners",
+    "draw_with_arcs",
     "smooth_curvature",
 ]

@@ -27,6 +27,7 @@ from armcontour.program.offsetting import (
 )
 from armcontour.program.process import Process
 from armcontour.program.rapids import last_end, leading_away, reroute
+from armcontour.program.rounding import draw_with_arcs
 from armcontour.program.scrap_side import waste_sides
 
 # Halvings in the search for the largest kerf that fits: a share of 0.0001 of what does not.
@@ -56,6 +57,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
             for x, side in zip(contours, waste_sides(contours, process), strict=True)
         ]
     sides = [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
+    contours = tuple(draw_with_arcs(x) if sides[i] else x for i, x in enumerate(contours))
     flat = [_flatten(x, i, process) if sides[i] else None for i, x in enumerate(contours)]
     parts: list[list[OffsetPart]] = [
         [] if x is None else _offset(x, contours[i], i, kerfs[i], sides[i])
@@ -86,11 +88,6 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
         raise InvalidInput(f"{called} has leads already: a kerf is for contours without them.")
-    if rows.bent.any():
-        raise InvalidInput(
-            f"{called} has transitions between curvatures, beside which a kerf cannot be laid: "
-            "apply the kerf first, and smooth the curvature of what it gives."
-        )
     if rows.dimension == 3:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
         if slopes.max() > PARALLEL:

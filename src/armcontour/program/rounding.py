@@ -14,6 +14,7 @@ from armcontour._checks import FloatArray
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
 from armcontour.geometry.curvature import smooth_curvature as smooth_path
+from armcontour.geometry.fit import draw_with_arcs as draw_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
@@ -123,6 +124,14 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
         moves.append(x)
     smooth = dataclasses.replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
+
+
+def draw_with_arcs(contour: Contour) -> Contour:
+    """The contour with arcs for the transitions of its path, where there are any."""
+    if not contour.path.segments.bent.any():
+        return contour
+    path, places = draw_path(contour.path)
+    return _put(contour, path, partial(_interpolate, places))
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NoReturn, cast
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks, _memory
+from armcontour._describing import several
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput, NotRealizable
@@ -17,6 +19,7 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.common import start_of, with_reserve
+from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
 from armcontour.timing.methods import (
@@ -95,8 +98,11 @@ def plan(
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
             duration, or it keeps no limits of jerk and there are some.
+
+    Warns:
+        UserWarning: Limits of jerk add full stops, as accelerations would jump there.
     """
-    return _plan(
+    traced, found = _plan(
         path,
         arm,
         limits,
@@ -109,7 +115,29 @@ def plan(
         progress=progress,
         memory=memory,
         **options,
-    )[1]
+    )
+    known = limits or cast(Arm, arm).limits
+    if known.jerk_limits and not isinstance(path, Tracing):
+        _warn_of_stops(traced, found)
+    return found
+
+
+def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
+    """Warn of full stops that limits of jerk have added inside contours."""
+    paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
+    stops: list[float] = []
+    for x in trajectory.contour_spans:
+        joint_path = traced if isinstance(traced, JointPath) else paths[x.move]
+        if joint_path is not None and x.trajectory is not None:
+            stops += (x.s[0] + find_jerk_stops(joint_path, x.trajectory)).tolist()
+    if stops:
+        warnings.warn(
+            f"Limits of jerk add {several(len(stops), 'full stop')}, the first at s = "
+            f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
+            'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
+            "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
+            stacklevel=3,
+        )
 
 
 def trace_and_plan(

@@ -68,6 +68,7 @@ def test_a_plan_may_be_stopped_after_any_iteration():
     assert durations[0] > 1.5 * durations[-1]
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_motion_rests_where_the_second_derivative_jumps():
     # A line that turns into a parabola: dq_ds is continuous at 0.5, the second derivative is not.
     coefficients = np.zeros((2, 6, 2))
@@ -139,6 +140,7 @@ def test_torque_that_margins_bracket_leaves_room():
     assert np.max(np.abs(used) / limits.joint_torque) <= 1 + 1e-9
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors():
     # The last joint hardly moves: its second derivative jumps by large shares of very little.
     arm = ac.load_arm("ur5e")
@@ -166,6 +168,7 @@ def test_jerk_of_the_tool():
     assert 0.25 < jerk.max() <= 0.3 * (1 + 1e-4)
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_a_tool_that_turns_in_a_small_corner_may_start_from_its_stops():
     """The cells next to rests keep room for motion, however short the cells behind the rests."""
     arm = ac.load_arm("ur5e")
@@ -182,6 +185,7 @@ def test_a_tool_that_turns_in_a_small_corner_may_start_from_its_stops():
     assert free.duration < planned.duration < 3 * free.duration
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_a_tool_that_turns_along_a_tiny_segment_may_start_from_its_ends():
     """Where margins would take all of a limit next to a rest, the motion is slower there."""
     arm = ac.load_arm("ur5e")
@@ -199,6 +203,7 @@ def test_a_tool_that_turns_along_a_tiny_segment_may_start_from_its_ends():
 
 
 @pytest.mark.parametrize("jerk", [0.4, 0.5])
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_an_hour_of_motion_has_no_jumps_that_a_check_refuses(jerk):
     # Accelerations would jump where lines and arcs meet, by what the jerk covers in 11 or 14 µs.
     arm = ac.load_arm("pmk3s")
@@ -208,3 +213,44 @@ def test_an_hour_of_motion_has_no_jumps_that_a_check_refuses(jerk):
     planned = ac.plan(path, arm, limits)
     assert planned.duration > 3500
     assert ac.check(planned, arm, limits).verdict == "kept"
+
+
+@pytest.mark.parametrize("jerk", [10, 50, 100])
+@pytest.mark.parametrize(("name", "seed"), [("pmk3s", 0), ("pmk3s", 1), ("ur5e", 2), ("panda", 3)])
+def test_splines_are_passed_without_a_stop_as_fast_as_splines_of_the_joints(name, seed, jerk):
+    rng = np.random.default_rng(seed)
+    turn = np.linspace(0, rng.uniform(2, 5), int(rng.integers(5, 12)))
+    radius = 0.06 * (1 + 0.25 * rng.normal(size=len(turn))).clip(0.5, 1.5)
+    points = np.column_stack(
+        [radius * np.cos(turn), radius * np.sin(turn), 0.02 * np.sin(3 * turn)]
+    )
+    arm = ac.load_arm(name)
+    limits = arm.limits.replace(speed=None)
+    limits = limits.replace(joint_jerk=jerk * np.array(limits.joint_acceleration))
+    durations = []
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        if arm.dof == 2:
+            path = ac.Path.spline(points[:, :2] + [0.25, 0.2], tolerance=tolerance)
+        else:
+            path = ac.Path.spline(points + [0.4, 0.1, 0.4], tolerance=tolerance)
+            path = path.oriented(np.diag([1.0, -1.0, -1.0]))
+        traced = ac.trace(path, arm, limits=limits)
+        planned = ac.plan(traced, arm, limits)
+        assert ac.explain(planned, arm, limits).jerk_stops == ()
+        durations.append(planned.duration)
+    assert max(durations) < 1.001 * min(durations)
+    joints = ac.JointPath.spline(traced(np.linspace(0, traced.breaks[-1], 200)))
+    assert durations[1] < 1.01 * ac.plan(joints, arm, limits).duration
+
+
+def test_a_plan_warns_of_stops_that_limits_of_jerk_add():
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
+    arcs = ac.round_corners(path, tolerance=5e-3)
+    limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
+    for given in (arcs, ac.Program.of(arcs), ac.trace(arcs, arm)):
+        with pytest.warns(UserWarning, match="2 full stops, the first at s = 0.0"):
+            ac.plan(given, arm, limits)
+    # Without a limit of jerk, or with continuous curvature, there are none: warnings are errors.
+    ac.plan(arcs, arm, limits.replace(joint_jerk=None))
+    ac.plan(ac.round_corners(path, tolerance=5e-3, continuity="curvature"), arm, limits)

@@ -20,7 +20,7 @@ from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS
 from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.program import Contour, Move, Program, contour_called, put_on_path
+from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.timing.common import with_reserve
 from armcontour.timing.methods import Timing, refuse_unkept_jerk
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
@@ -174,6 +174,8 @@ class Shaping:
         Raises:
             ArmContourError: As `shape`.
         """
+        drawn = [draw_with_arcs(x) if isinstance(x, Contour) else x for x in program.moves]
+        program = dataclasses.replace(program, moves=tuple(drawn))
         for i, x in enumerate(program.contours):
             with _named(x, i, named):
                 self.wishes.refuse_too_large(x.path)
