@@ -57,6 +57,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.encoders --friction
 	$(BIN)/python -m soak.check
 	$(BIN)/python -m soak.kerf
+	$(BIN)/python -m soak.kerf --plates 200
 	$(BIN)/python -m soak.processes
 	$(BIN)/python -m soak.shapes
 	$(BIN)/python -m soak.shapes --oracle

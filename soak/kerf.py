@@ -1,5 +1,8 @@
 """`python -m soak.kerf`: offsets of random contours, judged by distances; exit code 1 if one fails.
 
+`python -m soak.kerf --plates 200` cuts random plates with planned tool paths and compares the parts
+with what is drawn (`soak.parts`); `python -m soak.kerf FILE ... --width 0.2` does it with drawings.
+
 The judge shares nothing with the offset. It samples the contours, has its own distance to lines and
 arcs, and asks of each offset: is every point of it at the distance d from the contour; does it
 cover every point at distance d on its side that no other place of the contour is nearer to; and
@@ -12,11 +15,15 @@ import argparse
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
+from armcontour.errors import ArmContourError, InvalidInput
+from soak import parts
 
 # What is allowed between an offset and its distance [m].
 ALLOWED = 1e-6
@@ -210,19 +217,54 @@ def run(seed: int) -> str:
     return found
 
 
+# Largest figures of all parts.
+WORST: dict[str, float] = {}
+
+
+def run_part(judged: Callable[[], tuple[str, parts.Verdict | None]], say: str = "") -> str:
+    """Cut a part and judge it; with a name, say what is found of it."""
+    try:
+        kind, verdict = judged()
+    except ArmContourError as error:
+        if say:
+            print(f"{say}: {error}")
+        return "refused"
+    if verdict is not None:
+        for name in ("cut_into", "left_over", "lost", "open_error"):
+            WORST[name] = max(WORST.get(name, 0.0), getattr(verdict, name))
+        WORST["least reached"] = min(WORST.get("least reached", 1.0), verdict.reached)
+        if say:
+            print(f"{say}: {verdict}")
+    return kind
+
+
 def main() -> int:
     """Run the soak; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m soak.kerf", description=__doc__)
     parser.add_argument("--count", type=int, default=2000, help="how many contours")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
+    parser.add_argument("--plates", type=int, default=0, help="how many plates, no contours then")
+    parser.add_argument(
+        "files", nargs="*", type=Path, help="drawings that are cut, no contours then"
+    )
+    parser.add_argument("--width", type=float, default=0.2, help="kerf of these drawings [mm]")
     given = parser.parse_args()
     begin, counts, failed = time.perf_counter(), Counter[str](), 0
-    for seed in range(given.first_seed, given.first_seed + given.count):
+    seeds = range(given.first_seed, given.first_seed + (given.plates or given.count))
+    problems: dict[str, Callable[[], str]] = {f"seed {x}": partial(run, x) for x in seeds}
+    if given.plates:
+        problems = {f"seed {x}": partial(run_part, partial(parts.run, x)) for x in seeds}
+    if given.files:
+        cut = partial(parts.run_file, kerf=1e-3 * given.width)
+        problems = {str(x): partial(run_part, partial(cut, x), say=str(x)) for x in given.files}
+    for name, problem in problems.items():
         try:
-            counts[run(seed)] += 1
+            counts[problem()] += 1
         except Exception as error:
             failed += 1
-            print(f"seed {seed}: {type(error).__name__}: {error}")
+            print(f"{name}: {type(error).__name__}: {error}")
+    if WORST:
+        print({name: f"{x:.3g}" for name, x in WORST.items()})
     print(f"{dict(counts)}, {failed} failed, in {time.perf_counter() - begin:.0f} s")
     return 1 if failed else 0
 
