@@ -103,11 +103,35 @@ def look_for_garbage_less() -> None:
     gc.set_threshold(*GARBAGE)
 
 
+def import_path(*refused: str) -> list[str]:
+    """Import path without relative folders, the current folder and some more.
+
+    Files in these folders could replace modules of Python and of libraries.
+
+    Args:
+        refused: Folders that are also left out.
+    """
+    own = os.path.dirname(os.path.dirname(__file__))
+
+    def is_kept(folder: str) -> bool:
+        out = any(_is_same(folder, x) for x in (os.curdir, *refused))
+        return folder == own or (os.path.isabs(folder) and not out)
+
+    return [*([] if own in sys.path else [own]), *filter(is_kept, sys.path)]
+
+
+def _is_same(one: str, other: str) -> bool:
+    """Whether two paths name the same existing folder."""
+    with suppress(OSError):
+        return os.path.samefile(one, other)
+    return False
+
+
 def start() -> subprocess.Popen[bytes]:
-    """Start a process that serves."""
-    own = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)} | dict.fromkeys(THREADS, "1")
+    """Start a process that serves; it imports nothing from the current folder."""
+    own = {"PYTHONPATH": os.pathsep.join(import_path())} | dict.fromkeys(THREADS, "1")
     return subprocess.Popen(
-        [sys.executable, "-c", SERVE],
+        [sys.executable, "-P", "-c", SERVE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

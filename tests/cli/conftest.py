@@ -30,6 +30,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
     def call(*arguments: object) -> Ended:
         monkeypatch.setattr(sys, "argv", ["armcontour", *map(str, arguments)])
+        monkeypatch.setattr(sys, "path", sys.path[:])
         monkeypatch.setattr(signal, "signal", lambda *_: None)
         with pytest.raises(SystemExit) as ended:
             main()

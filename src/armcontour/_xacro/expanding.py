@@ -13,6 +13,7 @@ from pathlib import Path as FilePath
 from typing import IO, Any
 
 from armcontour import _files
+from armcontour._process import import_path
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
 
@@ -107,7 +108,7 @@ def _answer(file: FilePath, seconds: float, wishes: Mapping[str, Any]) -> dict[s
     request = {
         **wishes,
         "file": absolute,
-        "path": _import_path(os.path.dirname(absolute)),
+        "path": import_path(os.path.dirname(absolute)),
         "seconds": seconds,
         "megabytes": MEGABYTES,
         "most": _files.SMALL,
@@ -130,12 +131,6 @@ def _answer(file: FilePath, seconds: float, wishes: Mapping[str, Any]) -> dict[s
             if pipe is not None:
                 pipe.close()
     return _parse(answer)
-
-
-def _import_path(folder: str) -> list[str]:
-    """Import path of the child process: that of this process without the description's folder."""
-    own, refused = str(FilePath(__file__).parents[2]), os.path.realpath(folder)
-    return [own, *(x for x in sys.path if x and os.path.realpath(x) != refused)]
 
 
 def _start(file: FilePath, folder: str) -> subprocess.Popen[bytes]:

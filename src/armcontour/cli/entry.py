@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour._process import end_at_once, look_for_garbage_less
+from armcontour._process import end_at_once, import_path, look_for_garbage_less
 from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.errors import ArmContourError
@@ -16,7 +16,14 @@ BROKEN_PIPE = 128 + 13
 
 
 def main() -> None:
-    """Run the command line; an error is printed as one sentence and ends with its exit code."""
+    """Run the command line; an error is printed as one sentence and ends with its exit code.
+
+    Nothing is imported from the current folder, nor from that of a file that is named.
+    """
+    sys.path[:] = import_path(*map(os.path.dirname, sys.argv[1:]))
+    # A file .numba_config.yaml of the current folder could name a folder of compiled functions,
+    # which numba would load and run; the environment comes first.
+    os.environ.setdefault("NUMBA_CACHE_DIR", "")
     end_at_once()
     look_for_garbage_less()
     # MuJoCo would start a process to look for a library that draws, which no command needs.

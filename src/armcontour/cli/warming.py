@@ -33,7 +33,7 @@ def warm_up(which: Which) -> None:
         f"{found.functions} functions are compiled, {found.compiled} of them now. They are kept "
         f"in {found.folder}."
     )
-    if "NUMBA_CACHE_DIR" not in os.environ and PACKAGE not in found.folder.parents:
+    if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in found.folder.parents:
         console.say(
             f"Note: only your own programs find them there, because the folder {PACKAGE} cannot "
             "be written. Others compile their own, or set NUMBA_CACHE_DIR to a folder that all "
