@@ -52,6 +52,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak
 	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.gcode
+	$(BIN)/python -m soak.gcode --cycles --count 2000
 	$(BIN)/python -m soak.corners
 	$(BIN)/python -m soak.encoders
 	$(BIN)/python -m soak.encoders --friction

@@ -1,5 +1,6 @@
 """`python -m soak.gcode`: random G-code programs, read and interpreted a second time.
 
+`--cycles` writes series of canned cycles in three planes.
 With files named, these are read and compared instead. Exit code 1 if a program is refused that is
 valid by construction, or if any point, speed, tolerance or event differs.
 """
@@ -62,6 +63,7 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="G-code files; default: random ones")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=20_000)
+    parser.add_argument("--cycles", action="store_true", help="series of canned cycles")
     given = parser.parse_args()
     judges, author = load("test_gcode"), load("gcode_author")
     counts: Counter[str] = Counter()
@@ -70,7 +72,8 @@ def main() -> int:
         good = {"equal", "refused"}
     else:
         seeds = range(given.first_seed, given.first_seed + given.count)
-        found = ((f"seed {x}", judge(author.program(x), judges)) for x in seeds)
+        write = author.series if given.cycles else author.program
+        found = ((f"seed {x}", judge(write(x), judges)) for x in seeds)
         good = {"equal"}
     wrong = 0
     for name, said in found:

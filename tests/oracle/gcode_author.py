@@ -280,6 +280,55 @@ class Author:
             self.indented("#31 = [ABS[#<_value>] MOD 7 + 1]")
 
 
+def series(seed):
+    """A program of drilling: series of holes in three planes, with both return levels, G90 and G91.
+
+    A line may change the cycle, the distance mode or the return level within its series; R and Z
+    are chosen so that no hole is above its R.
+    """
+    r = random.Random(seed)
+    lines = [f"{r.choice(['G21', 'G20'])} G90 G64 F{r.uniform(50, 500):.3f}", "M3 S800"]
+    for _ in range(r.randint(1, 4)):
+        plane, (a, b, c) = r.choice([("G17", "XYZ"), ("G18", "ZXY"), ("G19", "YZX")])
+        start = r.uniform(-3, 30)
+        lines.append(f"G80 G90 G0 X{r.uniform(-9, 9):.4f} Y{r.uniform(-9, 9):.4f} Z1")
+        lines.append(f"G0 {c}{start:.4f} {plane}")
+        relative, last, code = False, False, None
+        for _ in range(r.randint(1, 7)):
+            words = []
+            if r.random() < 0.3:
+                relative = not relative
+                words.append("G91" if relative else "G90")
+            if r.random() < 0.4:
+                words.append(r.choice(["G98", "G99"]))
+            new = code is None or r.random() < 0.3
+            if new:
+                code = r.choice([73, 74, 81, 82, 83, 84, 85, 86, 89])
+                words.append(f"G{code}")
+            # The same R and Z mean other heights after G90 or G91.
+            if new or relative != last or r.random() < 0.2:
+                top = r.uniform(-2, 8)
+                bottom = -r.uniform(0.5, 6) if relative else top - r.uniform(0.5, 6)
+                words += [f"R{top:.4f}", f"{c}{bottom:.4f}"]
+                if code in (73, 83):
+                    words.append(f"Q{r.uniform(0.3, 2):.4f}")
+                if code in (74, 82, 84, 86, 89):
+                    words.append(f"P{r.choice(['0', '.5'])}")
+            last = relative
+            places = r.choice([a, b, a + b])
+            words += [f"{x}{r.uniform(-9, 9):.4f}" for x in places]
+            if r.random() < 0.3:
+                words.append(f"L{r.randint(1, 4)}")
+            head = [x for x in words if x[0] == "G"]
+            tail = words[len(head) :]
+            r.shuffle(tail)
+            lines.append(" ".join(head + tail))
+        if r.random() < 0.7:
+            lines.append("G80")
+            lines.append(f"G90 G0 {a}{r.uniform(-9, 9):.4f}")
+    return "\n".join([*lines, "G80 G90 G17", "G1 X1 Y2 Z3", "M2"]) + "\n"
+
+
 def program(seed):
     """The text of the program of a seed."""
     return Author(seed).text()

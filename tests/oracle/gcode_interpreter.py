@@ -309,7 +309,7 @@ class Interpreter:
         self.gap = False
         self.feed_mode, self.feed = 94, None
         self.retract_to_r = False
-        self.cycle, self.sticky = None, {}
+        self.cycle, self.sticky, self.series = None, {}, {}
         self.tool = None
         self.extruded, self.extruder_absolute = 0.0, True
         self.saved = []
@@ -502,6 +502,9 @@ class Interpreter:
         return None
 
     def step(self, codes, m, v, line):
+        if {0, 1, 2, 3, 80} & set(codes):
+            # Any other motion ends the series of holes.
+            self.series = {}
         self.set_feed(codes, v)
         number = round(v.pop("$", 0))
         self.spindle = f"spindle {number}" if number else "spindle"
@@ -752,14 +755,16 @@ class Interpreter:
         if c in axes:
             self.sticky["Z"] = axes.pop(c) / self.unit
         kept = {k: x * (1 if k == "P" else self.unit) for k, x in self.sticky.items()}
+        initial = self.series.setdefault(c, self.x[c])
+        self.series = {c: initial}
         if self.relative:
-            top = self.x[c] + kept["R"]
+            top = initial + kept["R"]
             bottom = top + kept["Z"]
         else:
             add = self.outside([0.0] * 3)[c]
             top, bottom = kept["R"] + add, kept["Z"] + add
         first = max(self.x[c], top)
-        back = top if self.retract_to_r else first
+        back = top if self.retract_to_r else max(initial, top)
         gap = kept.get("D", 0.254e-3)
         down, up, stand = [], [("G0", back)], [("P", kept.get("P", 0.0))]
         if self.motion in (73, 83):

@@ -300,6 +300,31 @@ def test_random_programs_with_parameters_loops_cycles_and_offsets(seed):
     compare(read(text), oracle.interpret(text))
 
 
+@pytest.mark.parametrize("seed", range(PROGRAMS))
+def test_random_series_of_cycles(seed):
+    text = gcode_author.series(seed)
+    compare(read(text), oracle.interpret(text))
+
+
+def heights_of_holes(text):
+    """Ends of all feed moves along z [mm]."""
+    contours = [x for x in read(text).moves if isinstance(x, Contour)]
+    return [round(float(x.path.vertices[-1][2]) * 1e3, 6) for x in contours]
+
+
+def test_relative_cycles_keep_the_initial_level_of_their_series():
+    text = "G90 G0 X0 Y0 Z5\nG91 G99 G81 X10 Z-8 R-4 L2 F40\nX10 Y5\nY5\nG80\n"
+    assert heights_of_holes(text) == [-7.0] * 4
+
+
+def test_the_last_hole_of_a_series_returns_to_the_initial_level():
+    text = "G90 G0 X0 Y0 Z25\nG99 G81 X10 Y0 Z-5 R2 F40\nX20\nG98 X30\nG80\nG0 X0 Y50\nG1 Z0\n"
+    rapids = [x for x in read(text).moves if isinstance(x, Rapid)]
+    assert rapids[-1].path.vertices[-2:] * 1e3 == pytest.approx(
+        np.array([[30.0, 0.0, 25.0], [0.0, 50.0, 25.0]])
+    )
+
+
 def test_random_programs_with_parameters_have_all_features():
     texts = [gcode_author.program(seed) for seed in range(PROGRAMS)]
     features = "if elseif else while do repeat break continue call return sub M98 G28 G30.1 G52 G92"

@@ -41,7 +41,13 @@ class Cycles:
         self.tool, self.modes, self.switches = tool, modes, switches
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
+        # Axis and height at which the series began: the one initial level of all its lines.
+        self.level: tuple[int, float] | None = None
         self.made = 0
+
+    def end(self) -> None:
+        """Another motion or G80 ends the series."""
+        self.code = self.level = None
 
     def run(self, block: Block) -> None:
         """The cycle in force at the places of a line; takes its words from the line.
@@ -56,7 +62,10 @@ class Cycles:
         repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
         if repeats < 1:
             raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
-        retract, bottom = self._heights(c)
+        if self.level is None or self.level[0] != c:
+            self.level = (c, self.tool.at[c])
+        level = self.level[1]
+        retract, bottom = self._heights(c, level)
         given = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
         if c in self.tool.lost:
             raise Fault(
@@ -64,11 +73,9 @@ class Cycles:
                 "by G0 before"
             )
         self._count(repeats, retract - bottom)
-        start = self.tool.at[c]
-        if start < retract:
-            start = retract
+        if self.tool.at[c] < retract:
             self._rise(c, retract)
-        clear = retract if self.modes.return_to_r else start
+        clear = retract if self.modes.return_to_r else max(level, retract)
         for _ in range(repeats):
             place = Block()
             place.words = dict(given)
@@ -112,15 +119,15 @@ class Cycles:
         if self.modes.feed_mode == codes.INVERSE_TIME:
             raise Fault(f"the cycle {name} under G93, which gives its feed moves no time")
 
-    def _heights(self, c: int) -> tuple[float, float]:
-        """The heights R and Z in the drawing."""
+    def _heights(self, c: int, level: float) -> tuple[float, float]:
+        """The heights R and Z in the drawing; under G91, R is relative to the initial level."""
         r, z = (self.sticky[x] * self.modes.unit for x in ("R", AXES[c]))
         if self.modes.absolute:
             retract, bottom = (
                 self.tool.systems.to_drawing({c: x}, self.tool.at)[c] for x in (r, z)
             )
         else:
-            retract = self.tool.at[c] + r
+            retract = level + r
             bottom = retract + z
         if retract < bottom:
             raise Fault(f"a cycle whose R ({{}}) is below its {AXES[c]} ({{}})", retract, bottom)

@@ -275,7 +275,7 @@ class Machine:
         if explicit is not None:
             self.modes.motion = None if explicit == codes.CANCEL_MOTION else explicit
             if explicit not in codes.CYCLES:
-                self.cycles.code = None
+                self.cycles.end()
 
     def _move(self, block: Block) -> None:
         arc = self._turns_on(block)
