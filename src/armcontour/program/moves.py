@@ -158,6 +158,18 @@ class Contour:
         return (flat,)
 
 
+def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
+    """A sentence with the layers that are not run and how much each has; none without such layers.
+
+    Args:
+        layers: Numbers of contours, or of entities of a drawing, by layer.
+    """
+    listed = list_some(
+        [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
+    )
+    return (f"Layers that are not run: {listed}.",) if listed else ()
+
+
 def contour_called(contour: Contour, number: int) -> str:
     """Name of a contour for messages: its name, or its number, which is given from 0."""
     if not contour.name:
@@ -554,4 +566,6 @@ class Program:
         if len(self.contours) < len(self.moves):
             left = "rapids, dwells and events between the chosen contours are left out."
             notes = (*notes, left)
-        return dataclasses.replace(self, moves=kept, notes=notes)
+        others = Counter(x.layer for x in self.contours if layers and x.layer not in layers)
+        remarks = (*self.remarks, *describe_not_run(others))
+        return dataclasses.replace(self, moves=kept, notes=notes, remarks=remarks)

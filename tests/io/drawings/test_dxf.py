@@ -889,6 +889,18 @@ def test_what_is_unknown_on_layers_that_are_not_chosen_is_no_matter(tmp_path):
     assert "1 TEXT" in ac.read_path(file).notes[0]
 
 
+def test_layers_that_are_not_run_are_listed_with_their_lines_arcs_and_curves(tmp_path):
+    drawing = ezdxf.new(units=4)
+    space = drawing.modelspace()
+    for layer, count in (("CUT", 1), ("HOLES", 3), ("MARK", 1)):
+        for k in range(count):
+            space.add_circle((10 * k, 0), 2, dxfattribs={"layer": layer})
+    space.add_text("title", dxfattribs={"layer": "FRAME"})
+    drawing.saveas(tmp_path / "part.dxf")
+    (remark,) = ac.read_path(tmp_path / "part.dxf", layers={"CUT": {}}).remarks
+    assert "HOLES (3), MARK (1)" in remark and "FRAME" not in remark and "CUT" not in remark
+
+
 def test_layers_that_no_contour_can_have_are_changed_with_a_note():
     document, space = drawing()
     given = (b"a\x1b]52;c;cA==\x1b", b"l" * 100, b"l" * 101, b"caf\xe9", b"CUT")

@@ -70,6 +70,13 @@ def test_layers_and_names_choose_contours(folder):
     assert [x.layer for x in by_name.contours] == ["CUT"]
 
 
+def test_layers_that_are_not_run_are_listed_with_their_contours(folder):
+    (remark,) = ac.read_path(folder / "w.csv", units="mm", layers=["CUT"]).remarks
+    assert "MARK (1)" in remark and "CUT" not in remark
+    assert ac.read_path(folder / "w.csv", units="mm").remarks == ()
+    assert ac.read_path(folder / "w.csv", units="mm", layers=["CUT", "MARK"]).remarks == ()
+
+
 def test_z_can_be_left_out(folder):
     assert ac.read_path(folder / "part.ngc").dimension == 3
     flat = ac.read_path(folder / "part.ngc", flat=True)

@@ -94,7 +94,7 @@ class Walk:
         hidden: Numbers of entities on layers that are off or frozen, by their layers.
         invisible: Number of entities that are marked invisible.
         others: Numbers of entities of other colours than those of `colors`, by their colours.
-        elsewhere: Layers with entities that are not wanted.
+        elsewhere: Numbers of lines, arcs and curves on layers that are not wanted, by layer.
         drawn_texts: Number of texts whose letters are contours.
         labels: Names of entities and layers as the contours get them.
     """
@@ -112,7 +112,7 @@ class Walk:
     hidden: Counter[str] = field(default_factory=Counter)
     invisible: int = 0
     others: Counter[str] = field(default_factory=Counter)
-    elsewhere: set[str] = field(default_factory=set)
+    elsewhere: Counter[str] = field(default_factory=Counter)
     drawn_texts: int = 0
     labels: Labels = field(default_factory=Labels)
     _copies: int = 0
@@ -163,7 +163,7 @@ class Walk:
                     yield from self._insert(entity, block, name, layer)
                 elif self.wanted is not None and self.labels(layer) not in self.wanted:
                     # Nothing on other layers matters, broken or not.
-                    self.elsewhere.add(self.labels(layer))
+                    self.elsewhere[self.labels(layer)] += kind in SHAPES
                     continue
                 elif kind == "MLINE":
                     for k, part in enumerate(entity.virtual_entities()):

@@ -21,6 +21,7 @@ from armcontour.io.drawings.mending import mend, printed_in_dxf
 from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
+from armcontour.program.moves import describe_not_run
 
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
 UNITS = {
@@ -102,7 +103,12 @@ def read_dxf(
             f"{reading.join_tolerance:g} m."
         )
     notes = [*notes, *chaining_notes]
-    program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
+    program = Program(
+        moves=tuple(contours),
+        source=source,
+        notes=tuple(notes),
+        remarks=describe_not_run(walk.elsewhere),
+    )
     printed = printed_in_dxf(data, unit)
     return mend(program, lambda _: printed, reading)
 
