@@ -180,6 +180,7 @@ _CUT = {
     "passes": 1,
     "tabs": {"count": 1, "width": 1e-3},
 }
+_PIERCED = {"switch": {}, "pierce": {"time": 0.1, "height": 1e-3}}
 _WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
 _SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
 _JOINTS = {
@@ -320,6 +321,7 @@ BASES: list[dict[str, Any]] = [
     SPACE,
     {**SPACE, "path": {"file": "points.csv", "smooth_axes": 1e-3}},
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
+    _with(SPACE, process={**_PIERCED, "by_layer": {"": _PIERCED}}),
     _with(SPACE, limits={"angular_acceleration": 10.0, "joint_torque": 100.0}),
     _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),
     *(_oriented(x) for x in _ORIENTED),

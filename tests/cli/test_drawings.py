@@ -233,7 +233,7 @@ def test_a_cell_of_ones_own_with_leads_and_a_switch(
     done = command_in(folder, "run", "plain.csv", "--cell", "mine.yaml", "--out", "out")
     assert done.code == 0, done.errors
     # The lead-out is too short for the velocity, the automatic lead-in is not.
-    assert "the tool goes off at" in done.out and "the tool goes on at" not in done.out
+    assert "the work ends at" in done.out and "the work begins at" not in done.out
     early = {**cell, "process": {"switch": {"name": "laser", "on_lead": "1 s"}}}
     (folder / "early.yaml").write_text(yaml.safe_dump(early))
     code, said = call("run", "plain.csv", "--cell", "early.yaml", "--out", "other")

@@ -102,8 +102,9 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
         process={
             "begin": ["300 mm", "110 mm"],
             "overlap": "2 mm",
-            "lead_in": {"length": "5 mm", "shape": "arc", "side": "right"},
+            "lead_in": {"length": "5 mm", "shape": "arc", "side": "right", "active": True},
             "lead_out": {"length": "auto"},
+            "pierce": {"time": "300 ms", "height": "3 mm"},
             "switch": {"name": "laser", "on_lead": "20 ms", "off_lead": "5 ms"},
             "events": [{"name": "gas", "value": 2.5, "at": "1 mm", "lead_time": "-10 ms"}],
             "analog": [{"name": "power", "rest": "20 %", "speed": "100 mm/s", "lead_time": "5 ms"}],
@@ -123,6 +124,9 @@ def test_a_process_is_read_with_its_units(folder: FilePath) -> None:
         "arc",
         "right",
     )
+    assert process.lead_in.active and not process.lead_out.active
+    assert process.pierce is not None
+    assert (process.pierce.time, process.pierce.height) == (0.3, 0.003)
     assert process.lead_out.length is None
     assert process.switch is not None
     assert (process.switch.on_lead, process.switch.off_lead) == (0.02, 0.005)

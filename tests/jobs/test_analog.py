@@ -87,6 +87,28 @@ def test_values_follow_the_speed_of_the_tool(process: Process, limits: ac.Limits
     np.testing.assert_allclose(functions["early"](t), functions["power"](t + 0.05), atol=1e-12)
 
 
+def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads(limits: ac.Limits) -> None:
+    lead = Lead(length=LEAD, active=True)
+    pierced = Process(
+        lead_in=lead,
+        lead_out=Lead(length=LEAD),
+        pierce=ac.Pierce(time=0.25),
+        switch=Switch(name="laser"),
+        analog=(POWER,),
+    )
+    trajectory, program = planned(pierced, limits)
+    power = analog_outputs(program, trajectory, pierced, limits)["power"]
+    for span in trajectory.contour_spans:
+        assert span.work is not None
+        start, (begin, end) = span.t[0], span.work
+        t = np.array([start - 0.26, start - 0.24, start - 0.01, (start + begin) / 2, end + 1e-3])
+        values = power(t)
+        np.testing.assert_allclose(values[[0, 1, 2, 4]], [0.0, 0.2, 0.2, 0.0], atol=1e-9)
+        assert values[3] > 0.2
+    laser = [x.t for x in trajectory.events if x.value is True]
+    assert laser[0] == pytest.approx(trajectory.contour_spans[0].t[0] - 0.25)
+
+
 def test_layers_have_outputs_of_their_own(limits: ac.Limits) -> None:
     lines = [ac.Path.polyline([[0.30, y], [0.34, y]]) for y in (0.20, 0.22, 0.24)]
     drawn = [

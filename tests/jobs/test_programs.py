@@ -130,6 +130,26 @@ def test_automatic_leads_reach_an_assigned_velocity_that_is_little_more_than_hal
     assert on == pytest.approx(0.025, rel=1e-3)
 
 
+def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down() -> None:
+    line = Path.polyline([(0.40, 0.15, 0.1), (0.46, 0.15, 0.1)]).pointing([0, 0, -1])
+    arm, height = ac.load_arm("ur5e"), 2e-3
+    pierce = ac.Pierce(time=0.2, height=height)
+    lead = Lead(shape="arc", side="left", active=True)
+    lengths = []
+    for given in ({}, {"pierce": pierce, "switch": Switch(name="laser")}):
+        done = dataclasses.replace(
+            job(
+                Process(lead_in=lead, **given),  # type: ignore[arg-type]
+                Contour(path=line),
+                limits=arm.limits.replace(speed=0.05),
+            ),
+            arm=arm,
+        )
+        _, program = programs_of(done, done.runs[0])
+        lengths.append(program.contours[0].at_work[0])
+    assert lengths[1] == pytest.approx(lengths[0] + height) and lengths[0] > 0
+
+
 def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     # A small circle: centripetal acceleration holds the tool below the assigned velocity.
     circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
@@ -143,7 +163,7 @@ def test_automatic_leads_stop_growing_where_the_speed_does() -> None:
     (contour,) = program.contours
     assert contour.work is not None and contour.work[0] < 0.01
     (warning,) = slow_ends(program, trajectory, this)
-    assert warning.startswith("at 2 places the tool is slow, most at contour hole: the tool goes o")
+    assert warning.startswith("at 2 places the tool is slow, most at contour hole: the work ")
     assert "30 of 50 mm/s" in warning
     assert "0.09 m/s^2 allows no more on the contour's arc with a radius of 10 mm" in warning
 
@@ -220,7 +240,7 @@ def test_automatic_leads_need_the_method_optimal_and_name_their_contour(
 def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there() -> None:
     short = job(Process(lead_in=Lead(length=0.001)), Contour(path=BEND))
     (warning,) = run(short).runs["taught"].warnings
-    assert warning.startswith("Run taught: contour 1: the tool goes on at")
+    assert warning.startswith("Run taught: contour 1: the work begins at")
     assert "with a lead of 1 mm: a longer lead reaches more" in warning
     assert run(job(Process(), Contour(path=BEND))).runs["taught"].warnings == ()
 

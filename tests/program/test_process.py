@@ -32,6 +32,20 @@ def test_a_switch_by_its_name_alone_is_refused(refuses: Callable[..., None]) -> 
     )
 
 
+def test_a_pierce_needs_a_switch_and_an_active_lead(refuses: Callable[..., None]) -> None:
+    pierce, laser = ac.Pierce(time=0.3), ac.Switch(name="laser")
+    idle = ac.Lead(length=5e-3)
+    refuses(lambda: Process(pierce=pierce), InvalidInput, "switch")
+    refuses(lambda: Process(pierce=pierce, switch=laser, lead_in=idle), InvalidInput, "active")
+    refuses(lambda: ac.Pierce(time=0.0), InvalidInput, "time of a pierce")
+    refuses(lambda: ac.Pierce(time=0.1, height=-1e-3), InvalidInput, "height of a pierce")
+    high = Process(pierce=ac.Pierce(time=0.1, height=1e-3), switch=laser)
+    line = ac.Path.polyline([(0.3, 0.1), (0.4, 0.1)])
+    refuses(lambda: ac.prepare(line, high), InvalidInput, "plane")
+    marked = Process(pierce=pierce, switch=laser, by_layer={"MARK": {"pierce": None}})
+    assert marked.of_layer("CUT").begins_on and not marked.of_layer("MARK").begins_on
+
+
 def test_events_may_come_one_by_one() -> None:
     def events() -> Iterator[ac.Event]:
         yield ac.Event(name="gas", s=0.01)

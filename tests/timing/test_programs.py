@@ -581,6 +581,44 @@ def test_a_dwell_before_every_contour_gives_time_to_what_leads():
     assert (first.t, first.due) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.4))
 
 
+def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_then_on() -> None:
+    lead, height = Lead(length=8e-3, shape="arc", active=True), 3e-3
+    process = Process(
+        lead_in=lead,
+        lead_out=lead,
+        pierce=ac.Pierce(time=0.3, height=height),
+        approach=0.01,
+        retract=0.01,
+        dwell=0.1,
+        switch=Switch(name="laser", on_lead=0.02),
+    )
+    moves = (Contour(path=in_space(SQUARE)), Contour(path=in_space(SQUARE, z=0.12)))
+    program = round_corners(prepare(Program(moves=moves), process), tolerance=5e-4)
+    plan = ac.plan(program, UR5E, IN_SPACE)
+    judged(program, UR5E, IN_SPACE, plan)
+    kinds = [x.kind for x in plan.spans]
+    first = ["rapid", "dwell", "contour", "rapid"]
+    assert kinds == [*first, "rapid", *first]
+    on, off = plan.events[::2], plan.events[1::2]
+    assert all(x.value is True for x in on) and all(x.value is False for x in off)
+    for contour, span, begin, end in zip(
+        program.contours, plan.contour_spans, on, off, strict=True
+    ):
+        # Ready for 0.3 s at the height, and off where the tool leaves the waste again.
+        assert begin.t == pytest.approx(span.t[0] - 0.32) and end.t == pytest.approx(span.t[1])
+        pierced = UR5E.forward(plan(np.linspace(begin.t, span.t[0], 50)))
+        np.testing.assert_allclose(pierced, np.tile(pierced[0], (50, 1)), atol=1e-9)
+        tool = UR5E.forward(plan(np.linspace(*span.t, 4000)))
+        assert pierced[0, 2] - tool[-1, 2] == pytest.approx(height)
+        # Straight down and then along the level.
+        high = tool[:, 2] > tool[-1, 2] + 1e-9
+        np.testing.assert_allclose(tool[high, :2], pierced[0, :2] + 0 * tool[high, :2], atol=1e-9)
+        # The pierce is beside the contour, at the size of the quarter circle.
+        nearest = contour.path(np.linspace(*contour.at_work, 4000))[:, :2] - pierced[0, :2]
+        radius = lead.length / (np.pi / 2)
+        assert np.linalg.norm(nearest, axis=1).min() == pytest.approx(radius, rel=1e-3)
+
+
 @pytest.mark.parametrize("method", ["optimal", "mac", "conventional"])
 def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method: str) -> None:
     path = ac.round_corners(BEND, tolerance=1e-3)

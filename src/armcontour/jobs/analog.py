@@ -12,6 +12,7 @@ from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import ShapedPath
 from armcontour.motion import Trajectory
+from armcontour.motion.trajectory import Span
 from armcontour.program import Analog, Contour, Process, Program, contour_called
 
 Values = Callable[[FloatArray], FloatArray]
@@ -92,18 +93,28 @@ def _values(
     for contour, span, output in zip(program.contours, spans, outputs, strict=True):
         if output is None:
             continue
-        assert span.work is not None
+        own = process.of_layer(contour.layer)
+        begin, end = _times_on(span, own)
         # The output leads the tool by its lead time.
         lead = output.lead_time
-        first, last = np.searchsorted(times, [x - lead for x in span.work])
-        here = np.clip(times[first:last] + lead, *span.work)
+        first, last = np.searchsorted(times, [begin - lead, end - lead])
+        here = np.clip(times[first:last] + lead, begin, end)
         if len(here):
             s = trajectory.s(here) - span.s[0]
             speeds = _tool_speeds(contour, s, trajectory.s(here, 1))
             worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
-            on = _switched_on(contour, s, process.of_layer(contour.layer))
+            on = _switched_on(contour, s, own)
             values[first:last] = np.where(on, worth, output.off)
     return values
+
+
+def _times_on(span: Span, process: Process) -> tuple[float, float]:
+    """Times at which the process of a contour goes on and off [s]."""
+    assert span.work is not None
+    begin, end = span.work
+    if process.begins_on:
+        begin = span.t[0] - (0.0 if process.pierce is None else process.pierce.time)
+    return begin, span.t[1] if process.ends_on else end
 
 
 def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArray:

@@ -49,6 +49,8 @@ LEAST_GAIN = 0.05
 # Resolution of the search for the shortest lead: a share of its length, and a length [m].
 LEAD_RESOLUTION = 0.05
 FINEST_LEAD = 1e-4
+# Values of the process without which automatic leads are found.
+UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
 
 def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[Program, Program]:
@@ -154,13 +156,14 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
     process = job.process
     layers = {
-        layer: {key: x for key, x in given.items() if key not in ("lead_in", "lead_out", "kerf")}
+        layer: {key: x for key, x in given.items() if key not in UNLED}
         for layer, given in process.by_layer.items()
     }
     plain = dataclasses.replace(
         process,
         lead_in=None,
         lead_out=None,
+        pierce=None,
         approach=0.0,
         retract=0.0,
         order="drawn",

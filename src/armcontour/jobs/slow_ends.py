@@ -28,7 +28,7 @@ class SlowEnd:
 
     Args:
         contour: What messages call the contour.
-        word: "on" at the start, "off" at the end.
+        word: "begins" at the start, "ends" at the end.
         speed: Speed of the tool there [m/s].
         assigned: Assigned velocity there [m/s].
         lead: Length of the lead [m].
@@ -74,8 +74,8 @@ def _find(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowE
             continue
         start, end = x.work
         for word, s, lead, inside, inward in (
-            ("on", start, start, "right", 1),
-            ("off", end, x.path.length - end, "left", -1),
+            ("begins", start, start, "right", 1),
+            ("ends", end, x.path.length - end, "left", -1),
         ):
             if lead <= REPEATED_POINT:
                 continue
@@ -114,7 +114,7 @@ def _find_cause(contour: float, lead: float, speed: float, this: Run) -> tuple[s
 def _warn(of: list[SlowEnd], acceleration: float) -> str:
     """The warning for places that are slow for the same cause."""
     worst = min(of, key=lambda x: x.speed / x.assigned)
-    place = f"{worst.contour}: the tool goes {worst.word} at"
+    place = f"{worst.contour}: the work {worst.word} at"
     if len(of) > 1:
         place = f"at {len(of)} places the tool is slow, most at {place}"
     text = f"{place} {worst.speed * 1e3:.3g} of {worst.assigned * 1e3:.3g} mm/s"
@@ -132,7 +132,9 @@ def _warn(of: list[SlowEnd], acceleration: float) -> str:
             "allows it."
         )
     if worst.cause == "beyond":
-        why = "brakes for what follows" if worst.word == "on" else "comes from what is before it"
+        why = (
+            "brakes for what follows" if worst.word == "begins" else "comes from what is before it"
+        )
         return (
             f"{text}, since it {why} on the contour: no lead makes it faster there; a lead at the "
             "contour's other end, a wider corner or more acceleration may."

@@ -34,6 +34,8 @@ from armcontour.program.resuming import resume
 from armcontour.program.scrap_side import LeadPlacement
 from armcontour.program.tabs import add_tabs
 
+ANY_DEMAND = Demand()
+
 
 def prepare(
     program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
@@ -47,12 +49,14 @@ def prepare(
 
     Raises:
         InvalidInput: `from_s` is past the end of the program, a layer does not exist, a lead has no
-            side, lengths of leads are missing, or a program in the plane has approach or retract.
+            side, lengths of leads are missing, or a program in the plane has an approach, a retract
+            or the height of a pierce.
     """
     program = Program.of(program, "prepare needs a Path or a Program")
     _checks.refuse_other("prepare", process, Process)
     _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
-    if process.approach or process.retract:
+    pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
+    if process.approach or process.retract or pierces:
         _refuse_plane(program)
     program = _pass_again(arrange(program, process), process)
     moves: list[Move] = []
@@ -148,7 +152,8 @@ def _link(
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
-        dwell = process.of_layer(contour.layer).dwell
+        own = process.of_layer(contour.layer)
+        dwell = own.dwell + (0.0 if own.pierce is None else own.pierce.time)
         if dwell:
             added.insert(added.index(contour), Dwell(duration=dwell))
         result += added
@@ -188,11 +193,11 @@ def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
 
 
 def _refuse_plane(program: Program) -> None:
-    """Raise InvalidInput for a program in the plane, which has no approach or retract."""
+    """Raise InvalidInput for a program in the plane, which has no heights."""
     if program.dimension == 2:
         raise InvalidInput(
-            "approach and retract go up and down, which a program in the plane cannot: leave them "
-            "out, or use an arm in space."
+            "approach, retract and the height of a pierce go up and down, which a program in the "
+            "plane cannot: leave them out, or use an arm in space."
         )
 
 
@@ -273,14 +278,7 @@ def _add_leads(
         placement: Where leads are laid.
         number: Number of the contour there.
     """
-    path, events = contour.path, list(contour.events)
-    if process.switch is not None:
-        on, off = process.switch.on_lead, process.switch.off_lead
-        # Before what resuming switches again at the start, which may lie on a tab.
-        name, value = process.switch.name, process.switch.value
-        events.insert(0, Event(name=name, value=value, s=0.0, lead_time=on))
-        events.append(Event(name=name, value=False, s=path.length, lead_time=off))
-    before = 0.0
+    path, before = contour.path, 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
         if run_in is not None and run_in.path.length >= leads.before:
@@ -292,11 +290,26 @@ def _add_leads(
         parts.insert(0, lead)
     if process.lead_out is not None and leads.after > REPEATED_POINT:
         parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
+    if process.pierce is not None and process.pierce.height > REPEATED_POINT:
+        # Rounding the corner at its end would cut the start of the contour off.
+        speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
+        drop = Demand(speed=speed, tolerance=0.0)
+        height = process.up * process.pierce.height
+        parts.insert(0, _vertical(parts[0], 0.0, height, down=True, demand=drop))
+        before += parts[0].length
+    whole = join_paths(parts)
+    events = [dataclasses.replace(x, s=x.s + before) for x in contour.events]
+    if process.switch is not None:
+        name, value = process.switch.name, process.switch.value
+        on, off = process.switch.on_lead, process.switch.off_lead
+        wait = 0.0 if process.pierce is None else process.pierce.time
+        start = 0.0 if process.begins_on else before
+        end = whole.length if process.ends_on else before + path.length
+        # Before what resuming switches again at the start, which may lie on a tab.
+        events.insert(0, Event(name=name, value=value, s=start, lead_time=on + wait))
+        events.append(Event(name=name, value=False, s=end, lead_time=off))
     return dataclasses.replace(
-        contour,
-        path=join_paths(parts),
-        events=tuple(dataclasses.replace(x, s=x.s + before) for x in events),
-        work=(before, before + path.length),
+        contour, path=whole, events=tuple(events), work=(before, before + path.length)
     )
 
 
@@ -309,21 +322,24 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
         linked: Whether a rapid of the program leads to the contour, so that no approach is added.
         followed: Whether a rapid of the program leaves the contour, so that no retract is added.
     """
-    path = contour.path
+    path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
-    if process.approach and not linked:
-        result.insert(0, Rapid(path=_vertical(path, 0.0, process.up * process.approach, down=True)))
+    height = process.approach - (0.0 if pierce is None else pierce.height)
+    if height > REPEATED_POINT and not linked:
+        result.insert(0, Rapid(path=_vertical(path, 0.0, process.up * height, down=True)))
     if process.retract and not followed:
         up = process.up * process.retract
         result.append(Rapid(path=_vertical(path, path.length, up, down=False)))
     return result
 
 
-def _vertical(path: Path, s: float, up: FloatArray, *, down: bool) -> Path:
+def _vertical(
+    path: Path, s: float, up: FloatArray, *, down: bool, demand: Demand = ANY_DEMAND
+) -> Path:
     """The vertical line above the point at arc length s of a path, with the orientation there."""
     point = path(s)
     ends = [point + up, point] if down else [point, point + up]
-    line = Path.polyline(ends)
+    line = Path.polyline(ends, demand=demand)
     if path.orientation is None:
         return line
     side = "right" if s == 0 else "left"

@@ -40,7 +40,7 @@ ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
-    """A piece of path before or after a contour, along which the tool is off.
+    """A piece of path before or after a contour, for a tool that is at speed on the contour.
 
     Args:
         length: Length of the lead [m]; None for the length in which the arm reaches the assigned
@@ -48,11 +48,13 @@ class Lead:
         shape: "line", along the tangent, or "arc", a quarter circle that touches the tangent.
         side: Side of the contour on which an arc lies: "left" or "right" in the direction of
             travel, or "waste": inside of holes, outside of outer contours, left of open contours.
+        active: Whether the process is on along the lead, as in cutting.
     """
 
     length: Length | None = None
     shape: Annotated[str, Choice(SHAPES)] = "line"
     side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
+    active: bool = False
 
     def __post_init__(self) -> None:
         if self.length is not None:
@@ -86,6 +88,24 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pierce:
+    """How the tool pierces the material before every contour, with the process on.
+
+    Args:
+        time: Time at rest with the process on [s].
+        height: Height above the start of the lead-in, or of the contour, at which the tool pierces
+            [m]; from there it moves straight down, stops, and starts along the lead-in.
+    """
+
+    time: Duration
+    height: Distance = 0.0
+
+    def __post_init__(self) -> None:
+        _checks.positive("time of a pierce", self.time, "s")
+        _checks.not_negative("height of a pierce", self.height, "m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Analog:
     """An analog output, such as a power or a flow, that follows the planned tool speed.
 
@@ -94,10 +114,11 @@ class Analog:
 
     Args:
         name: Name of the output.
-        rest: Value for a tool at rest on a contour.
+        rest: Value for a tool at rest on a contour, also while it pierces.
         full: Value at the full speed.
         speed: The full speed [m/s]; None is the assigned velocity at the place of the tool.
-        off: Value while the process is off: in rapids, dwells, leads and where it is switched off.
+        off: Value while the process is off: in rapids, dwells, leads that are not active, and where
+            it is switched off.
         lead_time: Time by which the output leads the tool [s]; after it if negative.
     """
 
@@ -166,7 +187,14 @@ class Weave:
 
 
 # What parts of a process are made of.
-PARTS = {"lead_in": Lead, "lead_out": Lead, "switch": Switch, "tabs": Tabs, "weave": Weave}
+PARTS = {
+    "lead_in": Lead,
+    "lead_out": Lead,
+    "pierce": Pierce,
+    "switch": Switch,
+    "tabs": Tabs,
+    "weave": Weave,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +202,7 @@ class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
 
     Args:
-        lead_in, lead_out, switch, tabs, weave: As in the process; None for none.
+        lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None for none.
         overlap, dwell, events, analog, passes: As in the process.
         kerf: As in the process; None for a layer that is not cut through, such as marks.
     """
@@ -183,6 +211,7 @@ class LayerProcess:
     lead_in: Lead | None = None
     lead_out: Lead | None = None
     dwell: Duration = 0.0
+    pierce: Pierce | None = None
     switch: Switch | None = None
     events: tuple[Event, ...] = ()
     analog: tuple[Analog, ...] = ()
@@ -209,7 +238,8 @@ class Process:
         retract: Height to which the tool moves straight up from every contour [m].
         up: Upward direction in space; left and right of leads are defined about it, (3,).
         dwell: Time at rest before every contour [s], for events with a time advance.
-        switch: Events at both ends of every contour.
+        pierce: Time with the process on before every contour, at rest above its start.
+        switch: Events at both ends of every contour, or of its active leads.
         off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour is refused.
@@ -248,6 +278,7 @@ class Process:
     retract: Distance = 0.0
     up: FloatArray = field(default_factory=lambda: UP)
     dwell: Duration = 0.0
+    pierce: Pierce | None = None
     switch: Switch | None = None
     off_between: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
@@ -300,6 +331,14 @@ class Process:
         _checks.whole("passes", self.passes, 1, MOST_PASSES)
         if self.tabs is not None and self.switch is None:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
+        if self.pierce is not None:
+            if self.switch is None:
+                raise InvalidInput("A pierce needs a switch, which is on then: give switch.")
+            if self.lead_in is not None and not self.lead_in.active:
+                raise InvalidInput(
+                    "The tool pierces where the lead-in starts, but the process is off along the "
+                    "lead-in: give lead_in the value active: true."
+                )
         self._make_layers()
 
     def _make_tuple(self, name: str, kind: type, what: str) -> None:
@@ -359,6 +398,16 @@ class Process:
         """The leads of all layers."""
         pairs = ((x.lead_in, x.lead_out) for x in self.variants)
         return tuple(x for pair in pairs for x in pair if x is not None)
+
+    @property
+    def begins_on(self) -> bool:
+        """Whether the process is on from the start of the lead-in."""
+        return self.pierce is not None or (self.lead_in is not None and self.lead_in.active)
+
+    @property
+    def ends_on(self) -> bool:
+        """Whether the process is on to the end of the lead-out."""
+        return self.lead_out is not None and self.lead_out.active
 
     @property
     def automatic(self) -> bool:
