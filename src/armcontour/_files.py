@@ -16,6 +16,13 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
+# First bytes of files that stand for others, or that another program converts.
+FOREIGN = {
+    b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
+    "it with `git lfs pull`",
+    b"#ROSBAG V": "a bag of ROS 1: convert it with `rosbags-convert --src FILE.bag --dst FOLDER`, "
+    "and give the folder",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +114,9 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
             f"{most / MEGABYTE:.0f} MB that are read: split it."
         )
+    for start, kind in FOREIGN.items():
+        if content.startswith(start):
+            raise InvalidInput(f"The {what} {place} is {kind}.")
     tell_content(place, content)
     return content
 
@@ -122,21 +132,24 @@ def tell_content(place: FilePath, content: bytes) -> None:
         tell(place, content)
 
 
-def read_text(file: str | FilePath, what: str, *, most: int = SMALL) -> str:
+def read_text(file: str | FilePath, what: str, *, most: int = SMALL, latin: bool = False) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark.
 
     Args:
         file: The file.
         what: What the file is, for messages, such as "job file".
         most: The size limit [bytes].
+        latin: Read text that is not UTF-8 as Latin-1, which logs of some controllers are.
 
     Raises:
-        InvalidInput: As in `read_bytes`, or the file is not UTF-8 text.
+        InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
     """
     content = read_bytes(file, what, most=most)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
+        if latin and b"\0" not in content:
+            return content.decode("latin-1")
         raise InvalidInput(f"The {what} {file} cannot be read: it is not UTF-8 text.") from None
 
 

@@ -146,6 +146,15 @@ def test_what_echo_prints(tmp_path: FilePath) -> None:
             "sample 1: 1 positions, but at least 2 joints",
         ),
         (
+            "joint_names: [a]\npoints:\n- {positions: [1], time_from_start: {sec: 0, nanosec: .inf}}",
+            "point 1: ",
+        ),
+        (
+            "joint_names: [a]\npoints:\n- {positions: [1], time_from_start: "
+            f"{{sec: 1, nanosec: {'9' * 30}}}}}",
+            "point 1: ",
+        ),
+        (
             f"joint_names: [a]\npoints:\n- {{positions: [x], {AT_ONCE}",
             "point 1: .*could not convert",
         ),

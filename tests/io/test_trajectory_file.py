@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -269,3 +270,31 @@ def test_many_unknown_columns_are_not_all_named():
     text = ",".join(["t", *(f"x{k}" for k in range(20))]) + "\n" + ",".join(["0"] * 21) + "\n"
     with pytest.raises(ac.InvalidInput, match="'x7' and 12 more are not known"):
         parse_trajectory(text, ("joint 1", "joint 2"))
+
+
+def test_a_log_in_latin_1_with_names_of_its_own(tmp_path: FilePath) -> None:
+    text = "Zeit;Achse 1 für Prüfung\n0;0.5\n1;1.5\n"
+    (tmp_path / "KRCIpo.csv").write_bytes(text.encode("latin-1"))
+    found = read_trajectory(tmp_path / "KRCIpo.csv", columns="t,q1")
+    assert found.t.tolist() == [0.0, 1.0]
+    assert found.q.tolist() == [[0.5], [1.5]]
+
+
+def test_bytes_of_no_text_are_refused(tmp_path: FilePath, refuses: Callable[..., None]) -> None:
+    (tmp_path / "a.csv").write_bytes(b"t,q1\n0,\xff\0\n")
+    refuses(lambda: read_trajectory(tmp_path / "a.csv"), InvalidInput, "UTF-8")
+
+
+@pytest.mark.parametrize(
+    ("first", "word"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "git lfs pull"),
+        (b"#ROSBAG V2.0\n\x45\xff\0", "rosbags-convert"),
+    ],
+)
+def test_files_that_stand_for_others_are_named(
+    tmp_path: FilePath, refuses: Callable[..., None], first: bytes, word: str
+) -> None:
+    for name in ("a.csv", "a.bag"):
+        (tmp_path / name).write_bytes(first)
+        refuses(lambda name=name: read_trajectory(tmp_path / name), InvalidInput, word)

@@ -311,7 +311,7 @@ class Interpreter:
         self.retract_to_r = False
         self.cycle, self.sticky, self.series = None, {}, {}
         self.tool = None
-        self.extruded, self.extruder_absolute = 0.0, True
+        self.extruded, self.extruder_absolute, self.m83 = 0.0, True, False
         self.saved = []
         self.spindle_rpm = None
 
@@ -528,10 +528,10 @@ class Interpreter:
             self.saved_modes = self.modes()
         if 72 in m:
             self.restore(self.saved_modes)
-        if {82, 90} & set(m + codes):
-            self.extruder_absolute = True
-        if {83, 91} & set(m + codes):
-            self.extruder_absolute = False
+        if {82, 83} & set(m):
+            self.m83 = 83 in m
+        if {82, 83} & set(m) or {90, 91} & set(codes):
+            self.extruder_absolute = not (self.m83 or 91 in codes)
         if 4 in codes:
             self.halt()
             duration = next(v.pop(k) for k in "PSXU" if k in v)

@@ -109,7 +109,7 @@ def read_log(
         )  # fmt: skip
     if topic is not None:
         raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
-    text = read_text(file, "log", most=LARGE)
+    text = read_text(file, "log", most=LARGE, latin=True)
     return parse_log(
         text, source=place.name, start=start, end=end, unwrap=unwrap, columns=columns,
         set_points=set_points,
@@ -180,7 +180,7 @@ def read_run_log(
     """
     place = FilePath(file)
     if not is_ros_file(place) and topic is None:
-        text = read_text(file, "log", most=LARGE)
+        text = read_text(file, "log", most=LARGE, latin=True)
         table = split_csv(text, place.name, columns)
         known = _read_roles(table)
         if TIMES_OF in known and known.keys() - {TIMES_OF} and not _has_commands(known):

@@ -156,7 +156,9 @@ class _Point:
                 setattr(self, name, [float(x) for x in data.get(name) or ()])
             start = data["time_from_start"]
             self.nanoseconds = int(start["sec"]) * 10**9 + int(start["nanosec"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            if abs(self.nanoseconds) >= 2**63:
+                raise ValueError("the time is beyond 292 years")
+        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise InvalidInput(
                 f"{source}, point {number}: it needs lists of numbers, positions and perhaps "
                 f"velocities and accelerations, and time_from_start with sec and nanosec ({error})."

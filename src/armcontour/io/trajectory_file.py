@@ -122,7 +122,7 @@ def read_trajectory(
         return _from_ros(place, joint_names, topic)
     if topic is not None:
         raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
-    text = read_text(file, "trajectory file", most=LARGE)
+    text = read_text(file, "trajectory file", most=LARGE, latin=True)
     return parse_trajectory(text, joint_names, source=place.name, columns=columns)
 
 

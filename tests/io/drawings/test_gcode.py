@@ -362,6 +362,104 @@ def test_what_moves_nothing_is_left_out_with_one_note():
     )
 
 
+PRINT = "M83\nG1 X1 E1 F60\n"
+
+
+def dwells(text):
+    return [x.duration for x in read(text).moves if isinstance(x, Dwell)]
+
+
+def test_a_dwell_of_a_printer_is_in_milliseconds():
+    assert dwells("G4 P20\n" + PRINT + "G4 P20\nG4 S2\nX2\n") == [0.02, 0.02, 2.0]
+    assert dwells("M104 S200\nG1 X1 F60\nG4 P20\nX2\n") == [0.02]
+    assert dwells("G1 X1 F60\nM67 E1 Q2\nG4 P20\nX2 (M83)\n") == [20.0]
+    (note,) = [x for x in read(PRINT + "G4 P20\nX2\n").notes if "milliseconds" in x]
+    assert "line 3" in note
+
+
+def test_a_dwell_without_a_time_is_a_stop():
+    program = read("G1 X1 F60\nG4 ; wait\nX2\n")
+    assert [in_mm(x.path) for x in program.contours] == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]
+    assert len(program.moves) == 2
+    (note,) = program.notes
+    assert "G4 without a time" in note and "line 2" in note
+
+
+def extruded(text):
+    """Whether material is fed along each feed move of one contour."""
+    (event, contour) = read(text).moves
+    on = {x.s: x.value for x in contour.events if x.name == "extruder"}
+    states, value = [], event.value
+    for s in contour.path.breaks[:-1]:
+        value = on.get(s, value)
+        states.append(value)
+    return states
+
+
+def test_relative_extrusion_outlasts_g90():
+    moves = "G1 X1 F60 E2.5\nX2\nX3 E2.5\n"
+    program = read("M83\nG90\n" + moves)
+    assert extruded("M83\nG90\n" + moves) == [True, False, True]
+    (note,) = program.notes
+    assert "line 3" in note and "M83" in note
+    assert read("G90\nM83\n" + moves).notes == ()
+    assert extruded("M83\nM82\nG90\n" + moves) == [True, False, False]
+    assert extruded("G91\nG90\n" + moves) == [True, False, False]
+    assert extruded("M83\nG91\nG90\n" + moves) == [True, False, True]
+
+
+def test_macros_of_printers_are_left_out_with_one_note():
+    program = read(
+        "START_PRINT BED_TEMP=60 X=1\nEXCLUDE_OBJECT_START NAME=cube\nstart PRINT_TEMP=3\nG29 G\n"
+        "M486 AShape-Box\nM486 S0\nG1 X1 F60\nEXCLUDE_OBJECT_END\nX2\n"
+    )
+    assert in_mm(program.path) == [[0, 0], [1, 0], [2, 0]]
+    (note,) = program.notes
+    for word in ("START_PRINT", "EXCLUDE_OBJECT_START", "START (1", "M486 (2 times", "G29"):
+        assert word in note
+
+
+@pytest.mark.parametrize(
+    "line", ["SET_GCODE_OFFSET Z=0.2 MOVE=1", "RESTORE_GCODE_STATE NAME=a", "TRANS X=10", "IF[#1]"]
+)
+def test_macros_that_move_what_follows_are_refused(line, refuses):
+    refuses(lambda: read(f"G1 X1 F60\n{line}\nX2\n"), InvalidInput, "line 2")
+
+
+def test_feed_moves_of_a_printer_from_an_unknown_place_draw_nothing(refuses):
+    program = read(PRINT + "G28 X0\nG1 Y180 F2000\n")
+    assert in_mm(program.path) == [[0, 0], [1, 0]]
+    (note,) = program.notes
+    assert "line 4" in note
+    refuses(lambda: read(PRINT + "G28 X0\nG1 Y180 E1\n"), InvalidInput, "line 4")
+    refuses(lambda: read("G1 X1 F60\nG28 X0\nG1 Y180\n"), InvalidInput, "line 3")
+
+
+def test_a_shift_of_other_axes_alone_moves_nothing():
+    for skip in (frozenset(), frozenset("A")):
+        assert in_mm(read("G1 X1 F60\nG92 A0\nX2\n", skip=skip).path) == [[0, 0], [1, 0], [2, 0]]
+
+
+def test_a_skipped_code_takes_its_coordinates_with_it(refuses):
+    text = "G1 X1 F60\nG28.2 X0 Y5\nX2\n"
+    refuses(lambda: read(text), InvalidInput, "line 2", "--skip G28.2")
+    assert in_mm(read(text, skip=frozenset(("G28.2",))).path) == [[0, 0], [1, 0], [2, 0]]
+
+
+def test_blending_with_zero_sets_no_tolerance():
+    program = read("G64 P0.1\nG64 P0\nG1 X1 F60\nY1\n")
+    assert np.isnan(program.path.tolerances).all()
+    (note,) = program.notes
+    assert "line 2" in note
+
+
+@pytest.mark.parametrize(
+    "line", ["#" + "9" * 400 + "=2", "#[EXP[700]*EXP[700]]=2", "G28 T", "G4 P1 T-.5"]
+)
+def test_numbers_that_are_no_numbers_of_anything_are_refused(line, refuses):
+    refuses(lambda: read(f"G1 X1 F60\n{line}\nX2\n"), InvalidInput, "line 2")
+
+
 def test_modes_of_other_controllers_move_nothing():
     program = read("G1 X1 F60\nG05 P10000\nG5.1 Q1\nG8 P1\nG187 P1 E.01\nM0 P500\nX2\n")
     assert [in_mm(x.path) for x in program.contours] == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]

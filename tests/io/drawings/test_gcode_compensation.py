@@ -400,3 +400,9 @@ G40 G0 X0 Y0
     printed, mended = (read(text, mend_vertices=x).contours[0].path for x in (0.0, None))
     assert len(printed.stops) > 2
     assert len(mended.stops) == 0
+
+
+def test_d0_is_the_tool_in_the_spindle(refuses):
+    text = "T1 M6\nF60\nG41 D0 G1 X5\nX10\nG40\n"
+    assert moved(text, tools={1: 0.002})[-1] == [[0, 0], [5, 1], [10, 1]]
+    refuses(lambda: read(text, tools={}), InvalidInput, "tool 1")

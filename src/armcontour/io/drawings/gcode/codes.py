@@ -79,6 +79,8 @@ UNDERSTOOD_M = frozenset(
 # G187 of other controllers), retraction of filament (G11), levelling of a printer's bed (G29),
 # largest spindle speed (G50), constant surface speed (G96). Their P, Q, S, D and so on are theirs.
 HARMLESS_G = frozenset((50, 51, 110, 290, 500, SURFACE_SPEED, 1870))
+# Their letters may stand without a value: G28 X Y, G29 G.
+BARE_WORDS = REFERENCE_MOVES | HARMLESS_G
 # Why what shifts or turns the rest of the program is not read.
 REFUSED_G = {
     70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",

@@ -42,9 +42,15 @@ class Machine:
     Args:
         reading: How the file is to be read.
         changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
+        of_printer: Tells whether the program is a printer's, in which G4 P is in milliseconds.
     """
 
-    def __init__(self, reading: Reading, changes_tools: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        reading: Reading,
+        changes_tools: Callable[[], bool],
+        of_printer: Callable[[], bool],
+    ) -> None:
         stated = reading.unit is not None
         self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
         self.draft = Draft()
@@ -59,6 +65,8 @@ class Machine:
         self.cycles = Cycles(self.tool, self.modes, self.switches)
         self.offset = (0.0, 0.0, 0.0)
         self.first_compensated = 0
+        self.of_printer = of_printer
+        self.first_milliseconds = self.first_any_tolerance = 0
         self.long_dwell: tuple[float, int] | None = None
         self.surface_speed = False
         self.saved: tuple[Modes, int, tuple[int, float]] | None = None
@@ -183,10 +191,16 @@ class Machine:
         """The time of G4 in seconds, from P, or from S, X or U of other controllers."""
         words = block.words
         letter = next((x for x in "PSXU" if x in words), None)
-        duration = None if letter is None else words.pop(letter)
-        if duration is None or duration < 0:
-            given = "none" if duration is None else f"{duration:g}"
-            raise Fault(f"G4 needs its time P in seconds, zero or above, but has {given}")
+        if letter is None:
+            # Marlin: wait until all moves are done.
+            self.unknown.count("G4 without a time, a stop of 0 s", self.line)
+            return 0.0
+        duration = words.pop(letter)
+        if duration < 0:
+            raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
+        if letter == "P" and duration and self.of_printer():
+            self.first_milliseconds = self.first_milliseconds or self.line
+            return duration * 1e-3
         if duration >= LONG_DWELL and self.long_dwell is None:
             self.long_dwell = (duration, self.line)
         return duration
@@ -240,12 +254,13 @@ class Machine:
             self.first_compensated = self.first_compensated or self.line
 
     def _blend(self, largest: float | None) -> float:
-        if largest is None:
+        if largest == 0:
+            self.first_any_tolerance = self.first_any_tolerance or self.line
+        if not largest:
             return math.nan
-        if largest <= 0:
+        if largest < 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must be above zero: G61 keeps to corners exactly, "
-                "G64 without P sets no tolerance"
+                f"G64 with P{largest:g}, which must not be negative: G61 keeps to corners exactly"
             )
         return largest * self.modes.unit
 
@@ -281,7 +296,7 @@ class Machine:
         arc = self._turns_on(block)
         self._set_motion(block)
         modes = self.modes
-        feeds = self.extruder.advance(block) if modes.motion is not None else False
+        feeds = modes.motion is not None and self.extruder.advance(block, self.line)
         if not arc and block.words.keys().isdisjoint(AXES):
             if feeds:
                 self.unknown.count("E without a move", self.line)
@@ -296,6 +311,8 @@ class Machine:
         target = self.tool.target(block)
         if modes.motion == codes.RAPID:
             self.tool.go(target)
+        elif self.tool.lost and modes.motion == codes.LINE and not feeds and self.of_printer():
+            self.references.pass_by(target)
         elif modes.motion == codes.LINE:
             self.tool.feed(target)
         else:
@@ -374,6 +391,22 @@ class Machine:
             found.append(
                 f"The file gives no feed rate for moves, first in {where(self.tool.first_open)}: "
                 "they have no speed of their own, and the job's limits hold."
+            )
+        if self.first_any_tolerance:
+            found.append(
+                f"G64 P0 in {where(self.first_any_tolerance)} sets no tolerance, as in LinuxCNC; "
+                "G61 keeps to corners exactly."
+            )
+        if self.first_milliseconds:
+            found.append(
+                f"G4 P, first in {where(self.first_milliseconds)}, is read in milliseconds, "
+                "because the program is a printer's (extrusion, temperatures)."
+            )
+        if self.extruder.first_kept:
+            found.append(
+                f"E in {where(self.extruder.first_kept)} is relative, because G90 does not end "
+                "M83, as in Klipper and RepRapFirmware; Marlin reads it as absolute. Write M83 "
+                "after G90."
             )
         if self.long_dwell is not None:
             duration, line = self.long_dwell

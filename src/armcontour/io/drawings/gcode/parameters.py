@@ -119,10 +119,9 @@ class Parameters:
         Raises:
             Fault: No whole number, or none of a parameter.
         """
-        number = round(value)
-        if abs(value - number) > 1e-4 or not 1 <= number <= LAST:
+        if not 0.5 < value < LAST + 0.5 or abs(value - round(value)) > 1e-4:
             raise Fault(f"#{value:g}, which is no parameter: they are #1 to #{LAST}")
-        return number
+        return round(value)
 
     @staticmethod
     def show(key: Key) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path as FilePath
 
@@ -40,8 +41,16 @@ MOST_IDLE_LINES = 100_000
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
 PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
-# Messages and versions of printers: the rest of the line is text.
-MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM]11([578])(?![0-9])")
+# Messages, versions and labels of objects of printers: the rest of the line is text.
+MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
+# Macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
+MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
+# Macros that place the moves after them elsewhere.
+SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
+# Codes and words that only programs of printers have: extrusion, and its temperatures.
+PRINTER = re.compile(
+    r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])|[gG]0?[123](?![0-9.])[^mM]*[eE]-?[0-9.]"
+)
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Files of subprograms have such names (LinuxCNC manual, "Calling Files").
 FILE_NAME = re.compile(r"[a-z0-9_-]{1,80}")
@@ -76,7 +85,11 @@ def read_gcode(
     """
     lines = _lines(data, source)
     main = Source(source, lines, 0)
-    machine = Machine(reading, lambda: _changes_tools(lines))
+    machine = Machine(
+        reading,
+        lambda: _has(TOOL_CHANGE, (x for x in lines if "6" in x)),
+        lambda: _has(PRINTER, lines),
+    )
     parameters = Parameters(state_of(machine))
     suffixes = (FilePath(source).suffix, ".ngc", ".nc")
     flow = Flow(main, machine, parameters, partial(_beside, folder, suffixes))
@@ -125,12 +138,10 @@ def _lines(data: bytes, source: str) -> list[str]:
     return text.readlines()
 
 
-def _changes_tools(lines: list[str]) -> bool:
-    """Whether a program has M6, outside of comments."""
+def _has(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
+    """Whether a pattern occurs in a line, outside of comments."""
     return any(
-        TOOL_CHANGE.search(COMMENTS.sub("", x)) is not None
-        for x in lines
-        if "6" in x and len(x) <= LONGEST_LINE
+        pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= LONGEST_LINE
     )
 
 
@@ -226,9 +237,7 @@ class _Runner:
         if self.flow.run(line):
             self.frame.seen = True
             return False
-        message = MESSAGE.match(line) if "11" in line else None
-        if message is not None:
-            self.machine.unknown.count(f"M11{message[1]}", self.machine.line)
+        if self._is_text(line):
             return False
         block = parse(line, self.parameters)
         for key, value in block.assignments:
@@ -237,6 +246,25 @@ class _Runner:
         called = 98 in block.m or 99 in block.m
         self.frame.ended = self._call(block) if called else self.machine.execute(block)
         return self.frame.ended
+
+    def _is_text(self, line: str) -> bool:
+        """Whether a line is a message or a macro of a printer, which is skipped with a note.
+
+        Raises:
+            Fault: A macro that places the moves after it elsewhere.
+        """
+        found = MESSAGE.match(line)
+        name = found and f"M{found[1]}"
+        if found is None and (found := MACRO.match(line)) is not None:
+            name = found[1].upper()
+            if name in SHIFTING:
+                raise Fault(
+                    f"the macro {name}, which places the moves after it elsewhere: write the moves "
+                    "without it"
+                )
+        if name is not None:
+            self.machine.unknown.count(name, self.machine.line)
+        return name is not None
 
     def _call(self, block: Block) -> bool:
         """Carries out the words of a line with M98 or M99, then the call or the return."""

@@ -80,6 +80,11 @@ class References:
                 "that all offsets are zero (offsets: zero)"
             )
 
+    def pass_by(self, target: list[float]) -> None:
+        """A feed move to a point of which the file does not give all axes; it draws nothing."""
+        self.tool.at[:] = target
+        self.unknown.setdefault("G1 from there", [0, self.tool.line])[0] += 1
+
     def _leave(self, name: str, axes: set[int]) -> None:
         self.tool.lose(axes)
         self.unknown.setdefault(name, [0, self.tool.line])[0] += 1

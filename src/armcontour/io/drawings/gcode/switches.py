@@ -109,6 +109,10 @@ class Extruder:
         self.switches = switches
         self.absolute = True
         self.at = 0.0
+        # Whether M83 is in force, and since then G90.
+        self.stated = self.kept = False
+        # The first line with E between G90 and M82 or M83.
+        self.first_kept = 0
 
     @property
     def on(self) -> bool:
@@ -116,17 +120,22 @@ class Extruder:
         return bool(self.switches.states.get("extruder"))
 
     def set_mode(self, block: Block) -> None:
-        """G90, G91, M82, M83: whether E is absolute, as printers have it."""
-        if codes.ABSOLUTE in block.g or 82 in block.m:
-            self.absolute = True
-        if codes.RELATIVE in block.g or 83 in block.m:
+        """G90, G91, M82, M83: whether E is absolute; G90 does not end M83."""
+        if codes.ABSOLUTE in block.g:
+            self.absolute, self.kept = not self.stated, self.stated
+        if codes.RELATIVE in block.g:
             self.absolute = False
+        if 82 in block.m or 83 in block.m:
+            self.stated, self.kept = 83 in block.m, False
+            self.absolute = not self.stated
 
-    def advance(self, block: Block) -> bool:
+    def advance(self, block: Block, line: int) -> bool:
         """Takes E from a line; whether it feeds material."""
         value = block.words.pop("E", None)
         if value is None:
             return False
+        if self.kept:
+            self.first_kept = self.first_kept or line
         fed = value - self.at if self.absolute else value
         self.at += fed
         return fed > 0

@@ -56,12 +56,13 @@ class ToolTable:
             if given is None:
                 raise Fault(f"{name} without D, the tool's diameter")
             return given * unit
-        if given is None and not in_spindle:
+        if not given and not in_spindle and 0 not in self.diameters:
             raise Fault(
                 f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
                 f"a tool, and {_how_to_give(1)}"
             )
-        number = in_spindle if given is None else whole(given, f"{name} with a tool D")
+        # D0 is the tool in the spindle, as in LinuxCNC.
+        number = whole(given or 0.0, f"{name} with a tool D") or in_spindle
         return self._diameter(name, number)
 
     def _diameter(self, name: str, number: int) -> float:

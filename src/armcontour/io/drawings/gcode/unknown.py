@@ -40,12 +40,22 @@ class Unknown:
         Raises:
             Fault: Something without which the rest of the program would be elsewhere.
         """
+        words = block.words.keys()
+        if (
+            codes.SHIFT in block.g
+            and words.isdisjoint("XYZES")
+            and not words.isdisjoint(OTHER_AXES)
+        ):
+            block.g.remove(codes.SHIFT)
+            for letter in [x for x in block.words if x in OTHER_AXES]:
+                del block.words[letter]
+            self.count("G92 of other axes", line)
         if self.wanted:
             self._skip_wanted(block, line)
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
             self._leave_m(block, strange_m, line)
-        if codes.SHIFT in block.g and "S" in block.words and block.words.keys().isdisjoint("XYZE"):
+        if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
             # The largest spindle speed of lathes.
             block.g.remove(codes.SHIFT)
             del block.words["S"]
@@ -81,7 +91,9 @@ class Unknown:
             )
         if moves:
             raise Fault(
-                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and G3"
+                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
+                f"G3, or have it left out with its words (unknown: {{skip: [{name}]}}, or --skip "
+                f"{name})"
             )
         if code not in codes.HARMLESS_G and not self.lenient:
             raise Fault(
@@ -92,8 +104,9 @@ class Unknown:
         if block.motion == code:
             block.motion = None
         self.count(name, line)
-        for letter in [x for x in block.words if x in "IJKR" + OF_M]:
-            del block.words[letter]
+        for letter, value in list(block.words.items()):
+            if letter in "IJKR" + OF_M or math.isnan(value):
+                del block.words[letter]
 
     def _skip_wanted(self, block: Block, line: int) -> None:
         """What a user wants left out, with the words that belong to it."""
@@ -103,7 +116,9 @@ class Unknown:
                 raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
             block.g.remove(code)
             self.count(name, line)
-            gone = "XYZ" + OF_M + "R" if code in codes.OWN_THE_LINE else "DHL"
+            strange = code not in codes.UNDERSTOOD_G and block.motion is None
+            own = strange or code in codes.OWN_THE_LINE
+            gone = OTHER_AXES + "XYZIJKR" + OF_M if own else "DHL"
             for letter in [x for x in block.words if x in gone]:
                 del block.words[letter]
         for found in [x for x in block.m if f"M{x:g}" in self.wanted]:

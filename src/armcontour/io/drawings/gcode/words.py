@@ -6,10 +6,10 @@ import math
 import re
 
 from armcontour.io.drawings.gcode.codes import (
+    BARE_WORDS,
     G_GROUP,
     M_GROUP,
     MOTION,
-    REFERENCE_MOVES,
     UNDERSTOOD_M,
     g_name,
 )
@@ -117,7 +117,8 @@ def _read_computed(block: Block, text: str, at: int, parameters: Parameters) -> 
     strange = any(x not in UNDERSTOOD_M for x in block.m)
     if strange and (found := TEXT.match(text, at)) is not None:
         return found.end()
-    if (strange or not REFERENCE_MOVES.isdisjoint(block.g)) and BARE.match(text, at):
+    bare = strange or not BARE_WORDS.isdisjoint(block.g)
+    if bare and BARE.match(text, at):
         if text[at] in block.words:
             raise Fault(f"the word {text[at]} twice, of which only one can be meant")
         block.words[text[at]] = math.nan
@@ -201,7 +202,7 @@ def whole(value: float, what: str) -> int:
     Raises:
         Fault: It is not.
     """
-    if not abs(value - round(value)) <= WHOLE:
+    if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
         raise Fault(f"{what} of {value:g}, which must be a whole number")
     return round(value)
 
