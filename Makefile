@@ -60,6 +60,7 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.kerf
 	$(BIN)/python -m soak.kerf --plates 200
 	$(BIN)/python -m soak.processes
+	$(BIN)/python -m soak.outputs
 	$(BIN)/python -m soak.shapes
 	$(BIN)/python -m soak.shapes --oracle
 	$(BIN)/python -m soak.jerk

@@ -110,6 +110,11 @@ def test_numbers_are_those_of_yaml_1_2():
     assert endless[:2] == [math.inf, -math.inf] and math.isnan(endless[2])
 
 
+def test_keys_are_text_where_yaml_1_1_has_truth_values():
+    text = "{off: 0, on: 1, yes: off, no: on, y: true}"
+    assert load(text, "a") == {"off": 0, "on": 1, "yes": False, "no": True, "y": True}
+
+
 def test_aliases_and_merges_that_somebody_writes_are_read():
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
     found = load(text, "x")

@@ -22,6 +22,8 @@ MOST_ALIASED = 100_000
 OF_ONE_VALUE = 80
 FLOAT = "tag:yaml.org,2002:float"
 INT = "tag:yaml.org,2002:int"
+BOOL = "tag:yaml.org,2002:bool"
+STR = "tag:yaml.org,2002:str"
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
 # The key whose value is merged into its mapping.
 MERGE = "<<"
@@ -67,6 +69,9 @@ class Loader(yaml.SafeLoader):
         seen = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
+                if key.tag == BOOL:
+                    # Keys such as off are text.
+                    key.tag = STR
                 if (key.tag, key.value) in seen:
                     raise _wrong(key, f"the key {show(key.value)} stands twice")
                 seen.add((key.tag, key.value))

@@ -13,6 +13,8 @@ import pytest
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand, Line
+from armcontour.io.drawings.gcode import read_gcode
+from armcontour.io.drawings.reading import Reading
 from armcontour.jobs import analog_outputs
 from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
 
@@ -182,3 +184,47 @@ def test_refuses_outputs_without_a_full_speed_and_odd_ones(
     refuses(lambda: Analog(name=" "), InvalidInput, "name")
     refuses(lambda: Analog(name="x", speed=0.0), InvalidInput, "speed", "x")
     refuses(lambda: Analog(name="x", full=float("nan")), InvalidInput, "full", "x")
+
+
+def test_a_whole_number_while_off_leaves_all_values_as_they_are(limits: ac.Limits) -> None:
+    whole = Process(analog=(dataclasses.replace(POWER, off=0),))
+    trajectory, program = planned(whole, limits)
+    t = np.linspace(0, trajectory.duration, 101)
+    expected = analog_outputs(program, trajectory, Process(analog=(POWER,)), limits)["power"](t)
+    assert 0.2 < expected.mean() < 1.0
+    np.testing.assert_array_equal(
+        analog_outputs(program, trajectory, whole, limits)["power"](t), expected
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "travels"),
+    [
+        # Travels of slicers are G1 without E; M5 and M3 stand between the moves of a laser.
+        (b"M83\nG1 X310 Y200 F1200\nG1 X320 E1\nG1 X340\nG1 X360 E1\n", [(0, 310), (320, 340)]),
+        (b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n", [(320, 340)]),
+    ],
+)
+def test_values_are_off_where_the_file_is_off(
+    text: bytes, travels: list[tuple[float, float]], limits: ac.Limits
+) -> None:
+    program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", reading=Reading())
+    process = Process(analog=(POWER, Analog(name="mist", rest=2.0, full=2.0, follows="coolant")))
+    program, arm = prepare(program, process), ac.load_arm("pmk3s")
+    trajectory = ac.plan(program, arm, limits)
+    functions = analog_outputs(program, trajectory, process, limits)
+    t = np.linspace(0, trajectory.duration, 3001)[1:-1]
+    x = 1e3 * arm.forward(trajectory(t))[:, 0]
+    travel = np.any([(x > a + 0.01) & (x < b - 0.01) for a, b in travels], axis=0)
+    work = (
+        (x > 310.01)
+        & (x < 360)
+        & ~np.any([(x > a - 0.01) & (x < b + 0.01) for a, b in travels], axis=0)
+    )
+    power = functions["power"](t)
+    assert travel.sum() > 100 and not power[travel].any()
+    assert work.sum() > 100 and (power[work] >= 0.2).all()
+    mist = b"M8\n" in text
+    cooled = (x > 310.01) & (x < 319.99) & mist
+    np.testing.assert_array_equal(functions["mist"](t)[cooled], 2.0)
+    np.testing.assert_array_equal(functions["mist"](t)[x > 320.01], 0.0)

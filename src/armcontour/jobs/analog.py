@@ -11,11 +11,13 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import ShapedPath
-from armcontour.motion import Trajectory
+from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Analog, Contour, Process, Program, contour_called
 
 Values = Callable[[FloatArray], FloatArray]
+# Outputs of G-code that are not the process.
+COOLANT = {"coolant"}
 
 
 def analog_outputs(
@@ -24,8 +26,8 @@ def analog_outputs(
     """Functions from times of a plan to the values of the analog outputs of its process.
 
     A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). The
-    value is that of the planned tool speed while the process is at work on a contour and has not
-    been switched off along it, and the value of `Analog.off` otherwise.
+    value is that of the planned tool speed while the process is at work on a contour and no output
+    that `Analog.follows` names is off, and the value of `Analog.off` otherwise.
 
     Args:
         program: The program that was planned, with rounded corners.
@@ -37,12 +39,13 @@ def analog_outputs(
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
     refuse_open_speeds(program, process, limits)
+    states = _States(trajectory, process)
     found: dict[str, Values] = {}
     for name in process.analog_names:
         # Contours of a layer without the output get None.
         outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
         off = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
-        found[name] = partial(_values, program, trajectory, process, limits, outputs, off)
+        found[name] = partial(_values, program, trajectory, states, limits, outputs, off)
     return found
 
 
@@ -80,7 +83,7 @@ def refuse_open_speeds(program: Program, process: Process, limits: Limits) -> No
 def _values(
     program: Program,
     trajectory: Trajectory,
-    process: Process,
+    states: _States,
     limits: Limits,
     outputs: Sequence[Analog | None],
     off: float,
@@ -88,12 +91,12 @@ def _values(
 ) -> FloatArray:
     """Values of an output at increasing times [s]; `outputs` has it for each contour, or None."""
     times = np.asarray(t, dtype=np.float64)
-    values = np.full(len(times), off)
+    values = np.full(len(times), float(off))
     spans = trajectory.contour_spans
     for contour, span, output in zip(program.contours, spans, outputs, strict=True):
         if output is None:
             continue
-        own = process.of_layer(contour.layer)
+        own = states.process.of_layer(contour.layer)
         begin, end = _times_on(span, own)
         # The output leads the tool by its lead time.
         lead = output.lead_time
@@ -103,7 +106,7 @@ def _values(
             s = trajectory.s(here) - span.s[0]
             speeds = _tool_speeds(contour, s, trajectory.s(here, 1))
             worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
-            on = _switched_on(contour, s, own)
+            on = states.on(contour.layer, output, np.clip(here, *span.t))
             values[first:last] = np.where(on, worth, output.off)
     return values
 
@@ -143,10 +146,43 @@ def _full_speeds(
     return np.asarray(np.fmin(contour.path.speeds, most)[contour.path.locate(s)])
 
 
-def _switched_on(contour: Contour, s: FloatArray, process: Process) -> BoolArray:
-    """Whether the process has not been switched off along a contour, at arc lengths [m]."""
-    name = None if process.switch is None else process.switch.name
-    own = [x for x in contour.events if x.name == name]
-    places = [x.s for x in own]
-    on = np.array([True, *(x.value is not False for x in own)])
-    return np.asarray(on[np.searchsorted(places, s, side="right")])
+class _States:
+    """On/off outputs over the time of a plan, by the place of the tool; leads do not count.
+
+    Args:
+        trajectory: The plan.
+        process: The process.
+    """
+
+    def __init__(self, trajectory: Trajectory, process: Process) -> None:
+        events: dict[str, list[TimedEvent]] = {}
+        for x in sorted(trajectory.events, key=lambda x: x.due):
+            events.setdefault(x.name, []).append(x)
+        # Times of the events of each output, and whether it is on before, between and after them;
+        # before its first event, an output has the opposite value.
+        self.outputs = {
+            name: (
+                np.array([x.due for x in own]),
+                np.array([not own[0].value, *(bool(x.value) for x in own)]),
+            )
+            for name, own in events.items()
+            if any(isinstance(x.value, bool | np.bool_) for x in own)
+        }
+        self.process = process
+        self.switches = {x.switch.name for x in process.variants if x.switch is not None}
+        self.drawn = set(self.outputs) - COOLANT
+        self.drawn -= {x.name for own in process.variants for x in own.events}
+
+    def on(self, layer: str, output: Analog, t: FloatArray) -> BoolArray:
+        """Whether the process of a layer is on at increasing times [s], for an analog output."""
+        switch, names = self.process.of_layer(layer).switch, self.drawn
+        if output.follows:
+            names = {output.follows}
+        elif switch is not None:
+            names = names - self.switches | {switch.name}
+        on = np.ones(len(t), dtype=np.bool_)
+        for name in names:
+            # An output without events is never on.
+            dues, values = self.outputs.get(name, ((), np.array([False])))
+            on &= values[np.searchsorted(dues, t, side="right")]
+        return on

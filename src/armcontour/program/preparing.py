@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -26,12 +27,12 @@ from armcontour.program.moves import (
     Rapid,
     contour_called,
 )
-from armcontour.program.off_between import switch_off_between
 from armcontour.program.ordering import order_contours
 from armcontour.program.process import Lead, Leads, Process, Weave
 from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
 from armcontour.program.resuming import resume
 from armcontour.program.scrap_side import LeadPlacement
+from armcontour.program.switching import Switching
 from armcontour.program.tabs import add_tabs
 
 ANY_DEMAND = Demand()
@@ -58,25 +59,23 @@ def prepare(
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
     if process.approach or process.retract or pierces:
         _refuse_plane(program)
-    program = _pass_again(arrange(program, process), process)
+    program = arrange(program, process)
+    rapids_away = leading_away(program.moves)
+    switching = Switching(program.moves, process)
     moves: list[Move] = []
-    number = 0
+    drawn: list[Contour] = []
     for i, x in enumerate(program.moves):
         if isinstance(x, Contour):
-            own, called = process.of_layer(x.layer), contour_called(x, number)
-            moves.append(_start_contour(x, own, is_meant(program.moves, i), called))
-            number += 1
-        else:
+            own, called = process.of_layer(x.layer), contour_called(x, len(drawn))
+            passes = _pass_again(x, own.passes)
+            drawn += passes
+            x = _start_contour(x, own, is_meant(program.moves, i), called, switching)
+            moves += [dataclasses.replace(x, name=y.name) for y in passes]
+        elif not (isinstance(x, Event) and switching.takes(x)):
             moves.append(x)
-    rapids_away = leading_away(program.moves)
-    placement = LeadPlacement(program.contours, process)
-    count = len(program.contours)
-    moves = switch_off_between(moves, process.off_between)
-    program, run_in = resume(
-        dataclasses.replace(program, moves=tuple(moves)),
-        process.from_s,
-        run_in=lambda x: process.of_layer(x.layer).lead_in is not None,
-    )
+    placement = LeadPlacement(drawn, process)
+    program = dataclasses.replace(program, moves=tuple(moves))
+    program, run_in = resume(program, process.from_s, keeps_lead=partial(_keeps_lead, process))
     if process.automatic and (lengths is None or len(lengths) != len(program.contours)):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
@@ -84,7 +83,7 @@ def prepare(
             "or give the leads a length."
         )
     contours: list[Contour] = []
-    for k, x in enumerate(program.contours, count - len(program.contours)):
+    for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
         own = process.of_layer(x.layer)
         leads = _lead_lengths(own, lengths, len(contours))
         contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
@@ -107,20 +106,21 @@ def arrange(program: Program, process: Process) -> Program:
     return order_contours(apply_kerf(program, process), process)
 
 
-def _pass_again(program: Program, process: Process) -> Program:
-    """The program with every open contour as often as its layer has passes."""
-    moves: list[Move] = []
-    for x in program.moves:
-        moves.append(x)
-        passes = process.of_layer(x.layer).passes if isinstance(x, Contour) else 1
-        # Whether a contour is closed takes longer than all else here.
-        if isinstance(x, Contour) and passes > 1 and not x.closed:
-            for k in range(2, passes + 1):
-                name = f"{shorten(x.name, LONGEST_NAME - len(f' ({k})'))} ({k})" if x.name else ""
-                moves.append(dataclasses.replace(x, name=name))
-    if len(moves) == len(program.moves):
-        return program
-    return dataclasses.replace(program, moves=tuple(moves))
+def _pass_again(contour: Contour, passes: int) -> list[Contour]:
+    """An open contour as often as its layer has passes; a closed one runs in laps."""
+    # Whether a contour is closed takes longer than all else here.
+    if passes == 1 or contour.closed:
+        return [contour]
+    suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
+    names = [f"{shorten(contour.name, LONGEST_NAME - len(x))}{x}" for x in suffixes]
+    return [contour, *(dataclasses.replace(contour, name=x) for x in names)]
+
+
+def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
+    """Whether an event that resuming switches again keeps its time advance."""
+    own = process.of_layer(contour.layer)
+    switched = own.switch is not None and own.switch.name == event.name
+    return own.lead_in is not None or (switched and bool(event.value))
 
 
 def _link(
@@ -218,7 +218,9 @@ def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
     return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
 
 
-def _start_contour(contour: Contour, process: Process, led: bool, called: str) -> Contour:
+def _start_contour(
+    contour: Contour, process: Process, led: bool, called: str, switching: Switching
+) -> Contour:
     """A contour with its start point, overlap, demand of its layer and events of the process.
 
     Args:
@@ -226,14 +228,15 @@ def _start_contour(contour: Contour, process: Process, led: bool, called: str) -
         process: Requirements of the process.
         led: Whether a rapid, dwell or event of the program leads to the start of the contour.
         called: What messages call the contour.
+        switching: State of the outputs before the contour.
 
     Raises:
         InvalidInput: An event is past the end of the contour, or as in `close_contour`.
     """
     contour = _add_demand(contour, process.layers.get(contour.layer))
-    if contour.closed:
-        lap = contour.path.length
-        contour = add_tabs(close_contour(contour, process, led=led), process, lap)
+    closed, lap = contour.closed, contour.path.length
+    if closed:
+        contour = close_contour(contour, process, led=led)
     path = contour.path
     for x in process.events:
         if x.s > path.length + REPEATED_POINT:
@@ -243,7 +246,9 @@ def _start_contour(contour: Contour, process: Process, led: bool, called: str) -
                 s=x.s,
                 allowed=path.length,
             )
-    contour = dataclasses.replace(contour, events=(*contour.events, *process.events))
+    contour = switching.confine(contour, process.events)
+    if closed:
+        contour = add_tabs(contour, process, lap)
     return contour if process.weave is None else _weave(contour, process.weave, process.up)
 
 
@@ -268,7 +273,7 @@ def _add_leads(
     placement: LeadPlacement,
     number: int,
 ) -> Contour:
-    """A contour with its leads, and with the events that switch the process on and off.
+    """A contour with its leads.
 
     Args:
         contour: The contour.
@@ -298,16 +303,16 @@ def _add_leads(
         parts.insert(0, _vertical(parts[0], 0.0, height, down=True, demand=drop))
         before += parts[0].length
     whole = join_paths(parts)
-    events = [dataclasses.replace(x, s=x.s + before) for x in contour.events]
-    if process.switch is not None:
-        name, value = process.switch.name, process.switch.value
-        on, off = process.switch.on_lead, process.switch.off_lead
-        wait = 0.0 if process.pierce is None else process.pierce.time
-        start = 0.0 if process.begins_on else before
-        end = whole.length if process.ends_on else before + path.length
-        # Before what resuming switches again at the start, which may lie on a tab.
-        events.insert(0, Event(name=name, value=value, s=start, lead_time=on + wait))
-        events.append(Event(name=name, value=False, s=end, lead_time=off))
+    wait = 0.0 if process.pierce is None else process.pierce.time
+    events: list[Event] = []
+    for x in contour.events:
+        s, advance = x.s + before, x.lead_time
+        if process.switch is not None and x.name == process.switch.name:
+            if x.value and x.s <= REPEATED_POINT:
+                s, advance = 0.0 if process.begins_on else s, advance + wait
+            elif process.ends_on and not x.value and x.s >= path.length - REPEATED_POINT:
+                s = whole.length
+        events.append(dataclasses.replace(x, s=s, lead_time=advance))
     return dataclasses.replace(
         contour, path=whole, events=tuple(events), work=(before, before + path.length)
     )

@@ -120,6 +120,8 @@ class Analog:
         off: Value while the process is off: in rapids, dwells, leads that are not active, and where
             it is switched off.
         lead_time: Time by which the output leads the tool [s]; after it if negative.
+        follows: Name of the on/off output with which the process is switched off. By default it is
+            off while any on/off output of the program or of `switch` is off, except coolant.
     """
 
     name: str
@@ -128,6 +130,7 @@ class Analog:
     speed: Speed | None = None
     off: Ratio = 0.0
     lead_time: Time = 0.0
+    follows: str = ""
 
     def __post_init__(self) -> None:
         _checks.check_name("name of an analog output", self.name)
@@ -136,6 +139,7 @@ class Analog:
         for key in ("rest", "full", "off"):
             _checks.number(f"{key} of the analog output {self.name}", getattr(self, key))
         _checks.number(f"lead time of the analog output {self.name}", self.lead_time, "s")
+        _checks.check_name(f"output that {self.name} follows", self.follows)
         if self.speed is not None:
             _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
 

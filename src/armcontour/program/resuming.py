@@ -14,18 +14,17 @@ from armcontour.program.moves import Contour, Event, Program
 
 
 def resume(
-    program: Program, from_s: float, *, run_in: Callable[[Contour], bool]
+    program: Program, from_s: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
     """The rest of a program, and the part of the resumed contour before the arc length.
 
     Outputs switched before the arc length are switched again: at the arc length if they were
-    switched on the same contour, else before the first move. Their time advance is kept if there is
-    a run-in.
+    switched on the same contour, else before the first move.
 
     Args:
         program: The program.
         from_s: Arc length at which to resume, over all contours [m].
-        run_in: Whether a lead-in comes before that arc length, on its contour.
+        keeps_lead: Whether an event of a contour keeps its time advance when it is switched again.
 
     Returns:
         The rest of the program, and the part of its first contour before the arc length; None if
@@ -58,14 +57,14 @@ def resume(
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _cut_after(move, s, run_in(move))
+        rest = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), rest, *program.moves[i + 1 :])
         resumed = dataclasses.replace(program, moves=moves)
         return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
     raise AssertionError("the arc length is within the contours")
 
 
-def _cut_after(contour: Contour, s: float, run_in: bool) -> Contour:
+def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event], bool]) -> Contour:
     """The part of a contour after arc length s, with outputs restored at its start."""
     if s <= REPEATED_POINT:
         return contour
@@ -74,7 +73,7 @@ def _cut_after(contour: Contour, s: float, run_in: bool) -> Contour:
         if x.s <= s + REPEATED_POINT:
             # Outputs keep the order of their last events.
             last.pop(x.name, None)
-            lead = x.lead_time if run_in else 0.0
+            lead = x.lead_time if keeps_lead(contour, x) else 0.0
             last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
     later = [dataclasses.replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return dataclasses.replace(

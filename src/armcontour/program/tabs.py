@@ -35,16 +35,18 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     switch, width = process.switch, process.tabs.width
     end = contour.path.length
     events = list(contour.events)
+    own = [x for x in events if x.name == switch.name]
     first = find_tabs(contour, process.tabs, lap)
     laps = np.arange(int(np.ceil(end / lap))) * lap
     for s in (laps[:, None] + first).ravel().tolist():
-        off, on = s - width / 2, s + width / 2
-        if off < end:
-            events.append(Event(name=switch.name, value=False, s=off, lead_time=switch.off_lead))
-        if on < end:
-            events.append(
-                Event(name=switch.name, value=switch.value, s=on, lead_time=switch.on_lead)
-            )
+        off, on = s - width / 2, min(s + width / 2, end)
+        events = [x for x in events if x.name != switch.name or not off <= x.s < on]
+        for place, lead in ((off, switch.off_lead), (on, switch.on_lead)):
+            # The output stays off in gaps of the program that begin or end on the tab.
+            value = next((x.value for x in reversed(own) if x.s <= place), False)
+            if value and place < end:
+                value = value if place == on else False
+                events.append(Event(name=switch.name, value=value, s=place, lead_time=lead))
     return dataclasses.replace(contour, events=tuple(events))
 
 

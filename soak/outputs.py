@@ -1,0 +1,272 @@
+"""`python -m soak.outputs`: outputs of random programs against the work; exit code 1 if one fails.
+
+Programs of lines and circles get leads, tabs, passes, overlaps, dwells, gaps of their own, several
+outputs and a place from which they are resumed. The judge takes the positions of the joints at
+every sample of the plan, its own arc length along each line and circle, and the gaps as they were
+drawn. An output must be off wherever the tool does no work by more than the leads, and on wherever
+it works; events and analog values are judged alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.jobs import analog_outputs
+
+STEP = 1e-3
+# Time by which samples and events may differ [s], and distance from the contour [m].
+SLACK, NEAR = 2e-3, 1e-6
+CELL, ORIGIN = 0.035, np.array([0.27, 0.13])
+SPEED = 0.06
+
+
+@dataclass
+class Drawn:
+    """A line or a circle, and where the drawing has it off: in every lap, and before its begin."""
+
+    start: np.ndarray
+    end: np.ndarray | None
+    centre: np.ndarray | None
+    turn: float = 1.0
+    off: list[tuple[float, float]] = field(default_factory=list)
+    begin: float = 0.0
+    layer: str = ""
+    events: tuple[ac.Event, ...] = ()
+
+    @property
+    def length(self) -> float:
+        """Length of one lap [m]."""
+        if self.centre is None:
+            return float(np.linalg.norm(self.end - self.start))
+        return float(2 * np.pi * np.linalg.norm(self.start - self.centre))
+
+    def path(self) -> ac.Path:
+        """The path for armcontour."""
+        if self.centre is None:
+            return ac.Path.polyline([self.start, self.end])
+        spokes = [self.at(k * self.length / 2) for k in (0, 1)]
+        middles = [self.at((k + 0.5) * self.length / 2) for k in (0, 1)]
+        return ac.Path.from_segments(
+            [
+                ac.Arc.through(spokes[0], middles[0], spokes[1]),
+                ac.Arc.through(spokes[1], middles[1], spokes[0]),
+            ]
+        )
+
+    def at(self, s: float) -> np.ndarray:
+        """The point of a circle at an arc length."""
+        spoke = self.start - self.centre
+        a = self.turn * s / np.linalg.norm(spoke)
+        c, d = np.cos(a), np.sin(a)
+        return self.centre + np.array([c * spoke[0] - d * spoke[1], d * spoke[0] + c * spoke[1]])
+
+    def places(self, tool: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Arc lengths of tool points that come to `end` at last, and their distances [m]."""
+        if self.centre is None:
+            along = (self.end - self.start) / self.length
+            s = (tool - self.start) @ along
+            beyond = np.maximum(0, np.maximum(-s, s - self.length))
+            return s, np.hypot((tool - self.start) @ [-along[1], along[0]], beyond)
+        spokes, first = tool - self.centre, self.start - self.centre
+        radius = np.linalg.norm(first)
+        angle = np.arctan2(spokes[:, 1], spokes[:, 0]) - np.arctan2(first[1], first[0])
+        s = np.unwrap(self.turn * angle) * radius
+        distance = np.abs(np.linalg.norm(spokes, axis=1) - radius)
+        last = np.flatnonzero(distance < NEAR)[-1]
+        return s + np.round((end - s[last]) / self.length) * self.length, distance
+
+
+def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Drawn:
+    """A line or a circle in a cell of its own, with gaps as the style has them."""
+    corner = ORIGIN + CELL * np.array([number % 3, number // 3])
+    middle = corner + CELL / 2
+    if rng.random() < 0.5:
+        angle = rng.uniform(0, 2 * np.pi)
+        half = 0.5 * rng.uniform(0.014, 0.022) * np.array([np.cos(angle), np.sin(angle)])
+        found = Drawn(middle - half, middle + half, None)
+    else:
+        angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.005, 0.01)
+        start = middle + radius * np.array([np.cos(angle), np.sin(angle)])
+        found = Drawn(start, None, middle, rng.choice([-1.0, 1.0]))
+    length = found.length
+    gaps = np.sort(rng.uniform(0.3, 0.9, 2 * rng.integers(0, 3))) * length
+    gaps = gaps.reshape(-1, 2)
+    found.off = [(a, b) for a, b in gaps.tolist() if b - a > 1e-3]
+    # Leads of switches are shorter than the time between two gaps.
+    if len(found.off) == 2 and found.off[1][0] - found.off[0][1] < 3e-3:
+        found.off = found.off[:1]
+    if style == "none":
+        found.off = []
+    events = [ac.Event(name=name, value=bool(k), s=x[k]) for x in found.off for k in (0, 1)]
+    if style == "late":
+        found.begin = 0.2 * length
+        events = [ac.Event(name=name, s=0.2 * length), *events]
+    if style == "file":
+        events = [ac.Event(name=name), *events, ac.Event(name=name, value=False, s=length)]
+    found.events = tuple(events)
+    return found
+
+
+def lead(rng: np.random.Generator) -> ac.Lead | None:
+    """A random lead, or none."""
+    if rng.random() < 0.4:
+        return None
+    return ac.Lead(length=rng.uniform(1e-3, 3e-3), shape=str(rng.choice(["line", "arc"])))
+
+
+def run(seed: int) -> int:
+    """Judge one program; returns the number of samples, 0 if gaps are too short for its leads."""
+    rng = np.random.default_rng(seed)
+    in_order = rng.random() < 0.4
+    drawn: list[Drawn] = []
+    moves: list[object] = []
+    for k in range(rng.integers(1, 6)):
+        layer = str(rng.choice(["", "SEAL"]))
+        name = "glue" if layer else "laser"
+        style = str(rng.choice(["file", "late"] if in_order else ["none", "gaps", "late"]))
+        x = draw(rng, k, name, style)
+        if in_order and style == "late":
+            # What is on at the end of a contour stays on in a program with an order.
+            x.events = (*x.events, ac.Event(name=name, value=False, s=x.length))
+        x.layer = layer
+        drawn.append(x)
+        if in_order:
+            moves.append(ac.Rapid() if rng.random() < 0.7 else ac.Dwell(duration=0.05))
+            if rng.random() < 0.3:
+                moves.append(ac.Event(name=name))
+                moves.append(ac.Event(name=name, value=False))
+        moves.append(ac.Contour(path=x.path(), events=x.events, layer=layer, name=f"c{k}"))
+    on_lead, off_lead = rng.uniform(0, 0.015, 2) * (rng.random(2) < 0.6)
+    switches = {x: ac.Switch(name=x, on_lead=on_lead, off_lead=off_lead) for x in ("laser", "glue")}
+    tabs = ac.Tabs(width=1e-3, count=int(rng.integers(1, 3))) if rng.random() < 0.4 else None
+    overlap = rng.uniform(0, 2e-3) * (rng.random() < 0.5)
+    passes = int(rng.integers(1, 4)) if rng.random() < 0.4 else 1
+    early = float(rng.choice([0.0, 0.01, -0.01]))
+    layers = {x.layer for x in drawn}
+    process = ac.Process(
+        begin="drawn",
+        switch=switches["laser"],
+        by_layer={"SEAL": {"switch": switches["glue"]}} if "SEAL" in layers else {},
+        tabs=tabs,
+        overlap=overlap,
+        passes=passes,
+        lead_in=lead(rng),
+        lead_out=lead(rng),
+        # Something must come before the first event with its lead.
+        dwell=rng.uniform(0.02, 0.1),
+        analog=(
+            ac.Analog(name="power", rest=0.3, off=int(rng.integers(0, 2)) * -1, lead_time=early),
+            ac.Analog(name="flow", rest=1.0, full=1.0, follows="laser"),
+        ),
+    )
+    visits: list[tuple[Drawn, float]] = []
+    for x in drawn:
+        closed = x.centre is not None
+        visits += [(x, passes * x.length + overlap if closed else x.length)] * (
+            1 if closed else passes
+        )
+        if closed and tabs is not None:
+            for k in range(tabs.count):
+                s = (k + 0.5) * x.length / tabs.count
+                x.off.append((s - tabs.width / 2, s + tabs.width / 2))
+    first, begun = 0, 0.0
+    if rng.random() < 0.6:
+        begun = from_s = rng.uniform(0, sum(y for _, y in visits) - 1e-3)
+        while begun >= visits[first][1]:
+            begun -= visits[first][1]
+            first += 1
+        process = dataclasses.replace(process, from_s=from_s)
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=SPEED)
+    program = ac.prepare(ac.Program(moves=tuple(moves)), process)
+    try:
+        plan = ac.plan(program, arm, limits)
+    except InvalidInput as error:
+        if "give it less advance" in str(error):
+            return 0
+        raise
+    analog = analog_outputs(program, plan, process, limits)
+    t = np.arange(0, plan.duration + 0.05, STEP)
+    tool = arm.forward(plan(np.minimum(t, plan.duration)))
+    speed = np.linalg.norm(np.gradient(tool, STEP, axis=0), axis=1)
+    works = {x: np.zeros(len(t), dtype=bool) for x in ("laser", "glue")}
+    spans = [x for x in plan.spans if x.kind == "contour"]
+    assert len(spans) == len(visits) - first
+    for k, (span, (x, end)) in enumerate(zip(spans, visits[first:], strict=True)):
+        here = (t >= span.t[0]) & (t <= span.t[1])
+        s, distance = x.places(tool[here], end)
+        work = (distance < NEAR) & (s >= max(x.begin, begun if k == 0 else 0.0)) & (s <= end)
+        for a, b in x.off:
+            place = s if x.centre is None else s % x.length
+            work &= (place < a) | (place > b)
+        works["glue" if x.layer else "laser"][here] |= work & (speed[here] > 1e-6)
+    for name, work in works.items():
+        own = [y for y in plan.events if y.name == name]
+        on = np.zeros(len(t), dtype=bool)
+        for y in own:
+            on[t >= y.t] = y.value is not False
+        judge(f"seed {seed}, {name}", t, on, work, on_lead, off_lead)
+        if name == "laser":
+            # It follows the laser, on the other layer too, where the laser is off.
+            judge(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, 0.0, 0.0)
+    power = analog["power"](t) != process.analog[0].off
+    work = works["laser"] | works["glue"]
+    ahead = np.interp(t + early, t, work.astype(float), right=0.0) > 0.5
+    judge(f"seed {seed}, power", t, power, ahead, 0.0, 0.0)
+    return len(t)
+
+
+def judge(
+    what: str,
+    t: np.ndarray,
+    on: np.ndarray,
+    work: np.ndarray,
+    on_lead: float,
+    off_lead: float,
+) -> None:
+    """Raise AssertionError where an output is on without work, or off at work."""
+    done = np.concatenate([[0], np.cumsum(work)])
+
+    def count(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        i, j = np.searchsorted(t, low), np.searchsorted(t, high, side="right")
+        return done[j] - done[i], j - i
+
+    some, _ = count(t - SLACK, t + on_lead + SLACK)
+    wrong = on & (some == 0)
+    assert not wrong.any(), f"{what}: on without work at {t[wrong][:5]} s, {wrong.sum()} samples"
+    some, all_of_them = count(t - SLACK, t + off_lead + SLACK)
+    wrong = ~on & (some == all_of_them)
+    assert not wrong.any(), f"{what}: off at work at {t[wrong][:5]} s, {wrong.sum()} samples"
+
+
+def main() -> int:
+    """Run the soak; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m soak.outputs", description=__doc__)
+    parser.add_argument("--count", type=int, default=500, help="how many programs")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
+    given = parser.parse_args()
+    begin, samples, refused, failed = time.perf_counter(), 0, 0, 0
+    for seed in range(given.first_seed, given.first_seed + given.count):
+        try:
+            judged = run(seed)
+            samples, refused = samples + judged, refused + (judged == 0)
+        except Exception as error:
+            failed += 1
+            print(f"{seed}: {type(error).__name__}: {error}")
+    print(
+        f"{given.count} programs, {samples} samples, {refused} refused, {failed} failed, ", end=""
+    )
+    print(f"in {time.perf_counter() - begin:.0f} s")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
