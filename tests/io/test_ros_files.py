@@ -146,7 +146,8 @@ def test_what_echo_prints(tmp_path: FilePath) -> None:
             "sample 1: 1 positions, but at least 2 joints",
         ),
         (
-            "joint_names: [a]\npoints:\n- {positions: [1], time_from_start: {sec: 0, nanosec: .inf}}",
+            "joint_names: [a]\npoints:\n"
+            "- {positions: [1], time_from_start: {sec: 0, nanosec: .inf}}",
             "point 1: ",
         ),
         (

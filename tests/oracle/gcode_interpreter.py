@@ -733,6 +733,13 @@ class Interpreter:
             fed = v["E"] - self.extruded if self.extruder_absolute else v["E"]
             self.extruded += fed
         if not arc and not axes:
+            if fed:
+                if self.states.get("extruder"):
+                    self.switch("extruder", False)
+                self.halt()
+                self.moves.append(Event("extruder feed", round(fed * self.unit * 1e3, 4)))
+                if self.feed and self.feed_mode == 94:
+                    self.moves.append(Dwell(abs(fed) * self.unit / self.feed))
             return
         if self.motion not in (0, 1, 2, 3):
             self.drill(axes, v, line)

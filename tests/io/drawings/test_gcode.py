@@ -121,7 +121,10 @@ GOLDEN = {
     "cycles/repeats": [[[x, x, 2], [x, x, 1]] for x in (1, 2, 3)],
     "feeds/inverse_time": [[[0, 0], [1, 0], [2, 0], [5, 0], [6, 0], [7, 0]]],
     "events/tools_and_outputs": [[[0, 0], [1, 0], [2, 0], [3, 0]], [[3, 0], [4, 0]]],
-    "events/extruder": [[[0, 0, 0], [0, 0, 1], [1, 0, 1], [2, 0, 1], [3, 0, 1], [4, 0, 1]]],
+    "events/extruder": [
+        [[0, 0, 0], [0, 0, 1], [1, 0, 1], [2, 0, 1], [3, 0, 1]],
+        [[3, 0, 1], [4, 0, 1]],
+    ],
     "format/fanuc_and_printers": [[[0, 0], [1, 0]], [[1, 0], [2, 0]]],
     "skipped/printer": [[[0, 0], [10, 0], [10, 10]]],
 }
@@ -408,6 +411,53 @@ def test_relative_extrusion_outlasts_g90():
     assert extruded("M83\nG91\nG90\n" + moves) == [True, False, True]
 
 
+def layers(text):
+    return [(x.name, x.layer) for x in read(text).contours]
+
+
+def test_types_of_a_slicer_are_layers():
+    for kind, layer in ((";TYPE:", ";LAYER_CHANGE"), ("; FEATURE: ", "; CHANGE_LAYER")):
+        text = f"G1 X1 F60\n{layer}\n{kind}Perimeter\nX2\n{kind}Perimeter\nX3\n{layer}\nX4\n"
+        assert layers(text + f"{kind}Solid infill\nX5\n;LAYER_COUNT:9\n;Z:.2\nX6\n") == [
+            ("line 1", ""),
+            ("line 4", "Perimeter"),
+            ("line 8", "Perimeter"),
+            ("line 10", "Solid infill"),
+        ]
+
+
+def test_layers_of_a_slicer_without_types_are_layers():
+    text = "G1 X1 F60\n;LAYER:-1\nX2\n;LAYER:0\nX3\n; layer 2, Z = 0.4\nX4\n"
+    numbers = ["", "layer -1", "layer 0", "layer 2"]
+    assert [x for _, x in layers(text)] == numbers
+    assert [x for _, x in layers("F60\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nX2\n")] == [
+        "layer 1",
+        "layer 2",
+    ]
+
+
+def test_priming_and_retraction_are_events_with_their_time():
+    moves = read("M83\nG1 X1 E1 F600\nG1 E-.8 F2400\nG0 X5\nG1 E.8\nG1 X6 E1\n").moves
+    found = [
+        (x.name, x.value) if isinstance(x, Event) else getattr(x, "duration", type(x))
+        for x in moves
+    ]
+    assert found == [
+        ("extruder", True),
+        Contour,
+        ("extruder feed", -0.8),
+        pytest.approx(0.02),
+        Rapid,
+        ("extruder feed", 0.8),
+        pytest.approx(0.02),
+        ("extruder", True),
+        Contour,
+    ]
+    inch = read("G20\nM83\nG1 X1 E1 F60\nG1 E-1\n").moves
+    assert [x.value for x in inch if isinstance(x, Event)][-1] == -25.4
+    assert [x.duration for x in inch if isinstance(x, Dwell)] == [pytest.approx(1.0)]
+
+
 def test_macros_of_printers_are_left_out_with_one_note():
     program = read(
         "START_PRINT BED_TEMP=60 X=1\nEXCLUDE_OBJECT_START NAME=cube\nstart PRINT_TEMP=3\nG29 G\n"
@@ -508,14 +558,16 @@ def test_t_alone_changes_the_tool_where_the_program_has_no_m6():
 
 
 def test_the_extruder_is_on_along_moves_that_feed_material():
-    (contour,) = read_file("events/extruder").moves
-    events = [(x.name, x.value, round(x.s * 1e3, 9)) for x in contour.events]
+    bead, retraction, dwell, start, last = read_file("events/extruder").moves
+    events = [(x.name, x.value, round(x.s * 1e3, 9)) for x in (*bead.events, *last.events)]
     assert events == [
         ("extruder", True, 1.0),
         ("extruder", False, 3.0),
-        ("extruder", True, 4.0),
-        ("extruder", False, 5.0),
+        ("extruder", False, 1.0),
     ]
+    assert (retraction.name, retraction.value) == ("extruder feed", -3.0)
+    assert dwell.duration == pytest.approx(3.0)
+    assert (start.name, start.value) == ("extruder", True)
 
 
 def test_feed_modes_give_speeds():

@@ -34,6 +34,7 @@ class Chain:
 
     points: array[float]
     line: int
+    layer: str
     speeds: array[float] = field(default_factory=lambda: array("d"))
     tolerances: array[float] = field(default_factory=lambda: array("d"))
     lines: array[int] = field(default_factory=lambda: array("l"))
@@ -52,6 +53,27 @@ class Draft:
         self.begun = False
         self.across = False
         self.segments = 0
+        self.layer, self.layers, self.typed = "", 0, False
+
+    def set_layer(self, number: str | None, kind: str | None) -> None:
+        """A slicer's comment: a layer or a type begins, and with it another contour.
+
+        Contours are on the layers of their types; in a file without types, of their layers.
+
+        Args:
+            number: The layer's number, None if the comment has none.
+            kind: The type, None for a layer.
+        """
+        name = self.layer
+        if kind is not None:
+            name, self.typed = "".join(filter(str.isprintable, kind)).strip(), True
+        else:
+            self.layers += 1
+            if not self.typed:
+                name = f"layer {self.layers if number is None else number}"
+        if kind is None or name != self.layer:
+            self.rest()
+        self.layer = name
 
     def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
         """A straight feed move; none where the tool is there already."""
@@ -167,7 +189,7 @@ class Draft:
     def _begin(self, line: int) -> Chain:
         self._flush()
         self.begun = True
-        self.chain = Chain(points=array("d", self.last), line=line)
+        self.chain = Chain(points=array("d", self.last), line=line, layer=self.layer)
         return self.chain
 
     def _close(self) -> None:
@@ -225,7 +247,9 @@ def _contour(chain: Chain, dimension: int, names: _Names) -> Contour:
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
-    return Contour(path=path, name=names.of(chain.line), events=events, keep_start=True)
+    return Contour(
+        path=path, name=names.of(chain.line), layer=chain.layer, events=events, keep_start=True
+    )
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:

@@ -296,10 +296,13 @@ class Machine:
         arc = self._turns_on(block)
         self._set_motion(block)
         modes = self.modes
-        feeds = modes.motion is not None and self.extruder.advance(block, self.line)
+        fed = self.extruder.advance(block, self.line) if modes.motion is not None else 0.0
+        feeds = fed > 0
         if not arc and block.words.keys().isdisjoint(AXES):
-            if feeds:
-                self.unknown.count("E without a move", self.line)
+            if fed:
+                per_minute = modes.feed_mode == codes.PER_MINUTE
+                speed = modes.feed if per_minute and modes.feed else 0.0
+                self.extruder.feed_alone(fed * modes.unit, speed)
             return
         if modes.motion is None:
             raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")

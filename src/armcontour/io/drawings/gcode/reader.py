@@ -47,6 +47,12 @@ MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
 MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
 # Macros that place the moves after them elsewhere.
 SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
+# Comments of slicers: a layer, with its number or without, and the type of what follows.
+SLICER = re.compile(
+    r"[ \t]*;[ \t]*(?:(?:LAYER_CHANGE|CHANGE_LAYER|LAYER[: ][ \t]*(-?[0-9]{1,9}))(?![\w.])"
+    r"|(?:TYPE|FEATURE):[ \t]*(\S[^\r\n]*))",
+    re.IGNORECASE,
+)
 # Codes and words that only programs of printers have: extrusion, and its temperatures.
 PRINTER = re.compile(
     r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])|[gG]0?[123](?![0-9.])[^mM]*[eE]-?[0-9.]"
@@ -239,6 +245,8 @@ class _Runner:
             return False
         if self._is_text(line):
             return False
+        if ";" in line and (found := SLICER.match(line)) is not None:
+            self.machine.draft.set_layer(found[1], found[2])
         block = parse(line, self.parameters)
         for key, value in block.assignments:
             self.parameters.set(key, value)

@@ -129,16 +129,31 @@ class Extruder:
             self.stated, self.kept = 83 in block.m, False
             self.absolute = not self.stated
 
-    def advance(self, block: Block, line: int) -> bool:
-        """Takes E from a line; whether it feeds material."""
+    def advance(self, block: Block, line: int) -> float:
+        """Takes E from a line; returns how much material it feeds, in the program's unit."""
         value = block.words.pop("E", None)
         if value is None:
-            return False
+            return 0.0
         if self.kept:
             self.first_kept = self.first_kept or line
         fed = value - self.at if self.absolute else value
         self.at += fed
-        return fed > 0
+        return fed
+
+    def feed_alone(self, length: float, speed: float) -> None:
+        """Material is fed while the tool rests: primed, or retracted.
+
+        Args:
+            length: Length of material, negative if it is retracted [m].
+            speed: Its speed [m/s]; the time is 0 where the file gives none.
+        """
+        draft = self.switches.draft
+        self.switch(False)
+        draft.rest()
+        # A tenth of a micrometre is finer than any E is written.
+        draft.event("extruder feed", round(length * 1e3, 4))
+        if speed > 0:
+            draft.dwell(abs(length) / speed)
 
     def switch(self, feeds: bool) -> None:
         """Material flows or not along the next move."""
