@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -25,7 +26,7 @@ BENT = Path.from_segments(
 )
 
 
-def offset(share: np.ndarray, waves: int) -> np.ndarray:
+def offset(share: np.ndarray, waves: float) -> np.ndarray:
     """Height of the wave over the share of the seam, written out."""
     found = WIDTH / 2 * np.sin(2 * np.pi * waves * share)
     for k, x in enumerate(share):
@@ -39,7 +40,7 @@ def offset(share: np.ndarray, waves: int) -> np.ndarray:
 def exact(path: Path, count: int) -> np.ndarray:
     """Points of the woven seams LINE and BENT, from their geometry alone."""
     share = np.linspace(0, 1, count)
-    off = offset(share, round(path.length / PITCH))
+    off = offset(share, path.length / PITCH)
     s = share * path.length
     if path is LINE:
         return np.column_stack([0.1 + s, 0.2 + off])
@@ -62,10 +63,10 @@ def test_a_sine_is_within_its_tolerance_and_has_no_corner(path: Path, tolerance:
         tangents = path(s * path.length, 1, side="left"), woven(s * woven.length, 1, side="left")
         np.testing.assert_allclose(*tangents, atol=1e-9)
     # The speed is along the seam, and what belongs to the seam stays.
-    ratio = woven.length / path.length
-    assert ratio > 1.3
-    assert woven.speeds[0] == pytest.approx(0.01 * ratio) and woven.tags[0] == "weld"
-    assert np.isnan(woven.speeds[-1]) == (path is BENT)
+    assert woven.length > 1.3 * path.length
+    assert woven.tags[0] == "weld" and np.isnan(woven.speeds[-1]) == (path is BENT)
+    if path is LINE:
+        assert (woven.lengths / woven.speeds).sum() == pytest.approx(path.length / 0.01)
 
 
 def test_a_zigzag_goes_from_crest_to_crest() -> None:
@@ -112,11 +113,88 @@ def test_the_tool_turns_with_the_seam() -> None:
     assert not woven.orientation.follows and len(woven.stops) == 0
     s = np.linspace(0, woven.length, 1001)
     point = woven(s)
-    around = np.arctan2(point[:, 1], point[:, 0])
+    around = np.abs(np.arctan2(point[:, 1], point[:, 0]))
     needed = ring.orientation(np.clip(around / np.pi, 0, 1) * ring.length)
     turn = Rotation.from_matrix(woven.orientation(s)) * Rotation.from_matrix(needed).inv()
     # Less than half a pitch of seam ahead or behind; measured 0.142 pitches, at both ends.
     assert turn.magnitude().max() <= 0.15 * PITCH / 0.05
+
+
+# ------------------------------------------------------------- seams as waypoints, over time
+
+
+def waves(path: Path, woven: Path, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Widths from crest to crest and frequencies, of offsets from the seam at even places.
+
+    The first and the last two half waves, which grow and fade, are left out.
+    """
+    s = np.linspace(0, woven.length, len(offset))
+    speeds = woven.speeds[woven.locate((s[1:] + s[:-1]) / 2)]
+    t = np.concatenate([[0.0], np.cumsum(np.diff(s) / speeds)])
+    zeros = np.flatnonzero(np.diff(np.sign(offset)) != 0)[2:-2]
+    peaks = np.array([np.abs(offset[i:j]).max() for i, j in itertools.pairwise(zeros)])
+    times = t[zeros]
+    return peaks[1:] + peaks[:-1], 1 / (times[2:] - times[:-2])
+
+
+@pytest.mark.parametrize("spacing", [0.2e-3, 1e-3, 4e-3, 20e-3])
+@pytest.mark.parametrize("radius", [50e-3, 200e-3, 500e-3, np.inf])
+def test_waypoints_are_woven_as_the_curve_that_they_stand_for(
+    radius: float, spacing: float
+) -> None:
+    s = np.linspace(0, 0.1, round(0.1 / spacing) + 1)
+    if np.isinf(radius):
+        points = np.column_stack([s, np.zeros_like(s)])
+    else:
+        points = radius * np.column_stack([np.sin(s / radius), 1 - np.cos(s / radius)])
+    path = Path.polyline(points, demand=SLOW)
+    woven = weave_path(path, width=WIDTH, frequency=2.0)
+    x, y = woven(np.linspace(0, woven.length, 40_001)).T
+    off = y if np.isinf(radius) else radius - np.hypot(x, y - radius)
+    width, frequency = waves(path, woven, off)
+    assert len(width) > 30 and len(woven.stops) == 0
+    np.testing.assert_allclose(width, WIDTH, rtol=5e-3)
+    np.testing.assert_allclose(frequency, 2.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("spacing", [0.5e-3, 5e-3, 20e-3])
+def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing: float) -> None:
+    def saddle(angle: np.ndarray) -> np.ndarray:
+        x, y = 0.05 * np.cos(angle), 0.05 * np.sin(angle)
+        return np.column_stack([x, y, np.sqrt(0.01 - y**2)])
+
+    def axis(angle: np.ndarray) -> np.ndarray:
+        return -np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)]) / np.sqrt(2)
+
+    angles = np.linspace(0, 2 * np.pi, round(0.33 / spacing) + 1)
+    path = Path.polyline(saddle(angles), demand=SLOW).pointing(axis(angles))
+    woven = weave_path(path, width=WIDTH, pitch=PITCH, dwell=0.05)
+    dense = np.linspace(0, 2 * np.pi, 200_001)
+    seam = saddle(dense)
+    points = woven(np.linspace(0, woven.length, 40_001))
+    near = cKDTree(seam).query(points)[1]
+    tangent, out = np.gradient(seam, dense, axis=0)[near], axis(dense[near])
+    left = np.cross(-out, tangent)
+    left /= np.linalg.norm(left, axis=1)[:, None]
+    off = np.sum((points - seam[near]) * left, axis=1)
+    width, frequency = waves(path, woven, off)
+    np.testing.assert_allclose(width, WIDTH, rtol=3e-3)
+    np.testing.assert_allclose(frequency, 0.01 / PITCH, rtol=0.01)
+    assert np.abs(np.sum((points - seam[near]) * out, axis=1)).max() < 1e-2 * WIDTH
+    assert woven.orientation is not None
+    turned = woven.orientation(np.linspace(0, woven.length, 40_001))[:, :, 2]
+    assert np.degrees(np.arccos(np.sum(turned * out, axis=1).clip(-1, 1))).max() < 1.0
+
+
+@pytest.mark.parametrize("shape", ["sine", "zigzag"])
+def test_the_tool_stays_at_the_edges_for_the_dwell(shape: str) -> None:
+    woven = weave_path(LINE, width=WIDTH, frequency=1.0, dwell=0.1, speed=0.005, shape=shape)
+    at_edge = np.abs(np.abs(woven((woven.breaks[1:] + woven.breaks[:-1]) / 2)[:, 1] - 0.2)
+                     - WIDTH / 2) < 1e-5  # fmt: skip
+    times = (woven.lengths / woven.speeds)[at_edge]
+    # Ten waves at 5 mm/s, of which a sine has its full width at all but the first and last crest.
+    assert times.sum() == pytest.approx(0.1 * (20 if shape == "zigzag" else 18), rel=0.03)
+    np.testing.assert_allclose(woven.speeds[at_edge], 0.005, rtol=1e-3)
 
 
 def test_refuses_weaves_that_cannot_be(refuses: Callable[..., None]) -> None:
@@ -131,7 +209,12 @@ def test_refuses_weaves_that_cannot_be(refuses: Callable[..., None]) -> None:
         lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, up=[0, 0, 0]), InvalidInput, "direction"
     )
     tall = Path.polyline([[0, 0, 0], [0, 0, 0.1]])
-    refuses(lambda: weave_path(tall, width=WIDTH, pitch=PITCH), InvalidInput, "straight up")
+    refuses(lambda: weave_path(tall, width=WIDTH, pitch=PITCH), InvalidInput, "parallel")
+    refuses(lambda: weave_path(LINE, width=WIDTH), InvalidInput, "pitch or a frequency")
+    refuses(lambda: weave_path(BENT, width=WIDTH, frequency=2.0), InvalidInput, "assigned velocity")
+    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, dwell=0.3), InvalidInput, "0.2 s")
+    comb = Path.polyline([[k * 1e-3, 1e-3 * (k % 2)] for k in range(20)])
+    refuses(lambda: weave_path(comb, width=WIDTH, pitch=PITCH), InvalidInput, "nothing is woven")
     refuses(
         lambda: weave_path(BENT, width=WIDTH, pitch=PITCH, tolerance=1e-14),
         InvalidInput,

@@ -112,6 +112,21 @@ def fit_many(
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
 
+def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
+    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break.
+
+    Args:
+        curve: As in `fit_arcs`.
+        breaks: As in `fit_arcs`, (n,).
+        tolerance: As in `fit_arcs` [m].
+
+    Returns:
+        The arcs, and the index of the vertex at each break, (n,).
+    """
+    row = np.zeros(len(breaks), dtype=np.intp)
+    return _fit(_single(curve), breaks, row, tolerance, through=True)
+
+
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
     """The path with tangent arcs for its transitions, within a tolerance of them [m].
 
@@ -119,8 +134,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
         The path, and arc lengths on both paths that belong together, at the vertices [m], (n, 2).
     """
     rows, at = path.segments, path.breaks
-    row = np.zeros(len(at), dtype=np.intp)
-    arcs, vertices = _fit(_single(path), at, row, tolerance, through=True)
+    arcs, vertices = fit_through(path, at, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
     drawn, rest = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
     columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}

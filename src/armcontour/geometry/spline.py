@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
@@ -22,10 +24,12 @@ SHARE = 0.9
 MOST_PIECES = 500_000
 
 
-def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segments, IntArray]:
+def fit_spline(
+    points: FloatArray, tolerance: float, closed: bool, *, ends: Literal["natural", "not-a-knot"] = "natural"
+) -> tuple[Segments, IntArray]:
     """Transitions along the cubic spline through points.
 
-    The spline is C² over chord length, natural at its ends or periodic. Each transition has the
+    The spline is C² over chord length, periodic or with an end condition. Each transition has the
     points, tangents and curvatures of the spline at its ends; the spline is cut until all are
     within the tolerance.
 
@@ -33,6 +37,7 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
         points: Points of the spline without equal neighbours [m], (n, dimension).
         tolerance: Largest distance between the transitions and the spline [m].
         closed: Whether the spline is periodic.
+        ends: End condition of a spline that is not, as of SciPy's `CubicSpline`.
 
     Returns:
         The transitions, and the index of the vertex at each point, (n,).
@@ -49,7 +54,7 @@ def fit_spline(points: FloatArray, tolerance: float, closed: bool) -> tuple[Segm
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
     at = _chord_length(points)
-    curve = CubicSpline(at, points, bc_type="periodic" if closed else "natural")
+    curve = CubicSpline(at, points, bc_type="periodic" if closed else ends)
     powers = np.diff(at)[:, None, None] ** np.arange(4)[:, None]
     with np.errstate(all="ignore"):
         cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,74 +14,237 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import log
 from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.fit import fit_arcs
+from armcontour.geometry.fit import fit_through
 from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
-from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.spline import fit_spline
 
 SHAPES = ("sine", "zigzag")
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
 # Points of a sine per pitch at first, how often their number may double, and the most points.
 SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
-# Smallest sine of the angle between up and the tangent: below it a seam has no sides.
-UPRIGHT = 1e-6
+# Smallest sine of the angle between the tool axis and the tangent: below it a seam has no sides.
+PARALLEL = 1e-6
 # Points between two samples at which a sine is compared with its spline, as fractions.
 BETWEEN = np.array([0.25, 0.5, 0.75])
+# A vertex is a corner of the seam if it turns by more than the first angle [rad], or by more than
+# the second and so many times as much as both neighbours; others are waypoints of a smooth seam.
+CORNER, BEND, TIMES = np.radians(30.0), np.radians(5.0), 3.0
+# Waypoints nearer to each other than this share of the pitch are left out, if the smooth seam is
+# within this share of the width of them.
+THIN, CLOSE = 0.25, 0.005
+# Largest turn of an arc between two waypoints [rad].
+TURN = np.radians(10.0)
+# Relative rounding errors of lengths.
+ROUNDING = 1e-12
+# Largest share of the pitch for both dwells of a wave.
+MOST_DWELL = 0.8
 
 
-def weave_path(
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Woven:
+    """Where a path weaves along its seam.
+
+    Args:
+        seam: The smooth seam.
+        crests: Arc lengths of the seam at the crests that have the full width [m], (n,).
+        width: Distance between the crests on both sides [m].
+        pitch: Length of the seam per wave [m].
+        frequency: Waves per second at the assigned velocity [1/s]; NaN without a single one.
+        left_out: Length of the seam in parts that are too short to be woven [m].
+    """
+
+    seam: Path
+    crests: FloatArray
+    width: float
+    pitch: float
+    frequency: float
+    left_out: float
+
+
+def weave_path(path: Path, **wishes: Any) -> Path:
+    """The path that weaves along a seam; the arguments are those of `weave_seam`."""
+    return weave_seam(path, **wishes)[0]
+
+
+def weave_seam(
     path: Path,
     *,
     width: float,
-    pitch: float,
+    pitch: float | None = None,
+    frequency: float | None = None,
+    dwell: float = 0.0,
+    speed: float | None = None,
     shape: str = "sine",
-    up: npt.ArrayLike = UP,
+    up: npt.ArrayLike | None = None,
     tolerance: float = 1e-5,
-) -> Path:
-    """The path that weaves along a seam, square to it and to `up`.
+) -> tuple[Path, Woven]:
+    """The path that weaves along a seam, perpendicular to the seam and to the tool axis.
 
-    Every part of the seam between two corners gets a whole number of waves, of about the pitch; a
-    part of less than half a pitch is not woven. Parts start and end on the seam. A sine grows from
-    nothing within the first half of its first wave and fades in the last half, so that it leaves
-    and meets the seam along its tangent. Speeds are along the seam, as a mean over waves: the
-    assigned velocity of the woven path is greater by the ratio of its length to that of the seam.
-    Tolerances, tags and the tool orientation are those of the seam at the same share of the length,
-    which is less than half a pitch off.
+    Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
+    unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
+    others are corners. Each part between two corners starts and ends on the seam: a sine grows
+    from nothing within the first half pitch and fades in the last one, so that it leaves and meets
+    the seam along its tangent. A part of less than half a pitch is not woven. Speeds are along the
+    seam: the assigned velocity of the woven path is greater by the ratio of the lengths, piece by
+    piece. Tolerances, tags and the tool orientation are those of the seam.
 
     Args:
         path: The seam.
         width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m].
+        pitch: Length of the seam per wave [m]; give this or the frequency.
+        frequency: Waves per second at the assigned velocity of the seam [1/s].
+        dwell: Time for which the tool stays at each edge, while it goes on along the seam at its
+            assigned velocity [s].
+        speed: Assigned velocity along the seam [m/s]; by default that of its segments.
         shape: "sine", as tangent arcs, or "zigzag", as lines from crest to crest.
-        up: For a seam in space, the direction that weaving is square to, (3,).
+        up: For a seam in space, the direction that weaving is perpendicular to, (3,). By default it
+            is the tool axis, or z for a seam without orientation.
         tolerance: Largest distance of the arcs from the sine [m].
 
     Raises:
-        InvalidInput: A value is not valid, the seam goes straight up, or an arc of the seam has a
-            radius of no more than half the width.
+        InvalidInput: A value is not valid, the seam is parallel to the tool axis, no part of it is
+            long enough, it has no single assigned velocity for a frequency or dwell, the dwells
+            leave no room for the waves, or its radius is no more than half the width.
     """
     _checks.positive("width of a weave", width, "m")
-    _checks.positive("pitch of a weave", pitch, "m")
     _checks.choice("shape of a weave", shape, SHAPES)
     _checks.positive("tolerance of a weave", tolerance, "m")
-    direction = _checks.numbers("up", up)
-    if direction.shape != (3,) or not np.linalg.norm(direction) > 0:
-        raise InvalidInput("up must be a direction in space.")
-    _refuse_tight(path, width)
+    if speed is not None:
+        _checks.positive("speed of a weave", speed, "m/s")
+        same = path.segments.replace(speeds=np.full(len(path), speed))
+        path = dataclasses.replace(path, segments=same)
+    pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
+    direction = None
+    if up is not None:
+        direction = _checks.numbers("up", up)
+        if direction.shape != (3,) or not np.linalg.norm(direction) > 0:
+            raise InvalidInput("up must be a direction in space.")
+        direction = direction / np.linalg.norm(direction)
     if path.length / pitch * SAMPLES > MOST_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
             f"a seam of {path.length:.4g} m, more than {MOST_POINTS // SAMPLES}: take a longer "
             "pitch."
         )
-    ends = [0.0, *path.breaks[1:-1][path.turns > TANGENT_TOLERANCE].tolist(), path.length]
-    parts = []
+    ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
+    parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
-        seam = path if len(ends) == 2 else cut_path(path, begin, end)
-        waves = round(seam.length / pitch)
-        wave = _Wave(seam=seam, width=width, waves=waves, up=direction / np.linalg.norm(direction))
-        parts.append(_woven(wave, shape, tolerance) if waves else seam)
-    return join_paths(parts)
+        part = path if len(ends) == 2 else cut_path(path, begin, end)
+        seam, places = _smooth(part, pitch, width)
+        wave = _Wave(
+            part=part,
+            seam=seam,
+            places=places,
+            width=width,
+            pitch=pitch,
+            edge=edge,
+            up=direction,
+        )
+        seams.append(seam)
+        if part.length < pitch / 2:
+            left_out += part.length
+            parts.append(part)
+        else:
+            _refuse_tight(seam, width)
+            crests.append(done + wave.full_crests())
+            parts.append(_woven(wave, shape, tolerance))
+        done += seam.length
+    if left_out >= 0.999 * path.length:
+        raise InvalidInput(
+            f"The seam of {path.length * 1e3:.4g} mm has no part between corners that is as long "
+            f"as half of the weave's pitch of {pitch * 1e3:.4g} mm, so nothing is woven: take a "
+            "shorter pitch, or weave: null for this layer.",
+            needed=pitch / 2,
+            allowed=path.length,
+        )
+    assigned = float(path.speeds[0]) if (path.speeds == path.speeds[0]).all() else np.nan
+    woven = Woven(
+        seam=join_paths(seams),
+        crests=np.concatenate(crests),
+        width=width,
+        pitch=pitch,
+        frequency=assigned / pitch,
+        left_out=left_out,
+    )
+    return join_paths(parts), woven
+
+
+def _pitch_and_edge(
+    path: Path, pitch: float | None, frequency: float | None, dwell: float
+) -> tuple[float, float]:
+    """Length of the seam per wave and per dwell at an edge [m]."""
+    if (pitch is None) == (frequency is None):
+        raise InvalidInput("A weave needs either a pitch or a frequency.")
+    _checks.not_negative("dwell of a weave", dwell, "s")
+    speed = float(path.speeds[0])
+    if (frequency is not None or dwell) and not (path.speeds == speed).all():
+        raise InvalidInput(
+            "A weave with a frequency or a dwell needs one assigned velocity along the whole seam "
+            "(weave: {speed: 6 mm/s}, or the velocity of its layer or file), because its waves are "
+            "counted over time."
+        )
+    if frequency is not None:
+        pitch = speed / _checks.positive("frequency of a weave", frequency, "1/s")
+    assert pitch is not None
+    _checks.positive("pitch of a weave", pitch, "m")
+    edge = speed * dwell if dwell else 0.0
+    if 2 * edge > MOST_DWELL * pitch:
+        raise InvalidInput(
+            f"Two dwells of {dwell:.4g} s take {2e3 * edge:.4g} mm of the weave's pitch of "
+            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MOST_DWELL:.0%} of the "
+            f"pitch is allowed, a dwell of {MOST_DWELL * pitch / speed / 2:.4g} s.",
+            needed=dwell,
+            allowed=MOST_DWELL * pitch / speed / 2,
+        )
+    return pitch, edge
+
+
+def _corners(path: Path) -> npt.NDArray[np.bool_]:
+    """Which inner vertices of a path are corners of its seam, (segments - 1,)."""
+    turns = np.concatenate([[0.0], path.turns, [0.0]])
+    beside = np.maximum(turns[:-2], turns[2:])
+    sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * beside)
+    return np.asarray((turns[1:-1] > CORNER) | sharp)
+
+
+def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
+    """The smooth seam through the waypoints of a path without corners.
+
+    Returns:
+        The seam without orientation, and arc lengths of the seam and of the path that belong
+        together [m], (n, 2).
+    """
+    bare = dataclasses.replace(path, orientation=None)
+    ends = np.repeat([[0.0], [path.length]], 2, axis=1)
+    if not (path.turns > TANGENT_TOLERANCE).any():
+        return bare, ends
+    parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / TURN)).astype(int)
+    steps = np.repeat(path.lengths / parts, parts)
+    at = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
+    points = path(at)
+    closed = bool(np.linalg.norm(points[-1] - points[0]) <= REPEATED_POINT)
+    gaps = np.floor(at / (THIN * pitch))
+    kept = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(at)]
+    kept[-1] = True
+    if (path.length - at[:-1][kept[:-1]][-1]) < THIN * pitch / 2 and kept[:-1].sum() > 2:
+        kept[np.flatnonzero(kept[:-1])[-1]] = False
+    while True:
+        table, vertices = fit_spline(points[kept], CLOSE * width / 10, closed, ends="not-a-knot")
+        seam = Path(segments=table)
+        if kept.all():
+            break
+        off = np.where(kept, 0.0, seam.project(points).distance)
+        if off.max() <= CLOSE * width:
+            break
+        # The farthest point of each interval between kept ones is kept as well.
+        group = np.cumsum(kept)
+        order = np.lexsort((-off, group))
+        first = order[np.unique(group[order], return_index=True)[1]]
+        kept[first[off[first] > CLOSE * width]] = True
+    return seam, np.column_stack([table.breaks[vertices], at[kept]])
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,16 +252,26 @@ class _Wave:
     """A weave along a part of a seam without corners.
 
     Args:
-        seam: The part.
+        part: The part as it was given.
+        seam: The smooth seam.
+        places: Arc lengths of the seam and of the part that belong together [m], (n, 2).
         width: Distance between crests [m].
-        waves: Number of waves.
-        up: Unit vector, (3,).
+        pitch: Length of the seam per wave [m].
+        edge: Length of the seam at each edge without change of the offset [m].
+        up: Unit vector that weaving is perpendicular to, (3,); None for the tool axis.
     """
 
+    part: Path
     seam: Path
+    places: FloatArray
     width: float
-    waves: int
-    up: FloatArray
+    pitch: float
+    edge: float
+    up: FloatArray | None
+
+    def on_part(self, s: FloatArray) -> FloatArray:
+        """Arc lengths of the part at arc lengths of the seam [m]."""
+        return np.asarray(np.interp(s, *self.places.T))
 
     def beside(self, s: FloatArray, off: FloatArray) -> FloatArray:
         """Points at distances to the left of the seam [m], (n, dimension)."""
@@ -105,50 +279,78 @@ class _Wave:
         if self.seam.dimension == 2:
             left = np.column_stack([-tangents[:, 1], tangents[:, 0]])
         else:
-            left = np.cross(self.up, tangents)
+            up, orientation = UP if self.up is None else self.up, self.part.orientation
+            if self.up is None and orientation is not None:
+                # The tool axis points from the tool to the work.
+                up = -orientation(self.on_part(s))[:, :, 2]
+            left = np.cross(up, tangents)
             size = np.linalg.norm(left, axis=1)
-            if size.min() < UPRIGHT:
-                raise InvalidInput("A seam that goes straight up has no sides to weave to.")
+            if size.min() < PARALLEL:
+                k = int(np.argmin(size))
+                raise InvalidInput(
+                    "A seam that is parallel to the tool axis, or to the direction up, has no "
+                    f"sides to weave to: see the place {s[k] * 1e3:.4g} mm along it."
+                )
             left /= size[:, None]
         return np.asarray(self.seam(s) + off[:, None] * left)
 
+    def turning_points(self) -> FloatArray:
+        """Begin and end of the edges of all waves that the seam has room for [m]."""
+        count = int(np.ceil(self.seam.length / self.pitch))
+        middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
+        found = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
+        room = self.seam.length * (1 + ROUNDING) - (self.pitch / 2 - self.edge) / 2
+        return np.asarray(found[found[:, 1] <= room])
+
+    def full_crests(self) -> FloatArray:
+        """Middles of the edges at which a sine has its full width [m]."""
+        middle = self.turning_points().mean(axis=1)
+        half = (self.pitch + self.edge) / 2
+        return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
+
     def sine(self, s: FloatArray) -> FloatArray:
-        """Points of the sine, which grows and fades over half a wave, (n, dimension)."""
-        phase = s / self.seam.length * self.waves
-        grown = np.clip(2 * np.minimum(phase, self.waves - phase), 0.0, 1.0)
+        """Points of the sine, which grows and fades over half a pitch, (n, dimension)."""
+        share = self.edge / self.pitch / 2
+        knots = [0.0, 0.25 - share, 0.25 + share, 0.75 - share, 0.75 + share, 1.0]
+        phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])
+        grown = np.clip(2 * np.minimum(s, self.seam.length - s) / self.pitch, 0.0, 1.0)
         off = self.width / 2 * grown**2 * (3 - 2 * grown) * np.sin(2 * np.pi * phase)
         return self.beside(s, off)
 
-    def crests(self) -> FloatArray:
-        """Start, crests and end of the zigzag, (2 waves + 2, dimension)."""
-        crest = np.arange(2 * self.waves)
-        s = (2 * crest + 1) / (4 * self.waves) * self.seam.length
-        off = np.where(crest % 2, -1.0, 1.0) * self.width / 2
-        return np.concatenate(
-            [self.seam([0.0]), self.beside(s, off), self.seam([self.seam.length])]
-        )
-
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
-    """The woven path of a part, with speeds, tolerances, tags and orientation of the seam."""
-    seam = wave.seam
+    """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
+    part, seam = wave.part, wave.seam
+    turning = wave.turning_points()
     if shape == "zigzag":
-        segments = Segments.lines(wave.crests())
+        s = turning[:, :1].ravel() if not wave.edge else turning.ravel()
+        side = np.where(np.arange(len(turning)) % 2, -1.0, 1.0) * wave.width / 2
+        crests = wave.beside(s, side if not wave.edge else np.repeat(side, 2))
+        segments = Segments.lines(np.concatenate([seam([0.0]), crests, seam([seam.length])]))
+        places = np.concatenate([[0.0], s, [seam.length]])
+        ratio = segments.lengths / np.diff(places)
     else:
-        segments = _fit_sine(wave, tolerance)
-    breaks = segments.breaks
-    ratio = float(breaks[-1]) / seam.length
-    rows = seam.locate((breaks[:-1] + breaks[1:]) / 2 / ratio)
-    orientation = None
-    if seam.orientation is not None:
-        orientation = _stretch(seam.orientation, segments, breaks / breaks[-1] * seam.length)
-    columns = {name: getattr(seam.segments, name)[rows] for name in ("tolerances", "tags")}
-    segments = segments.replace(speeds=seam.speeds[rows] * ratio, **columns)
-    return Path(segments=segments, orientation=orientation)
+        pieces = np.unique([0.0, *turning.ravel(), seam.length])
+        segments, vertices = _fit_sine(wave, pieces, tolerance)
+        ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
+        places = np.interp(segments.breaks, segments.breaks[vertices], pieces)
+    rows = part.locate(wave.on_part((places[:-1] + places[1:]) / 2))
+    columns = {name: getattr(part.segments, name)[rows] for name in ("tolerances", "tags")}
+    segments = segments.replace(speeds=part.speeds[rows] * ratio, **columns)
+    own = part.orientation
+    if own is None:
+        return Path(segments=segments)
+    # In proportion to the length of the woven path: the tool turns evenly, not with each wave.
+    places = segments.breaks / segments.breaks[-1] * seam.length
+    if own.follows:
+        own = carry(seam.segments, own.starts[0], axis_only=own.axis_only)
+    else:
+        places = wave.on_part(places)
+    return Path(segments=segments, orientation=_stretch(own, segments, places))
 
 
 def _stretch(orientation: Orientation, segments: Segments, s: FloatArray) -> Orientation:
-    """The orientation of a seam on woven segments, which end at arc lengths `s` of the seam [m]."""
+    """An orientation on woven segments, whose ends are at its arc lengths `s` [m]."""
     starts = orientation(s[:-1])
     ends = orientation(s[1:], side="left")
     rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
@@ -157,8 +359,10 @@ def _stretch(orientation: Orientation, segments: Segments, s: FloatArray) -> Ori
     return Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
 
 
-def _fit_sine(wave: _Wave, tolerance: float) -> Segments:
-    """Tangent arcs along the sine of a part.
+def _fit_sine(
+    wave: _Wave, pieces: FloatArray, tolerance: float
+) -> tuple[Segments, npt.NDArray[np.intp]]:
+    """Tangent arcs along the sine of a part, and the index of the vertex at the end of each piece.
 
     Where the curvature of the seam jumps, the sine has a slight bend, which a cubic spline through
     its points rounds.
@@ -171,7 +375,7 @@ def _fit_sine(wave: _Wave, tolerance: float) -> Segments:
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")
     for doubling in range(MOST_DOUBLINGS + 1):
-        count = SAMPLES * 2**doubling * wave.waves
+        count = int(np.ceil(SAMPLES * 2**doubling * length / wave.pitch))
         if count > MOST_POINTS:
             break
         s = np.linspace(0.0, length, count + 1)
@@ -179,21 +383,22 @@ def _fit_sine(wave: _Wave, tolerance: float) -> Segments:
         at = (s[:-1, None] + BETWEEN * (length / count)).ravel()
         off = np.linalg.norm(spline(at) - wave.sine(at), axis=1)
         if off.max() <= tolerance / 2:
-            quarters = np.linspace(0.0, length, 4 * wave.waves + 1)
-            return fit_arcs(partial(_derivative, spline), quarters, tolerance / 2)
+            return fit_through(partial(_derivative, spline), pieces, tolerance / 2)
     raise InvalidInput(
         f"The tolerance of {tolerance:g} m of a weave is too small for its seam: take a larger one."
     )
 
 
 def _derivative(spline: object, s: FloatArray, order: int) -> FloatArray:
-    """Point or derivative of a spline, as `fit_arcs` asks for it."""
+    """Point or derivative of a spline, as `fit_through` asks for it."""
     return np.asarray(spline(s, order))  # type: ignore[operator]
 
 
-def _refuse_tight(path: Path, width: float) -> None:
-    """Refuse arcs around whose centre a weave would turn back."""
-    tightest = float(path.curvatures.max())
+def _refuse_tight(seam: Path, width: float) -> None:
+    """Refuse seams around whose centre of curvature a weave would turn back."""
+    middle = (seam.breaks[:-1] + seam.breaks[1:]) / 2
+    places = np.concatenate([seam.breaks, middle])
+    tightest = float(np.linalg.norm(seam(places, 2), axis=1).max())
     if tightest * width / 2 >= 1:
         raise InvalidInput(
             f"A weave of {width * 1e3:.4g} mm is too wide for a seam that has an arc with a radius "

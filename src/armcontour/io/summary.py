@@ -182,6 +182,16 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         _count_left_out(found, corners=len(single_path.corners))
     if plan.clearance is not None:
         found["clearance"] = clearance_summary(plan.clearance, plan.avoided)
+    if plan.weaves:
+        found["weaves"] = [
+            {
+                "contour": x.contour,
+                "width": x.width,
+                "frequency": x.frequency,
+                "left_out": x.left_out,
+            }
+            for x in plan.weaves
+        ]
     if plan.shaped is not None:
         found["shaping"] = _shaping(plan.shaped, plan.run)
     return found

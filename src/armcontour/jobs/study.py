@@ -51,6 +51,7 @@ from armcontour.jobs.weak_points import (
     smoothed_beyond,
     unsettled,
 )
+from armcontour.jobs.weaving import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
@@ -182,7 +183,15 @@ class TimedRun:
         """Sentences on what the plan is like, with the name of the run, which are no warnings."""
         own = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
         found = (self.shape_note, self.stops_note, self.clearance_note)
-        return (*own, *(x for x in found if x is not None))
+        weaves = (f"Run {self.run.name}: {x.sentence}" for x in self.weaves)
+        return (*own, *weaves, *(x for x in found if x is not None))
+
+    @property
+    def weaves(self) -> tuple[Weaving, ...]:
+        """Width and frequency of each weave in the plan."""
+        if "weaves" not in self._known:
+            self._known["weaves"] = tuple(weavings(self.path, self.trajectory))
+        return tuple(self._known["weaves"])
 
     @property
     def clearance_note(self) -> str | None:
@@ -232,6 +241,7 @@ class TimedRun:
             found += doubt_interval(period)
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
+        found += [sentence for x in self.weaves for sentence in x.warnings]
         if self.clearance is None:
             found += self.avoided
         elif not self.clearance.kept:

@@ -28,6 +28,7 @@ from armcontour.geometry.placing import (
     place_path,
 )
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.weaving import Woven
 
 Value = bool | float | str
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
@@ -86,6 +87,7 @@ class Contour:
         keep_start: Whether to keep the drawn start point, as in G-code.
         ring: Whether the contour is closed, if leads and overlap hide this; None decides by the
             ends of the path.
+        woven: Where the contour weaves along its seam; None if it does not weave.
 
     Raises:
         InvalidInput: No path, an invalid name or layer, an event after the end of the path, or work
@@ -99,6 +101,7 @@ class Contour:
     work: tuple[float, float] | None = None
     keep_start: bool = False
     ring: bool | None = None
+    woven: Woven | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, Path):
@@ -366,7 +369,10 @@ class Program:
                     dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
                 )
                 work = None if x.work is None else (x.work[0] * factor, x.work[1] * factor)
-                moves.append(dataclasses.replace(x, path=path, events=events, work=work))
+                woven = x.woven and dataclasses.replace(x.woven, seam=change(x.woven.seam))
+                moves.append(
+                    dataclasses.replace(x, path=path, events=events, work=work, woven=woven)
+                )
             elif isinstance(x, Rapid) and x.path is not None:
                 moves.append(Rapid(path=change(x.path)))
             else:

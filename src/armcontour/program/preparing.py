@@ -15,7 +15,7 @@ from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weaving import weave_path
+from armcontour.geometry.weaving import weave_seam
 from armcontour.program.closed_contours import close_contour
 from armcontour.program.kerf import apply_kerf
 from armcontour.program.moves import (
@@ -259,10 +259,13 @@ def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
         InvalidInput: The contour is too tight for the weave, or goes straight up.
     """
     with locate_errors(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        path = weave_path(contour.path, up=up, **dataclasses.asdict(weave))
+        wishes = dataclasses.asdict(weave)
+        path, woven = weave_seam(
+            contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
+        )
     factor = path.length / contour.path.length
-    events = (dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
-    return dataclasses.replace(contour, path=path, events=tuple(events), ring=contour.closed)
+    events = tuple(dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
+    return dataclasses.replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
 
 
 def _add_leads(

@@ -17,6 +17,7 @@ from armcontour._quantities import (
     Choice,
     Distance,
     Duration,
+    Frequency,
     Length,
     Ratio,
     Some,
@@ -168,25 +169,49 @@ class Tabs:
             _checks.positive("spacing of tabs", self.spacing, "m")
 
 
+# Directions that a weave can be perpendicular to, besides its seam.
+PLANES = ("tool", "frame")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weave:
-    """How the tool weaves to both sides of a seam, square to it and to the process's `up`.
+    """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
 
     Args:
         width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m]; a contour has a whole number of waves.
+        pitch: Length of the seam per wave [m]; give this or the frequency.
+        frequency: Waves per second at the assigned velocity [1/s].
+        dwell: Time for which the tool stays at each edge, while it goes on along the seam at its
+            assigned velocity [s].
+        speed: Assigned velocity along the seam [m/s]; by default that of the contour.
+        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
+            process, which is z of `path.frame`.
         shape: "sine", or "zigzag", lines from crest to crest whose corners are rounded as others.
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
     width: Length
-    pitch: Length
+    pitch: Length | None = None
+    frequency: Frequency | None = None
+    dwell: Duration = 0.0
+    speed: Speed | None = None
     shape: Annotated[str, Choice(WEAVES)] = "sine"
+    plane: Annotated[str, Choice(PLANES)] = "tool"
     tolerance: Distance = 1e-5
 
     def __post_init__(self) -> None:
-        for name in ("width", "pitch", "tolerance"):
+        for name in ("width", "tolerance"):
             _checks.positive(f"{name} of a weave", getattr(self, name), "m")
+        if (self.pitch is None) == (self.frequency is None):
+            raise InvalidInput("A weave needs either a pitch or a frequency.")
+        if self.pitch is not None:
+            _checks.positive("pitch of a weave", self.pitch, "m")
+        if self.frequency is not None:
+            _checks.positive("frequency of a weave", self.frequency, "1/s")
+        _checks.not_negative("dwell of a weave", self.dwell, "s")
+        if self.speed is not None:
+            _checks.positive("speed of a weave", self.speed, "m/s")
+        _checks.choice("plane", self.plane, PLANES)
         _checks.choice("shape", self.shape, WEAVES)
 
 

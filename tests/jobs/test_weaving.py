@@ -1,0 +1,50 @@
+"""Width and frequency of the weaves that runs plan."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from armcontour.io.job_file import parse_job
+from armcontour.io.summary import plan_summary
+from armcontour.jobs.study import teach
+
+JOB = """\
+name: weld
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.31, 0.20], [0.32, 0.201], [0.33, 0.203], [0.34, 0.206]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 20}
+corners: {tolerance: 0.1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+process: {weave: {width: 3 mm, frequency: 2 Hz, speed: 6 mm/s}}
+runs:
+  only: {timing: {reserve: 2 %}}
+"""
+
+
+def test_a_run_reports_what_its_plan_makes_of_the_weave() -> None:
+    job = parse_job(JOB)
+    plan = teach(job)["only"]
+    (found,) = plan.weaves
+    assert found.width == pytest.approx((3e-3, 3e-3), rel=0.02)
+    assert found.frequency == pytest.approx((2.0, 2.0), rel=0.02)
+    assert any(found.sentence in x for x in plan.remarks) and not found.warnings
+    assert json.loads(json.dumps(plan_summary(job, plan)["weaves"]))[0]["left_out"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("joint_acceleration: 20", "joint_acceleration: 0.5", "in place of 2 Hz"),
+        ("frequency: 2 Hz", "shape: zigzag, pitch: 3 mm", "in place of 3 mm"),
+        ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "is not woven along"),
+    ],
+)
+def test_it_warns_of_a_weave_that_is_not_as_asked(old: str, new: str, word: str) -> None:
+    text = JOB.replace(old, new).replace("0.1 mm", "0.2 mm")
+    assert text != JOB
+    plan = teach(parse_job(text))["only"]
+    (found,) = plan.weaves
+    assert any(word in x for x in found.warnings)
+    assert any(word in x for x in plan.warnings)
