@@ -182,6 +182,7 @@ _CUT = {
 }
 _PIERCED = {"switch": {}, "pierce": {"time": 0.1, "height": 1e-3}}
 _WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
+_TIMED = {"weave": {"width": 2e-3, "frequency": 2.0, "dwell": 0.05, "speed": 0.01}}
 _SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
 _JOINTS = {
     "joint_velocity": 2.0,
@@ -314,6 +315,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
     _with(PLANE, process={"kerf": 2e-4, "by_layer": {"": {"kerf": 2e-4}}}, path=_CLOSED),
     _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
+    _with(PLANE, process={**_TIMED, "by_layer": {"": _TIMED}}),
     _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
     _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),

@@ -25,7 +25,11 @@ MOST_PIECES = 500_000
 
 
 def fit_spline(
-    points: FloatArray, tolerance: float, closed: bool, *, ends: Literal["natural", "not-a-knot"] = "natural"
+    points: FloatArray,
+    tolerance: float,
+    closed: bool,
+    *,
+    ends: Literal["natural", "not-a-knot"] = "natural",
 ) -> tuple[Segments, IntArray]:
     """Transitions along the cubic spline through points.
 
