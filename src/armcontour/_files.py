@@ -97,6 +97,8 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
         handle = os.open(place, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
     except FileNotFoundError:
         raise InvalidInput(f"There is no {what} {place}.") from None
+    except InvalidInput:
+        raise
     except (OSError, ValueError) as error:
         raise _unreadable(what, place, error) from None
     try:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from armcontour._files import reading_below
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.document import Document
@@ -72,3 +73,47 @@ def test_a_folder_that_cannot_be_written_to_has_no_draft(file: Path) -> None:
     shutil.rmtree(file.parent)
     with pytest.raises(InvalidInput, match="Cannot write .*job.yaml: "):
         document.save()
+
+
+@pytest.mark.parametrize("linked", ["draft", "dangling draft", "folder"])
+def test_a_draft_is_never_written_read_or_removed_through_a_link(
+    file: Path, tmp_path_factory: pytest.TempPathFactory, linked: str
+) -> None:
+    home, folder = tmp_path_factory.mktemp("home"), file.parent / ".armcontour"
+    target, kept = home / "job.draft.yaml", "name: kept\n"
+    if linked != "dangling draft":
+        target.write_text(kept)
+    if linked == "folder":
+        folder.symlink_to(home)
+    else:
+        folder.mkdir()
+        (folder / "job.draft.yaml").symlink_to(target)
+    document = Document.open(file)
+    assert document.earlier_draft() is None
+    document.apply(FASTER, "speed")
+    assert list(home.iterdir()) == ([] if linked == "dangling draft" else [target])
+    assert linked == "dangling draft" or target.read_text() == kept
+    # In a real folder the link is replaced by the draft.
+    assert document.write_draft() == (linked != "folder")
+    assert (document.earlier_draft() == document.text) == (linked != "folder")
+    document.undo()
+    assert linked == "dangling draft" or target.read_text() == kept
+
+
+def test_a_job_is_saved_through_a_link_only_where_it_may_be_read(
+    file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    target = tmp_path_factory.mktemp("home") / "job.yaml"
+    target.write_text(file.read_text())
+    document = Document.open(file)
+    document.apply(FASTER, "speed")
+    before = target.read_text()
+    file.unlink()
+    file.symlink_to(target)
+    with reading_below([file.parent]), pytest.raises(InvalidInput):
+        document.save(force=True)
+    assert target.read_text() == before
+    target.unlink()
+    with pytest.raises(InvalidInput):
+        document.save(force=True)
+    assert not target.exists()

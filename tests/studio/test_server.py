@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 import subprocess
 import sys
@@ -12,11 +13,11 @@ from typing import Any
 
 import pytest
 from tests.studio.serving import running
-from tests.studio.talking import JOB
+from tests.studio.talking import JOB, MOVE
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.server import listen, require_server, serve
+from armcontour.studio.server import MOST_CONNECTIONS, listen, require_server, serve
 
 
 @pytest.fixture(scope="module")
@@ -211,3 +212,30 @@ def test_memory_of_executions_goes_back_and_what_is_loaded_is_no_garbage() -> No
     assert most - before > 100
     assert after - before < 40
     assert frozen > 10_000 and frozen_after == "0"
+
+
+def test_requests_that_are_never_whole_stop_no_page(file: Path) -> None:
+    with running(file) as studio, contextlib.ExitStack() as closing:
+        for _ in range(2 * MOST_CONNECTIONS):
+            half = socket.create_connection(("127.0.0.1", studio.port))
+            closing.enter_context(half)
+            half.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        for _ in range(5):
+            assert studio.request("GET", "/")[0] == 200
+        with studio.page() as page:
+            page.hear("document")
+
+
+def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(
+    file: Path, tmp_path: Path
+) -> None:
+    target, link = tmp_path / "home" / "job.yaml", tmp_path / "job.yaml"
+    target.parent.mkdir()
+    target.write_text(file.read_text())
+    link.symlink_to(target)
+    with running(link) as studio, studio.page() as page:
+        page.hear("executed")
+        page.hear("document", seq=page.edit(MOVE))
+        page.say("save")
+        page.hear("saved")
+        assert link.is_symlink() and target.read_text() != file.read_text()

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from tests.studio.talking import JOB, MOVE, Tab, kinds, session_of
 
+from armcontour.studio.gestures import MOST_EDITS
 from armcontour.studio.session import Session
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
@@ -146,3 +147,22 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) ->
     assert kinds(heard) == ["document", "picture", "arm", "executed"]
     assert tab.last("document")["sentence"] is None
     session.close()
+
+
+@pytest.mark.parametrize(
+    "half", [{"op": "pin", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}]
+)
+def test_half_of_a_character_stops_no_page(session: Session, tab: Tab, half: Any) -> None:
+    assert kinds(tab.heard(half)) == ["failed"]
+    later = Tab(session)
+    assert later.last("document") == tab.last("document")
+    assert later.last("document")["pins"] == []
+
+
+def test_a_message_has_a_bounded_number_of_edits(tab: Tab) -> None:
+    before = tab.last("document")["text"]
+    assert tab.edit(*[MOVE] * (MOST_EDITS + 1))[-1].kind in ("refusal", "executed")
+    assert tab.last("refusal")["error"] == "InvalidInput"
+    assert tab.last("document")["text"] == before
+    tab.edit(*[MOVE] * MOST_EDITS, gesture=1)
+    assert tab.last("document")["text"] != before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 from contextlib import suppress
 from pathlib import Path as FilePath
 
@@ -32,6 +33,8 @@ class Draft:
         job, draft = self._job, self._file
         try:
             newer = not job.exists() or draft.stat().st_mtime_ns >= job.stat().st_mtime_ns
+            if draft.is_symlink() or not self._is_ours():
+                return None
             text = decoded(read_bytes(draft, "draft"), draft)
             saved = decoded(read_bytes(job, "job file"), job) if job.exists() else None
         except (InvalidInput, OSError):
@@ -42,7 +45,9 @@ class Draft:
         """Write a text, to be found after a crash; returns whether the folder lets it."""
         try:
             self._file.parent.mkdir(exist_ok=True)
-            write_whole(self._file, text.encode())
+            if not self._is_ours():
+                return False
+            put_in_place(self._file, lambda fresh: fresh.write_bytes(text.encode()))
         except (InvalidInput, OSError):
             return False
         return True
@@ -50,9 +55,20 @@ class Draft:
     def drop(self) -> None:
         """Remove the draft, and its folder if that is empty."""
         with suppress(OSError):
-            self._file.unlink()
+            if self._is_ours():
+                self._file.unlink()
         with suppress(OSError):
             self._file.parent.rmdir()
+
+    def _is_ours(self) -> bool:
+        """Whether the folder of the draft is a real folder of this user, and no link.
+
+        Raises:
+            OSError: There is no such folder.
+        """
+        found = self._file.parent.lstat()
+        user = os.getuid() if hasattr(os, "getuid") else found.st_uid
+        return stat.S_ISDIR(found.st_mode) and found.st_uid == user
 
 
 def decoded(content: bytes, file: FilePath | None) -> str:
@@ -79,8 +95,10 @@ def write_whole(file: FilePath, content: bytes) -> None:
         content: Its bytes.
 
     Raises:
-        InvalidInput: It cannot be written.
+        InvalidInput: It cannot be written, or it is a link to a file that may not be read here.
     """
+    if file.is_symlink():
+        read_bytes(file, "job file")
     place = FilePath(os.path.realpath(file))
 
     def write(fresh: FilePath) -> None:

@@ -12,6 +12,9 @@ from armcontour.studio.display import Display
 from armcontour.studio.tabs import Said, Tab
 from armcontour.studio.wire import Frame
 
+# Edits of one message; a page sends a few, and each of them reads the job again at worst.
+MOST_EDITS = 100
+
 
 @dataclass(slots=True)
 class Gesture:
@@ -91,9 +94,14 @@ def _edits_of(said: Said) -> list[Mapping[str, Any]]:
     """The edits of a message.
 
     Raises:
-        InvalidInput: It has none.
+        InvalidInput: It has none, or too many.
     """
     edits = said.get("edits")
     if not isinstance(edits, list) or not edits or not all(isinstance(x, dict) for x in edits):
         raise InvalidInput(f"The message {said.get('op')} needs edits, a list of mappings.")
+    if len(edits) > MOST_EDITS:
+        raise InvalidInput(
+            f"The message has {len(edits)} edits, and at most {MOST_EDITS} are made at once: "
+            "change the text of the job instead."
+        )
     return edits

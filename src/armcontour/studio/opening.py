@@ -63,11 +63,13 @@ def open_session(
     from armcontour.studio.session import Session
     from armcontour.studio.trust import arm_file_of
 
-    document = _document(file, cell)
+    named: list[FilePath] = []
+    # The job file may be a link to another folder: the user has named it.
+    with hear_reading(lambda place, content: named.append(place)):
+        document = _document(file, cell)
     folder = document.folder or FilePath.cwd()
     previewer = Previewer(folder, trust_xacro=trust_xacro)
     tell(Step(("reading the job",)))
-    named: list[FilePath] = []
     named_arm = arm_file_of(document.data)
     with hear_reading(lambda place, content: named.append(place)):
         session = Session(

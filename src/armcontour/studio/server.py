@@ -57,6 +57,8 @@ HELLO_WITHIN = 10.0
 MOST_TABS = 16
 # Connections at once; a browser has six for files, and one for each page.
 MOST_CONNECTIONS = 100
+# Connections at once that have sent no whole request, or wait for the next one.
+MOST_IDLE = 50
 # How long no page may be open before the server ends, if it is to [s].
 CLOSED_FOR = 60.0
 # Period of looks at the job file [s].
@@ -147,10 +149,10 @@ class Server:
             await _close(send, TOO_MANY, "Too many pages of this Studio are open: close some.")
             return
         tab = Tab()
-        await asyncio.to_thread(self.desk.join, tab)
         writing = asyncio.create_task(tab.write(send))
         hearing = asyncio.create_task(self._hear(tab, receive))
         try:
+            await asyncio.to_thread(self.desk.join, tab)
             done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
             reason = hearing.result() if hearing in done else "The page does not read."
             if reason is not None:
@@ -158,7 +160,8 @@ class Server:
         finally:
             writing.cancel()
             hearing.cancel()
-            self.desk.leave(tab)
+            # Leaving waits for the work of other messages, and other requests do not wait for it.
+            await asyncio.to_thread(self.desk.leave, tab)
 
     async def _is_welcome(self, receive: Receive) -> bool:
         """Whether the first message is a greeting with the right token."""
@@ -266,6 +269,28 @@ def listen(port: int) -> socket.socket:
     return listening
 
 
+def _http_protocol() -> type[asyncio.Protocol]:
+    """HTTP in which connections without a whole request make room for new ones, oldest first."""
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    class Yielding(H11Protocol):  # type: ignore[misc, unused-ignore]
+        since = 0.0
+
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            idle = [x for x in self.connections if isinstance(x, Yielding) and x.is_idle()]
+            if len(idle) >= MOST_IDLE:
+                min(idle, key=lambda x: x.since).transport.abort()
+            self.since = self.loop.time()
+            super().connection_made(transport)
+
+        def is_idle(self) -> bool:
+            if self.transport.is_closing():
+                return False
+            return self.cycle is None or bool(self.cycle.response_complete)
+
+    return Yielding
+
+
 async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_closed: bool) -> None:
     """Run the server."""
     import uvicorn
@@ -276,7 +301,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     server = uvicorn.Server(
         uvicorn.Config(
             Guard(Server(door, desk), door),
-            http="h11",
+            http=_http_protocol(),
             ws="websockets-sansio",
             loop="asyncio",
             lifespan="off",

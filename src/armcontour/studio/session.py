@@ -7,6 +7,7 @@ document that has changed since its gesture began is not made, but answered with
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 import traceback
 from collections.abc import Callable, Iterable
@@ -15,7 +16,7 @@ from pathlib import Path as FilePath
 from armcontour._files import reading_below
 from armcontour._progress import Progress
 from armcontour._warming import warm_for_run
-from armcontour.errors import ArmContourError
+from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.acts import Acts
 from armcontour.studio.display import Display
 from armcontour.studio.document import Document
@@ -106,6 +107,7 @@ class Session:
             if not self.display.tabs.hear(tab, said):
                 return
             try:
+                _refuse_surrogates(said)
                 self._acts.do(tab, said)
             except ArmContourError as error:
                 self._fail(tab, said, error)
@@ -160,3 +162,17 @@ class Session:
             return
         header = {"id": said.get("id"), "op": said.get("op"), "sentence": str(error)}
         self.display.tell(Frame("failed", header), to=tab)
+
+
+def _refuse_surrogates(said: Said) -> None:
+    """Refuse text that UTF-8 cannot encode: no file and no frame could hold it.
+
+    Raises:
+        InvalidInput: There is such text.
+    """
+    try:
+        json.dumps(said, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise InvalidInput(
+            "The message has half of a character (a lone surrogate): type the character again."
+        ) from None

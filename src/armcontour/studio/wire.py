@@ -63,7 +63,7 @@ class Frame:
             parts += [data, bytes(-len(data) % ALIGNED)]
             end += len(data) + len(parts[-1])
         told = {**self.header, "kind": self.kind, "arrays": places}
-        text = _to_json(told).encode()
+        text = _to_json(told).encode(errors="replace")
         gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 

@@ -44,6 +44,9 @@ def renumbered(index: int, by: int, state: EditState) -> list[Change]:
         state: What the edit is made on.
     """
     changes = []
+    last = len(state.handles.ends) - 1
+    # Without an end of the path, the first and the last of the other points have no corner.
+    ends = {1, last} if by < 0 and index in (0, last) else set()
     runs = (("runs", name, "corners", "at") for name in state.data["runs"])
     for keys in (("corners", "at"), *runs):
         given = value_at(state.data, keys)
@@ -51,7 +54,8 @@ def renumbered(index: int, by: int, state: EditState) -> list[Change]:
             continue
         # The waypoint that is removed has the number index + 1.
         kept = {k: x for k, x in given.items() if by > 0 or k != index + 1}
-        new = {k + by if k > index else k: x for k, x in kept.items()}
+        moved = {k + by if k > index else k: x for k, x in kept.items()}
+        new = {k: x for k, x in moved.items() if k not in ends}
         if new != given:
             changes.append(Change(keys, new) if new else Change(keys))
     return changes
