@@ -184,7 +184,10 @@ REFUSED = {
     "3.W3": ("show g55.ngc --skip-unknown", "line 6: a coordinate X in the coordinate system G54"),
     "3.4.4": ("check two.csv --arm hand.URDF", "no robot description hand.URDF"),
     "3.5-probe": ("show probe.ngc", "line 2"),
-    "3.5-unit": ("show no_unit.dxf", "$MEASUREMENT suggests `units: mm`"),
+    "3.5-unit": (
+        "show no_unit.dxf",
+        "does not say its unit ($INSUNITS): give it, such as `units: mm`",
+    ),
     "3.5-colour": ("show lines.dxf --color 5", "1 #ff0000"),
 }
 

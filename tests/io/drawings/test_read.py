@@ -203,3 +203,21 @@ def test_colors_are_a_list_and_of_drawings(tmp_path, refuses):
     refuses(lambda: ac.read_path(file, colors=["red"]), ac.InvalidInput, "DXF and SVG")
     svg = "examples/drawings/lettering.svg"
     refuses(lambda: ac.read_path(svg, colors="red"), ac.InvalidInput, "must be a list")
+
+
+def test_an_implausible_unit_is_refused_by_the_size_of_the_part(tmp_path, refuses):
+    (tmp_path / "a.ngc").write_text("G1 X220 F60\nY140\n")
+    words = ("furlong", "4.426e+04 m", "1000 m")
+    refuses(lambda: ac.read_path(tmp_path / "a.ngc", units="furlongs"), ac.InvalidInput, *words)
+    assert ac.read_path(tmp_path / "a.ngc", units="furlongs", scale=1e-3).path.length > 70
+    assert ac.read_path(tmp_path / "a.ngc", units="mm").path.length == pytest.approx(0.36)
+
+
+def test_a_table_without_a_unit_beyond_the_reach_of_arms_has_a_note(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("x,y\n0,0\n89,50\n")
+    (note,) = ac.read_path(file).notes
+    assert "89 m" in note and "units: mm" in note
+    assert ac.read_path(file, units="mm").notes == ()
+    file.write_text("x,y\n0,0\n0.89,0.5\n")
+    assert ac.read_path(file).notes == ()

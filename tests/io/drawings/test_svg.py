@@ -665,3 +665,13 @@ def test_names_that_no_contour_can_have_are_changed_with_a_note():
     # The name that the note tells chooses the layer.
     chosen = read(body + "<text>a</text>", layers=frozenset({r"a\x85\u202eb"}))
     assert [x.name for x in chosen.contours] == names
+
+
+def test_a_font_is_named(refuses):
+    text = (
+        '<svg xmlns="http://www.w3.org/2000/svg"><defs><font id="a">'
+        '<glyph unicode="a" d="M0 0H9"/></font></defs></svg>'
+    )
+    refuses(
+        lambda: read_svg(text.encode(), source="a.svg", reading=Reading()), InvalidInput, "font"
+    )

@@ -125,12 +125,7 @@ def _unit(document: Any, source: str, reading: Reading) -> float:
     if code in UNITS:
         return UNITS[code]
     why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
-    # Whether patterns of lines are metric is all that drawings without a unit say.
-    likely = {0: "in", 1: "mm"}.get(document.header.get("$MEASUREMENT", -1))
-    hint = f"; $MEASUREMENT suggests `units: {likely}`" if likely else ""
-    raise InvalidInput(
-        f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm{hint}."
-    )
+    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
 
 
 def _pieces(

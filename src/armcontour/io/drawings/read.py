@@ -28,6 +28,10 @@ from armcontour.program import Program, smooth_curvature
 WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Codes and letters of G-code that may be left out by name.
 WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
+# Beyond this a stated unit is wrong; coordinates of surveys may be far from their origin [m].
+LARGEST_PART = 1000.0
+# Farther than any arm reaches [m].
+FARTHEST_ARM = 10.0
 
 
 def read_path(
@@ -128,6 +132,18 @@ def read_path(
     fitting = replace(reading, chord_tolerance=reading.fit_tolerance)
     program: Program = read(bytes_of(location), source=location.name, reading=fitting, **options)
     program = _select(program, layers, names)
+    if (far := _farthest(program) * factor) > LARGEST_PART and reading.unit is not None:
+        raise InvalidInput(
+            f"With the unit {units}, {program.source} reaches {far:.4g} m from its origin, more "
+            f"than {LARGEST_PART:g} m: check the unit."
+        )
+    if far > FARTHEST_ARM and reading.unit is None and module == "waypoints":
+        note = (
+            f"the coordinates of {program.source} reach {far:.4g} m from their origin, farther "
+            "than arms do. Columns without a unit are in metres: if these are mm, write x [mm], or "
+            "give `units: mm` or --units mm."
+        )
+        program = replace(program, notes=(*program.notes, note))
     if flat:
         program = program.without_z()
     if continuity == "curvature":
@@ -208,13 +224,18 @@ def _layer_tolerances(layers: Collection[str] | None) -> dict[str, float]:
     return {x: y.tolerance for x, y in settings if getattr(y, "tolerance", None) is not None}
 
 
+def _farthest(program: Program) -> float:
+    """The largest coordinate of all contours [m]."""
+    return max(float(np.abs(x.path.vertices).max()) for x in program.contours)
+
+
 def _refuse_odd_size(program: Program, factor: float) -> None:
     """Refuse a scale after which coordinates are too large or contours too short.
 
     Raises:
         InvalidInput: The scaled program is beyond the limits that the readers keep.
     """
-    far = max(float(np.abs(x.path.vertices).max()) for x in program.contours)
+    far = _farthest(program)
     short = min(x.path.length for x in program.contours)
     if not far <= FARTHEST:
         problem, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"

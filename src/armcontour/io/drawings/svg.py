@@ -78,6 +78,11 @@ def read_svg(
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
     if not contours:
+        if b"<glyph" in data:
+            raise InvalidInput(
+                f"{source} is a font, whose glyphs are no drawing: give a drawing in which the "
+                "text is converted to paths."
+            )
         if walk.others:
             notes.append(f"Strokes of other colours than chosen: {count_names(walk.others)}.")
         why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
