@@ -74,6 +74,8 @@ def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(
     np.testing.assert_allclose(np.diff(taught["t [s]"]), 0.004, atol=1e-12)
     abb, kuka = ((exports / f"reference{x}").read_text() for x in (".mod", ".src"))
     assert "SetDO doTool" in abb and "$OUT[3]" in kuka
+    # These controllers plan between the points: they get the plan only.
+    assert not (exports / "taught.mod").exists() and not (exports / "taught.src").exists()
 
 
 def test_tool_motion_is_that_of_the_arm(result: FilePath, folder: FilePath) -> None:
@@ -275,7 +277,7 @@ def test_analog_outputs_are_columns_of_a_run_and_said_of_a_result(
     assert code == 0, said
     told = " ".join(said.split())
     assert told.count("no place for analog outputs (power)") == 1 and "--export ros-yaml" in told
-    assert "(power): csv, parquet, npz and templates of your own have them." in told
+    assert "(power): csv, parquet, npz, urscript and templates have them." in told
     found = pd.read_csv(folder / "laser" / "taught" / "export" / "reference.csv")
     power = found["analog power"]
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6
@@ -283,3 +285,38 @@ def test_analog_outputs_are_columns_of_a_run_and_said_of_a_result(
     code, said = call("export", "plain", "laser.csv")
     assert code == 0 and "Not exported: the analog outputs power" in " ".join(said.split())
     assert not any(x.startswith("analog") for x in pd.read_csv(folder / "laser.csv").columns)
+
+
+ROBOT_LASER = """name: laser
+arm: {name: ur5e, tool: {position: [0, 0, 120 mm]}}
+start: [0.2, -1.7, -2.4, -0.6, 1.6, 2.5]
+path:
+  file: part.ngc
+  frame: {position: [380 mm, -70 mm, 50 mm]}
+  orientation: {axis: [0, 0, -1]}
+process:
+  dwell: 100 ms
+  analog: [{name: power, rest: 20 %, full: 1, off: 0}]
+limits: {speed: 50 mm/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {taught: {}}
+"""
+
+
+def test_analog_outputs_of_robots_follow_their_options(call: Call, folder: FilePath) -> None:
+    (folder / "robot.yaml").write_text(ROBOT_LASER)
+    code, said = call(
+        *("run", "robot.yaml", "--no-simulation", "--out", "robot", "--export", "urscript"),
+        *("--template", "kuka", "--output", "urscript:power=AO1", "--output", "urscript:spindle=0"),
+        *("--period", "45 ms", "--call"),
+    )
+    assert code == 0, said
+    told = " ".join(said.split())
+    assert "does not set power" in told and "--output power=1" in told
+    exports = folder / "robot" / "taught" / "export"
+    for name in ("taught", "reference"):
+        text = (exports / f"{name}.script").read_text()
+        # The period is for the other format: a servo needs every set-point.
+        assert " 0.004, lookahead" in text and " 0.045, lookahead" not in text
+        assert "set_standard_analog_out(1, 1.0000)" in text and "# contour line" in text
+        assert text.splitlines()[-1] == text.splitlines()[0][len("def ") : -1]

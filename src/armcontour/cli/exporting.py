@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunPlan
-    from armcontour.motion import TimedEvent
+    from armcontour.motion import TaughtData, Trajectory
     from armcontour.program import Event
 
 # Labels of the set-points for the robot, and of the plan without compensation.
@@ -53,6 +53,13 @@ class Target:
         return self.kind if self.template is None else self.template
 
     @property
+    def plans(self) -> bool:
+        """Whether the controller plans between the points: such files get the plan only."""
+        from armcontour.io.exports import templates
+
+        return self.template in templates()
+
+    @property
     def option(self) -> str:
         """The option of the command line for this file, for messages."""
         if self.template is None:
@@ -70,6 +77,7 @@ class Exports:
         period: Time between points of the plan [s]; the command interval if None.
         derivatives: Highest derivative.
         tool_motion: Whether files have point, orientation and speed of the tool.
+        call: Whether programs in URScript are followed by their call.
     """
 
     targets: tuple[Target, ...] = ()
@@ -77,6 +85,7 @@ class Exports:
     period: float | None = None
     derivatives: int = 2
     tool_motion: bool = False
+    call: bool = False
 
     def __bool__(self) -> bool:
         return bool(self.targets)
@@ -90,7 +99,7 @@ class Exports:
         from armcontour.errors import locate_errors
         from armcontour.io.exports import takes_analog, write_table
 
-        if table.analog and not takes_analog(target.kind, target.template):
+        if table.analog and not takes_analog(target.kind):
             table = dataclasses.replace(table, analog={})
         outputs = self.outputs_of(target)
         with locate_errors(target.option):
@@ -100,19 +109,24 @@ class Exports:
                 format=target.kind,
                 template=target.template,
                 outputs=outputs if outputs and target.kind in WITH_OUTPUTS else None,
+                call=self.call and target.kind == "urscript",
             )
+
+    def period_of(self, target: Target) -> float | None:
+        """Time between points of the plan in one of the files; None for the command interval."""
+        return None if target.kind == "urscript" else self.period
 
     def outputs_of(self, target: Target) -> Outputs:
         """The outputs of events in one of the files."""
         return self.outputs.get("", {}) | self.outputs.get(target.name, {})
 
-    def warn_of_events(self, target: Target, events: Iterable[TimedEvent]) -> list[str]:
-        """Sentences on events that one of the files does not switch."""
+    def warn_of_events(self, target: Target, table: Table) -> list[str]:
+        """Sentences on outputs that one of the files does not switch."""
         from armcontour.io.exports import describe_unswitched
 
         return describe_unswitched(
-            events,
-            target.template,
+            table,
+            target.name,
             self.outputs_of(target),
             lambda event, output: f"--output {event}={output}",
         )
@@ -153,6 +167,7 @@ def exports_of(x: ExportOptions) -> Exports:
             "--period": period is not None,
             "--derivatives": x.derivatives != 2,
             "--tool-motion": x.tool_motion,
+            "--call": x.call,
         }
         for option, given in options.items():
             if given:
@@ -164,6 +179,7 @@ def exports_of(x: ExportOptions) -> Exports:
         period=period,
         derivatives=x.derivatives,
         tool_motion=x.tool_motion,
+        call=x.call,
     )
 
 
@@ -235,12 +251,14 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
     from armcontour.errors import InvalidInput
 
     events = _events_of(job)
-    _refuse_outputs(x, {event.name for event in events}, "the job")
+    _refuse_outputs(x, {*(event.name for event in events), *job.process.analog_names}, "the job")
     intervals = [run.period for run in job.runs]
     periods = intervals if x.period is None else [*intervals, x.period]
     for number, period in enumerate(dict.fromkeys(periods)):
         table = _two_points(job, period, events, x)
         for target in x.targets:
+            if period not in (*intervals, x.period_of(target)):
+                continue
             # A bag is a folder, which no other one may replace.
             place = scratch / f"rehearsal{number}{target.ending}"
             try:
@@ -313,22 +331,31 @@ def write_exports(
         f"{y.option}, run {name}: the format has no place for analog outputs "
         f"({', '.join(analog)}): {HAVE_ANALOG} them."
         for y in x.targets
-        if analog and not takes_analog(y.kind, y.template)
+        if analog and not takes_analog(y.kind)
     ]
-    for label, data, period in (
-        (TAUGHT, result.taught, None),
-        (REFERENCE, result.trajectory, x.period or result.run.period),
-    ):
-        title, options = _title(job, label), x.table_options(job.arm)
-        table = make_table(data, name=title, period=period, analog=analog, **options)
-        for target in x.targets:
+    options = x.table_options(job.arm)
+    made: dict[tuple[str, float], Table] = {}
+    for target in x.targets:
+        tables: dict[str, tuple[TaughtData | Trajectory, float]]
+        tables = {REFERENCE: (result.trajectory, x.period_of(target) or result.run.period)}
+        if not target.plans:
+            tables[TAUGHT] = (result.taught, result.run.period)
+        for label, (data, period) in tables.items():
+            title = _title(job, label)
+            table = made.get((label, period)) or make_table(
+                data, name=title, period=period, analog=analog, **options
+            )
+            made[label, period] = table
             folder.place(f"{name}/export/{label}{target.ending}", partial(x.write, target, table))
-            if label != TAUGHT:
-                continue
-            if target.kind in JOINED_BY_QUINTICS:
-                warnings += _warn_of_jumps(target, table, result.run.limits, name)
-            for said in x.warn_of_events(target, table.events):
-                warnings.append(f"{target.option}, run {name}: {said}")
+        if target.kind in JOINED_BY_QUINTICS:
+            if x.derivatives == 0 and job.arm.name.lower().startswith("ur"):
+                warnings.append(
+                    f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
+                    "controller) needs velocities: leave out --derivatives 0 for it."
+                )
+            warnings += _warn_of_jumps(target, table, result.run.limits, name)
+        for said in x.warn_of_events(target, table):
+            warnings.append(f"{target.option}, run {name}: {said}")
     return warnings
 
 
@@ -397,10 +424,11 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     table = (
         run.reference(period, arm=arm, **more) if options.reference else run.taught(arm=arm, **more)
     )
-    x = Exports(targets=(target,), outputs=read_outputs(options.output or [], [target]))
+    outputs = read_outputs(options.output or [], [target])
+    x = Exports(targets=(target,), outputs=outputs, call=options.call)
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(x.write, target, table), folder=kind == "mcap")
-    for said in x.warn_of_events(target, table.events):
+    for said in x.warn_of_events(target, table):
         Console().say(f"Warning: {capitalise(said)}")
     what = REFERENCE if options.reference else TAUGHT
     if run.analog:

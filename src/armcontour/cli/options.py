@@ -256,7 +256,8 @@ Output = Annotated[
     list[str] | None,
     typer.Option(
         "--output",
-        help="Digital output of an event in exports: tool=0, or for one format abb:tool=doTool.",
+        help="Output of an event or an analog output in exports: tool=0, power=AO0, or for one "
+        "format abb:tool=doTool.",
     ),
 ]
 Period = Annotated[
@@ -270,6 +271,13 @@ Derivatives = Annotated[
         min=0,
         max=2,
         help="Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.",
+    ),
+]
+Call = Annotated[
+    bool,
+    typer.Option(
+        "--call",
+        help="With urscript: call the program at the end of its file, for a pendant's script file.",
     ),
 ]
 ToolMotion = Annotated[
@@ -300,6 +308,7 @@ class ExportOptions:
     period: Period = None
     derivatives: Derivatives = 2
     tool_motion: ToolMotion = False
+    call: Call = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,6 +331,7 @@ class StoredExportOptions:
     period: Period = None
     derivatives: Derivatives = 2
     tool_motion: ToolMotion = False
+    call: Call = False
     job: Annotated[
         FilePath | None,
         typer.Option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -101,20 +102,19 @@ def test_nothing_is_written_where_warnings_are_errors(
     assert not list(tmp_path.iterdir())
 
 
-def test_our_templates_have_no_analog_outputs(
-    taught: Callable[..., ac.TaughtData], tmp_path: FilePath, refuses: Callable[..., None]
+@pytest.mark.parametrize("ending", [".src", ".script"])
+def test_programs_that_do_not_set_an_analog_output_warn(
+    taught: Callable[..., ac.TaughtData], tmp_path: FilePath, ending: str
 ) -> None:
-    refuses(
-        lambda: export(
-            taught(np.zeros((20, 6)), events=()),
-            tmp_path / "part.src",
-            template="kuka",
-            analog={"power": lambda t: 0 * t},
-        ),
-        InvalidInput,
-        "The template kuka has no place for the analog output power: csv, parquet, npz and "
-        "templates of your own have one.",
-    )
+    given = taught(np.zeros((20, 6)), events=())
+    options: dict[str, Any] = {"analog": {"power": lambda t: 0 * t}}
+    options |= {"template": "kuka"} if ending == ".src" else {}
+    with pytest.warns(UserWarning, match="does not set power"):
+        export(given, tmp_path / f"part{ending}", **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(given, tmp_path / f"part{ending}", outputs={"power": 1}, **options)
+    assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 
 def test_the_uncompensated_reference_is_exported_every_period(

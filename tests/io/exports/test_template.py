@@ -49,7 +49,7 @@ def told(text: str) -> list[tuple[str, float]]:
 
 def expected(table: Table) -> list[tuple[str, float]]:
     words = ["tool=on", "gas=2.5", 'label="A, \\"b\\"; 7"', "tool=off", "tool=on"]
-    return [(word, round(x.t, 12)) for word, x in zip(words, table.events, strict=True)]
+    return [(word, round(x.t, 6)) for word, x in zip(words, table.events, strict=True)]
 
 
 def test_kuka_has_every_point_its_time_and_the_events_in_order(
@@ -61,11 +61,11 @@ def test_kuka_has_every_point_its_time_and_the_events_in_order(
     assert lines[2] == "DEF made( )" and lines[-1] == "END" and "{{" not in text
     points = [(m[1], [float(x) for x in m.groups()[1:]]) for x in lines if (m := SPTP.match(x))]
     assert [kind for kind, _ in points] == ["PTP"] + ["SPTP"] * 8
-    np.testing.assert_allclose(np.radians([q for _, q in points]), given.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose([q for _, q in points], np.degrees(given.q), rtol=0, atol=6e-7)
     parts = [float(x) for x in re.findall(rf"TIME_BLOCK PART = ({NUMBER})", text)]
     whole = float(re.findall(rf"TIME_BLOCK END = ({NUMBER})", text)[0])
     times = np.cumsum([0, *parts]) / 100 * whole
-    np.testing.assert_allclose([*times, whole], given.t, rtol=0, atol=1e-12)
+    np.testing.assert_allclose([*times, whole], given.t, rtol=0, atol=1e-6)
     assert told(text) == expected(given)
     # Triggers stand before the segment in which they count, with the time since its start.
     assert TRIGGER.findall(text) == [("0.000", "17", "TRUE"), ("0.000", "17", "FALSE")]
@@ -75,7 +75,7 @@ def test_kuka_has_every_point_its_time_and_the_events_in_order(
         if TRIGGER.match(x)
     ]
     assert before == [0, 3]
-    assert lines[-4:-1] == ["WAIT SEC 0.013500", "; tool=on at 0.045500000000 s", "$OUT[17] = TRUE"]
+    assert lines[-4:-1] == ["WAIT SEC 0.013500", "; tool=on at 0.045500 s", "$OUT[17] = TRUE"]
 
 
 def test_abb_has_every_point_its_time_and_the_events_in_order(
@@ -87,13 +87,44 @@ def test_abb_has_every_point_its_time_and_the_events_in_order(
     assert lines[0] == "MODULE part_7" and lines[-1] == "ENDMODULE"
     moves = [m for x in lines if (m := MOVE.fullmatch(x))]
     q = [[float(x) for x in m[1].split(",")] for m in moves]
-    np.testing.assert_allclose(np.radians(q), given.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(q, np.degrees(given.q), rtol=0, atol=6e-7)
     times = np.cumsum([0, *(float(m[3]) for m in moves[1:])])
-    np.testing.assert_allclose(times, given.t, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(times, given.t, rtol=0, atol=5e-6)
     assert [m[4] for m in moves] == ["fine", *["z1"] * 7, "fine"]
     assert told(text) == expected(given)
     assert re.findall(r"SetDO (\w+), (\d);", text) == [("doTool", x) for x in "101"]
-    assert lines[-5:-3] == ["WaitTime 0.013500;", "! tool=on at 0.045500000000 s"]
+    assert lines[-5:-3] == ["WaitTime 0.013500;", "! tool=on at 0.045500 s"]
+
+
+def test_analog_outputs_are_set_where_they_change(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    power = np.array([0.0, 0.2, 0.2, 0.6, 1.0, 1.0, 0.3, 0.3, 0.1])
+    given = dataclasses.replace(table(6, count=9, events=()), analog={"power": power, "gas": power})
+    changes = [0, 1, 3, 4, 6, 8]
+    lines = made(given, tmp_path, "kuka", outputs={"power": 2}).splitlines()
+    found = [
+        (sum(x.startswith("SPTP ") for x in lines[:i]), float(x.split("= ")[-1]))
+        for i, x in enumerate(lines)
+        if "$ANOUT[2] =" in x
+    ]
+    assert found == [(k, power[k]) for k in changes]
+    assert "TRIGGER WHEN PATH = 0 ONSTART DELAY = 0.000 DO $ANOUT[2] = 0.600000" in lines
+    lines = [x.strip() for x in made(given, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()]
+    found = [
+        (sum(x.startswith("MoveAbsJ") for x in lines[:i]) - 1, float(x[len("SetAO aoP, ") : -1]))
+        for i, x in enumerate(lines)
+        if x.startswith("SetAO aoP, ")
+    ]
+    assert found == [(k, power[k]) for k in changes]
+    high = dataclasses.replace(given, analog={"power": 10 * power})
+    refuses(
+        lambda: made(high, tmp_path, "kuka", outputs={"power": 2}),
+        InvalidInput,
+        "power",
+        "from -1 to 1",
+    )
+    assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
 
 
 @pytest.mark.parametrize("name", templates())

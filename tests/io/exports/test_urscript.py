@@ -20,16 +20,20 @@ from armcontour.motion import TimedEvent
 SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")
 MOVEJ = re.compile(r"movej\(\[([^\]]*)\], a=0.3, v=0.2\)")
 OUTPUT = re.compile(r"set_standard_digital_out\((\d), (True|False)\)")
+ANALOG = re.compile(r"set_standard_analog_out\(([01]), (\d\.\d{4})\)")
 TEXT = re.compile(r'textmsg\("([^"]*)"\)')
 
 
 def run(text: str) -> tuple[list[Any], list[tuple[float, Any]], np.ndarray]:
     """The set-points with their times, what was switched when, and where it began."""
+    # The rule for programs over a socket: the first line begins the function, the last one ends it.
+    first_line, *_, last_line = text.splitlines()
+    assert re.fullmatch(r"def armcontour_\w+\(\):", first_line) and last_line == "end"
     lines = [x.split("#")[0].strip() for x in text.splitlines()]
     lines = [x for x in lines if x]
-    assert lines[0] == "def armcontour():" and lines[-2:] == ["end", "armcontour()"]
+    assert sum(x.startswith("def ") for x in lines) == lines.count("end") == 1
     clock, points, events, first = 0.0, [], [], np.zeros(0)
-    for line in lines[1:-2]:
+    for line in lines[1:-1]:
         if match := SERVOJ.fullmatch(line):
             points.append((clock, [float(x) for x in match[1].split(",")]))
             clock += float(match[2])
@@ -38,6 +42,8 @@ def run(text: str) -> tuple[list[Any], list[tuple[float, Any]], np.ndarray]:
             first = np.array([float(x) for x in match[1].split(",")])
         elif match := OUTPUT.fullmatch(line):
             events.append((clock, (int(match[1]), match[2] == "True")))
+        elif match := ANALOG.fullmatch(line):
+            events.append((clock, (f"AO{match[1]}", float(match[2]))))
         elif match := TEXT.fullmatch(line):
             events.append((clock, match[1]))
         else:
@@ -57,9 +63,9 @@ def test_every_set_point_has_its_time_and_the_way_to_the_first_is_slow(
     points, events, first = run(program(given, tmp_path))
     assert len(points) == len(given.q) + 1 and not events
     np.testing.assert_allclose([x for x, _ in points[:-1]], given.t, rtol=0, atol=1e-12)
-    np.testing.assert_allclose([q for _, q in points[:-1]], given.q, rtol=0, atol=0.5000001e-12)
-    np.testing.assert_allclose(points[-1][1], given.q[-1], rtol=0, atol=0.5000001e-12)
-    np.testing.assert_allclose(first, given.q[0], rtol=0, atol=0.5000001e-12)
+    np.testing.assert_allclose([q for _, q in points[:-1]], given.q, rtol=0, atol=0.5000001e-6)
+    np.testing.assert_allclose(points[-1][1], given.q[-1], rtol=0, atol=0.5000001e-6)
+    np.testing.assert_allclose(first, given.q[0], rtol=0, atol=0.5000001e-6)
 
 
 def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(
@@ -79,9 +85,9 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(
     ]
     for (at, _), event in zip(events, given.events, strict=True):
         assert abs(at - event.t) <= given.period / 2 + 1e-12
-    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-12)
+    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-6)
     exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
-    np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=0.5000001e-6)
 
 
 def test_without_outputs_events_are_only_told(
@@ -129,6 +135,42 @@ def test_a_name_without_quotes_and_backslashes_can_be_told(
     events = [x for value in (True, False, 2.5, "on") for x in said(name, value)]
     _, told, _ = run(program(table(events=tuple(events)), tmp_path))
     assert [x for _, x in told] == [f"{name}={x}" for x in ("on", "off", "2.5", "on")]
+
+
+def test_analog_outputs_are_set_at_the_set_points_where_they_change(
+    table: Callable[..., Table], tmp_path: FilePath, refuses: Callable[..., None]
+) -> None:
+    power = np.array([0.0, 0.2, 0.2, 0.60004, 1.0, 1.0, 0.3, 0.0, 0.0])
+    given = dataclasses.replace(table(count=9, events=()), analog={"power": power})
+    for output in ("AO1", 1):
+        points, events, _ = run(program(given, tmp_path, outputs={"power": output}))
+        assert events == [
+            (pytest.approx(given.t[k]), ("AO1", round(power[k], 4))) for k in (0, 1, 3, 4, 6, 7)
+        ]
+        assert len(points) == 10
+    assert "analog" not in program(given, tmp_path)
+    for output in ("AO2", 2, "ao", True, -1):
+        wrong = {"power": output}
+        refuses(lambda o=wrong: program(given, tmp_path, outputs=o), InvalidInput, "AO0 or AO1")
+    high = dataclasses.replace(given, analog={"power": 1000 * power})
+    refuses(
+        lambda: program(high, tmp_path, outputs={"power": 0}), InvalidInput, "power", "1000", "to 1"
+    )
+
+
+def test_contours_are_named_where_they_begin_and_the_call_is_an_option(
+    table: Callable[..., Table], tmp_path: FilePath
+) -> None:
+    given = dataclasses.replace(table(count=9, events=()), name="7 Löcher")
+    given = dataclasses.replace(given, contours=((0.0, "rim"), (given.t[4], "hole 2")))
+    lines = program(given, tmp_path).splitlines()
+    assert lines[0] == "def armcontour_7_L_cher():" and lines[-1] == "end"
+    before = [
+        sum("servoj" in x for x in lines[:i]) for i, x in enumerate(lines) if "# contour" in x
+    ]
+    assert before == [0, 4] and "  # contour hole 2" in lines
+    called = program(given, tmp_path, call=True).splitlines()
+    assert called == [*lines, "", "armcontour_7_L_cher()"]
 
 
 def said(name: str, value: Any, t: float = 0.0) -> tuple[TimedEvent, ...]:

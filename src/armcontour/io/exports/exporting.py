@@ -16,7 +16,7 @@ from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
 from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.tables import write_csv, write_npz, write_parquet
-from armcontour.io.exports.template import SHIPPED, describe_unswitched, write_template
+from armcontour.io.exports.template import describe_unswitched, write_template
 from armcontour.io.exports.urscript import write_urscript
 from armcontour.motion import TaughtData, Trajectory
 
@@ -30,9 +30,9 @@ FORMATS = {
     "urscript": ".script",
     "template": "",
 }
-# Formats with analog outputs; of templates those of users. And the same in words.
-WITH_ANALOG = ("csv", "parquet", "npz", "template")
-HAVE_ANALOG = "csv, parquet, npz and templates of your own have"
+# Formats with analog outputs, and the same in words.
+WITH_ANALOG = ("csv", "parquet", "npz", "urscript", "template")
+HAVE_ANALOG = "csv, parquet, npz, urscript and templates have"
 _PLAIN: dict[str, Callable[[Table, FilePath], None]] = {
     "csv": write_csv,
     "parquet": write_parquet,
@@ -61,6 +61,7 @@ def export(
     derivatives: int = 2,
     tool_motion: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
+    call: bool = False,
 ) -> None:
     """Write taught data or a trajectory to a file.
 
@@ -77,18 +78,21 @@ def export(
         template: For "template": "kuka", "abb", or the path of a jinja2 file.
         name: Name of the program inside the file; by default the name of the file, which the
             template kuka always takes.
-        outputs: For "urscript" and "template": the output of each event by the event's name.
+        outputs: For "urscript" and "template": the output of each event by the event's name, and of
+            each analog output, such as "AO0" for "urscript".
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
             interpolates by quintics, cubics or lines.
         tool_motion: Whether csv, parquet, npz and template get the tool's point, orientation
             (quaternion) and speed. For taught data they are those of the set-points.
         analog: Analog outputs by their names, for the same formats: functions from times of the
-            plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them. The templates
-            kuka and abb have none.
+            plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them. A robot
+            program sets those that `outputs` names.
+        call: Whether a program of "urscript" is followed by its call, for a script file that a
+            program of the pendant includes. Programs that are sent to the controller end without.
 
     Warns:
-        UserWarning: A program of the template kuka or abb does not switch an event, as no output is
-            named.
+        UserWarning: A program of the template kuka or abb does not switch an event, or a program
+            does not set an analog output, as no output is named.
 
     Raises:
         InvalidInput: The format is unknown or does not have an option, an output is of an unknown
@@ -108,16 +112,22 @@ def export(
         analog=analog,
     )
     if outputs is not None:
-        names = (x.name for x in table.events)
+        names = (*(x.name for x in table.events), *table.analog)
         refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
     # Where warnings are errors, nothing is written.
     for said in describe_unswitched(
-        table.events, template, outputs, lambda event, output: f"outputs={{{event!r}: {output!r}}}"
+        table,
+        kind if template is None else template,
+        outputs,
+        lambda event, output: f"outputs={{{event!r}: {output!r}}}",
     ):
-        warnings.warn(f"Template {template}: {said}", stacklevel=2)
+        called = f"Format {kind}" if template is None else f"Template {template}"
+        warnings.warn(f"{called}: {said}", stacklevel=2)
     put(
         destination,
-        lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
+        lambda path: write_table(
+            table, path, format=kind, template=template, outputs=outputs, call=call
+        ),
         folder=kind == "mcap",
     )
 
@@ -144,10 +154,8 @@ def refuse_unknown_outputs(
     known = sorted(set(events))
     for name in outputs:
         if name not in known:
-            has = f"its events are {', '.join(known)}" if known else "it switches nothing"
-            raise InvalidInput(
-                f"{option} names the event {name!r}, which {owner} does not have: {has}."
-            )
+            has = f"it has {', '.join(known)}" if known else "it switches nothing"
+            raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
 
 
 def write_table(
@@ -157,6 +165,7 @@ def write_table(
     format: str,
     template: str | FilePath | None = None,
     outputs: Mapping[str, int | str] | None = None,
+    call: bool = False,
 ) -> None:
     """Write a table directly to a path, without a temporary file.
 
@@ -166,6 +175,7 @@ def write_table(
         format: A name of `formats()`.
         template: As in `export`.
         outputs: As in `export`.
+        call: As in `export`.
 
     Raises:
         InvalidInput: As in `export`.
@@ -173,28 +183,24 @@ def write_table(
     kind = chosen_format(file, format, template)
     if outputs is not None and kind not in ("urscript", "template"):
         raise InvalidInput(f"Outputs are for urscript and template, not for {kind}.")
-    if table.analog and not takes_analog(kind, template):
-        called = f"format {kind}" if template is None else f"template {template}"
+    if call and kind != "urscript":
+        raise InvalidInput(f"A call is for urscript, not for {kind}.")
+    if table.analog and not takes_analog(kind):
         raise InvalidInput(
-            f"The {called} has no place for the analog output {next(iter(table.analog))}: "
+            f"The format {kind} has no place for the analog output {next(iter(table.analog))}: "
             f"{HAVE_ANALOG} one."
         )
     if kind == "urscript":
-        write_urscript(table, file, outputs)
+        write_urscript(table, file, outputs, call=call)
     elif kind == "template" and template is not None:
         write_template(table, file, template, outputs)
     else:
         _PLAIN[kind](table, file)
 
 
-def takes_analog(kind: str, template: str | FilePath | None = None) -> bool:
-    """Whether a format has analog outputs.
-
-    Args:
-        kind: A name of `formats()`.
-        template: The template, for that format.
-    """
-    return kind in WITH_ANALOG and not (isinstance(template, str) and template in SHIPPED)
+def takes_analog(kind: str) -> bool:
+    """Whether a format, which is a name of `formats()`, has analog outputs."""
+    return kind in WITH_ANALOG
 
 
 def chosen_format(file: FilePath, format: str | None, template: Any = None) -> str:

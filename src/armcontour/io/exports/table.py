@@ -45,6 +45,7 @@ class Table:
         tool_speed: Speed of the tool point [m/s], (n,).
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
         analog: Values of analog outputs by their names, (n,) each.
+        contours: Start times [s] and names of contours.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -64,6 +65,7 @@ class Table:
     tool_speed: FloatArray | None = None
     start_time: float = 0.0
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
+    contours: tuple[tuple[float, str], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
@@ -213,21 +215,22 @@ def make_table(
     derivatives = _checks.whole("derivatives", derivatives, 0, 2)
     if isinstance(data, TaughtData):
         samples, step = _set_points(data, period, derivatives), data.period
-        start, events = data.start_time, data.trajectory.events
+        start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_period(data, name, period)
-        samples, start, events = data.sample(step), 0.0, data.events
+        samples, start, plan = data.sample(step), 0.0, data
     return tabulate(
         samples,
         name=name,
         period=step,
-        events=tuple(x.shifted(-start) for x in events),
+        events=tuple(x.shifted(-start) for x in plan.events),
         start_time=start,
         arm=arm,
         joint_names=joint_names,
         derivatives=derivatives,
         tool_motion=tool_motion,
         analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
+        contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
     )
 
 
@@ -243,6 +246,7 @@ def tabulate(
     derivatives: int = 2,
     tool_motion: bool = False,
     analog: Mapping[str, FloatArray] | None = None,
+    contours: tuple[tuple[float, str], ...] = (),
 ) -> Table:
     """The table of samples; the arguments are those of `Table` and of `make_table`.
 
@@ -268,6 +272,7 @@ def tabulate(
         events=events,
         start_time=start_time,
         analog=analog or {},
+        contours=contours,
         **({} if arm is None else _tool(arm, samples, tool_motion)),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -17,12 +17,12 @@ from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, format_event
-from armcontour.motion import TimedEvent
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 # Outputs as these controllers name them, for messages.
 EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17}
+ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
 # So many events are named in one sentence.
 MOST_NAMES = 4
 
@@ -110,29 +110,36 @@ def template_of(
 
 
 def describe_unswitched(
-    events: Iterable[TimedEvent],
-    template: str | FilePath | None,
+    table: Table,
+    name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
 ) -> list[str]:
-    """Sentences on events that a program of the package's templates does not switch.
+    """Sentences on outputs that a program of urscript or of the package's templates does not set.
 
     The templates of users may switch events without outputs.
 
     Args:
-        events: The events.
-        template: The template; None for other formats.
-        outputs: The outputs of events by their names.
+        table: The table, with events and analog outputs.
+        name: The template, or the format.
+        outputs: The outputs of events and analog outputs by their names.
         name_output: How users name the output of an event.
     """
-    if not isinstance(template, str) or template not in SHIPPED:
-        return []
-    left = [x for x in events if x.name not in (outputs or {})]
+    found = []
+    unset = [x for x in table.analog if x not in (outputs or {})]
+    if unset and name in ANALOG_EXAMPLES:
+        example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
+        found.append(
+            f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
+            f"named. Name an output, such as {example}."
+        )
+    if not isinstance(name, str) or name not in SHIPPED:
+        return found
+    left = [x for x in table.events if x.name not in (outputs or {})]
     valued = {x.name: None for x in left if not isinstance(x.value, bool)}
     switches = {x.name: None for x in left if x.name not in valued}
-    found = []
     if switches:
-        example = name_output(next(iter(switches)), EXAMPLES[template])
+        example = name_output(next(iter(switches)), EXAMPLES[name])
         found.append(
             f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
             f"named: the program has comments in these places. Name an output, such as {example}."

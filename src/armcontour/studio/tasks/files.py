@@ -152,15 +152,15 @@ def export(x: Request) -> Frame:
             period=None if taught else x.option("period", plan.run.period),
             derivatives=int(x.option("derivatives", 2)),
             tool_motion=bool(x.option("tool_motion", False)),
-            analog=_analog(kind, template, plan, x.job, analog_outputs),
+            analog=_analog(kind, plan, x.job, analog_outputs),
         )
         outputs = x.options.get("outputs")
         if outputs is not None:
-            names = (y.name for y in table.events)
+            names = (*(y.name for y in table.events), *table.analog)
             refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
         told = describe_unswitched(
-            table.events,
-            template,
+            table,
+            template or kind,
             outputs,
             lambda event, output: f"--output {event}={output} of armcontour export",
         )
@@ -170,20 +170,19 @@ def export(x: Request) -> Frame:
             folder=kind == "mcap",
         )
         name, content = _content_of(file)
+    called = f"Format {kind}" if template is None else f"Template {template}"
     header = {
         **{"run": plan.run.name, "points": len(plan.taught.q)},
-        "warnings": (*plan.warnings, *(f"Template {template}: {said}" for said in told)),
+        "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
     }
     return _file(name, content, header)
 
 
-def _analog(
-    kind: str, template: str | None, plan: RunPlan, job: Job, outputs: Callable[..., Any]
-) -> Any:
+def _analog(kind: str, plan: RunPlan, job: Job, outputs: Callable[..., Any]) -> Any:
     """The analog outputs of a plan, for formats that have them."""
     from armcontour.io.exports import takes_analog
 
-    if not takes_analog(kind, template):
+    if not takes_analog(kind):
         return None
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
 
