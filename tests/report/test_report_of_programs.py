@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from armcontour.evaluation import evaluate
 from armcontour.geometry import Demand, Line, Path
+from armcontour.geometry.cutting import cut_path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import Job, Study, run
@@ -266,6 +267,31 @@ def test_leads_are_apart_from_what_is_at_work(led: Study) -> None:
     figure = sections.paths(led).figures[0]  # type: ignore[union-attr]
     objective = points(traces(figure)["objective path"]) * 1e-3
     assert np.nanmin(np.linalg.norm(objective - lead[0], axis=1)) < 1e-6
+
+
+@pytest.mark.parametrize("cell", ["pmk3s", "ur5e"])
+def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn(cell: str) -> None:
+    job = read_cell(cell, DRAWINGS / "plate.dxf")
+    lead = Lead(length=2e-3, shape="arc", active=True)
+    process = Process(kerf=1e-3, lead_in=lead, lead_out=Lead(length=2e-3, shape="arc"))
+    study = run(replace_runs(dataclasses.replace(job, process=process), compensation="none"))
+    section = sections.program(study)
+    assert section is not None
+    found = traces(section.figures[0])
+    (result,) = study.runs.values()
+    drawn, band = points(found["as drawn"]), points(found["kerf, 1 mm"])
+    for contour in job.program.contours:
+        off = np.linalg.norm(drawn - 1e3 * contour.path(0.0), axis=1)
+        assert np.nanmin(off) < 1e-3
+    band = band[~np.isnan(band[:, 0])]
+    # Along the active lead-in, too, and not along the lead-out.
+    cut = [cut_path(x.path, 0.0, x.at_work[1]) for x in result.path.contours]
+    away = np.min([x.project(1e-3 * band).distance for x in cut], axis=0)
+    assert away.max() == pytest.approx(0.5e-3, abs=1e-6)
+    assert np.median(away) == pytest.approx(0.5e-3, abs=1e-6)
+    begins = [np.linalg.norm(1e-3 * band - x(0.0), axis=1).min() for x in cut]
+    assert max(begins) <= 0.501e-3
+    assert "leads" in found and "leads, tool off" not in found
 
 
 def test_names_from_a_file_are_escaped_and_leads_of_events_are_said(led: Study) -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.studio.conftest import PAPER
 from tests.studio.drawn import packed, uv
 
 from armcontour.evaluation import check
@@ -143,6 +144,31 @@ class TestPrograms:
             assert x["name"] == contour.name
         breaks = a["objective_breaks"]
         assert len(breaks) == len(contours) + 1 and breaks[-1] == len(a["objective"])
+
+    def test_the_kerf_lies_beside_the_drawn_contours(self, previewer, square, view):
+        square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+        lead = {"length": "2 mm", "shape": "arc"}
+        square["process"] = {
+            "kerf": "1 mm",
+            "by_layer": {"MARK": {"kerf": None, "lead_in": None}},
+            "lead_in": lead | {"active": True},
+            "lead_out": lead,
+        }
+        planned = previewer.plan(square)
+        frame = packed(picture_frame(planned, view))
+        a, cut = frame.arrays, [x for x in planned.path.contours if x.layer == "CUT"]
+        assert frame.header["kerfs"] == [1e-3] * len(cut)
+        parts = np.split(a["cut"], a["cut_breaks"][1:-1])
+        # Along the active lead-in, without the lead-out.
+        for part, contour in zip(parts, cut, strict=True):
+            ends = contour.path(np.array([0.0, contour.at_work[1]]))
+            np.testing.assert_allclose(part[[0, -1]] + view.centre, uv(view, ends), atol=1e-7)
+        drawn = np.split(a["drawn"], a["drawn_breaks"][1:-1])
+        given = [x for x in planned.job.program.contours if x.layer == "CUT"]
+        for part, contour in zip(drawn, given, strict=True):
+            begin = uv(view, contour.path(0.0)) - view.centre
+            np.testing.assert_allclose(part[0], begin, atol=1e-7)
+        assert "cut" not in packed(picture_frame(previewer.plan(PAPER, "optimal"), view)).arrays
 
     def test_colours_are_those_of_every_contour(self, gasket):
         planned, frame = gasket

@@ -1,5 +1,6 @@
 """Programs: contours in order, with rapids, dwells and events between them."""
 
+from armcontour.program.kerf import cut_parts
 from armcontour.program.moves import Contour, Dwell, Event, Move, Program, Rapid, contour_called
 from armcontour.program.preparing import arrange, prepare
 from armcontour.program.process import (
@@ -33,6 +34,7 @@ __all__ = [
     "Weave",
     "arrange",
     "contour_called",
+    "cut_parts",
     "prepare",
     "put_on_path",
     "round_corners",

@@ -34,6 +34,25 @@ from armcontour.program.scrap_side import waste_sides
 HALVINGS = 14
 
 
+def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
+    """Parts of the tool path that separate material: path, first and last arc length, kerf [m].
+
+    Args:
+        program: The program with leads.
+        process: The process that it was prepared for.
+    """
+    found = []
+    for x in program.contours:
+        own, (begin, end) = process.of_layer(x.layer), x.at_work
+        if not own.kerf:
+            continue
+        if own.begins_on:
+            # The way down from the height of the pierce comes first.
+            begin = 0.0 if own.pierce is None else own.pierce.height
+        found.append((x.path, begin, x.path.length if own.ends_on else end, own.kerf))
+    return found
+
+
 def apply_kerf(program: Program, process: Process) -> Program:
     """The program with the tool beside its contours by half the kerf.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
-from armcontour.program import Program
+from armcontour.program import Program, cut_parts
 from armcontour.studio.demand import demand_of
 from armcontour.studio.line import NOTHING, Line, places_of
 from armcontour.studio.previewed import Planned
@@ -61,6 +62,7 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     places = sum(len(places_of(x.path)) for x in planned.path.contours)
     kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_PLACE * places))
     points, s = line.points[kept], line.s[kept]
+    kerfs, cut = _kerf(planned, view)
     header = {
         "run": planned.run.name,
         "of": of,
@@ -71,6 +73,7 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
         "shares": _shares(planned),
         "shortfalls": _shortfalls(planned, view),
         "corners": _corners(planned, view),
+        "kerfs": kerfs,
         "warnings": planned.warnings,
         "notes": _notes(planned),
         "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
@@ -82,6 +85,7 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
         header,
         {
             **_objective(planned.objective, view),
+            **cut,
             "path": view.drawn(points),
             "path_s": short(s),
             "path_t": short(line.t[kept]),
@@ -116,6 +120,7 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
         "shares": [],
         "shortfalls": [],
         "corners": [],
+        "kerfs": [],
         "warnings": [],
         "notes": [*program.notes, *([note] if note else [])],
         "ms": {},
@@ -127,7 +132,11 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
 
 def _outline(program: Program) -> tuple[FloatArray, IntArray]:
     """Points of all contours [m], and the index of the first point of each, and their number."""
-    parts = [x.path(places_of(x.path)) for x in program.contours]
+    return _join([x.path(places_of(x.path)) for x in program.contours])
+
+
+def _join(parts: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Points of all parts, and the index of the first point of each, and their number."""
     return np.concatenate(parts), np.cumsum([0, *(len(x) for x in parts)])
 
 
@@ -135,14 +144,33 @@ def _objective(objective: Program, view: View) -> dict[str, Any]:
     return _thinned_outline(*_outline(objective), view)
 
 
-def _thinned_outline(points: FloatArray, ends: IntArray, view: View) -> dict[str, Any]:
-    """Arrays of the path before corners are rounded."""
+def _kerf(planned: Planned, view: View) -> tuple[list[float], dict[str, Any]]:
+    """The kerf of each part that is cut [m], and arrays of these parts and of what is drawn."""
+    process, parts = planned.job.process, cut_parts(planned.path, planned.job.process)
+    if not parts:
+        return [], {}
+    cut = []
+    for path, begin, end, _ in parts:
+        s = places_of(path)
+        cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
+    given = [x for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
+    drawn = _join([x.path(places_of(x.path)) for x in given])
+    return [kerf for *_, kerf in parts], {
+        **_thinned_outline(*_join(cut), view, "cut"),
+        **_thinned_outline(*drawn, view, "drawn"),
+    }
+
+
+def _thinned_outline(
+    points: FloatArray, ends: IntArray, view: View, name: str = "objective"
+) -> dict[str, Any]:
+    """Arrays of lines of a name, by default the path before corners are rounded."""
     weight = bends(points)
     weight[ends[:-1]] = weight[ends[1:] - 1] = np.inf
     kept = thin(weight, list(points.T), MOST_POINTS)
     return {
-        "objective": view.drawn(points[kept]),
-        "objective_breaks": np.searchsorted(kept, ends).astype(np.uint32),
+        name: view.drawn(points[kept]),
+        f"{name}_breaks": np.searchsorted(kept, ends).astype(np.uint32),
     }
 
 

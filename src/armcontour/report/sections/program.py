@@ -11,7 +11,7 @@ from armcontour._text import list_some
 from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Span
-from armcontour.program import Contour, Program
+from armcontour.program import Contour, Program, cut_parts
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
 from armcontour.report.sections.program_timeline import timeline
@@ -25,17 +25,18 @@ REACHED = 0.999
 def program(study: Study) -> Section | None:
     """The moves of a program in place and in time, and its contours; None for a single path."""
     first = next(iter(study.runs.values()))
-    if first.path.single_path is not None:
+    if first.path.single_path is not None and not cut_parts(first.path, study.job.process):
         return None
     results = study.runs.items()
-    drawn, notes = picture(first)
+    drawn, notes = picture(first, study.job)
     return Section(
         key="program",
         title="Program",
         text=(
-            "As planned: contours with the process on, leads with the tool off, and rapids between "
-            "them. Rapids keep only the limits of the joints: the tool may be faster than the "
-            "assigned velocity. Between two moves the tool is at rest."
+            "As planned: contours with the process on, leads, and rapids between them; with a "
+            "kerf, the drawn contours and the band of the cut. Rapids keep only the limits of the "
+            "joints: the tool may be faster than the assigned velocity. Between two moves the tool "
+            "is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn, *(timeline(name, x) for name, x in results)),

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.jobs import RunResult
+from armcontour.jobs import Job, RunResult
 from armcontour.motion import TimedEvent
-from armcontour.program import Contour, Program
+from armcontour.program import Contour, Process, Program, cut_parts
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.outline import finely, outlines
+from armcontour.report.outline import fine_places, finely, outlines, simplify
 from armcontour.report.planned import ordinal
 from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
@@ -22,6 +22,7 @@ from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 OTHER_COLOUR = "#000000"
 LEAD_COLOUR = RUN_COLOURS[4]
+KERF_COLOUR, DRAWN_COLOUR = "rgba(120, 120, 120, 0.35)", "#000000"
 # Points along every rapid, which is a curve in space.
 RAPID_PLACES = 24
 # Largest number of markers; more markers overlap and are slow to draw.
@@ -41,7 +42,7 @@ SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
 ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 
-def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
+def picture(result: RunResult, job: Job) -> tuple[Any, tuple[str, ...]]:
     """Figure of the planned tool path of a program, and sentences on what is left out."""
     program = result.path
     figure, notes = Figure(), []
@@ -52,12 +53,19 @@ def picture(result: RunResult) -> tuple[Any, tuple[str, ...]]:
         # In space, plotly restarts dashes at every point.
         look = {"width": 1.2, "dash": "dash"} if flat else {"width": 2}
         figure.add_trace(draw(rapids, "rapids", PATH_COLOUR, **look))
+    for trace in _draw_kerf(program, job.process):
+        figure.add_trace(trace)
     leads = _leads(program)
     if leads is not None:
         width = 1.8 if flat else 4
-        figure.add_trace(draw(leads, "leads, tool off", LEAD_COLOUR, width=width))
+        name = "leads" if any(x.active for x in job.process.leads) else "leads, tool off"
+        figure.add_trace(draw(leads, name, LEAD_COLOUR, width=width))
     for name, colour, points in split_layers(program):
         figure.add_trace(draw(points, name, colour, width=2.2 if flat else 5))
+    drawn = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
+    if drawn:
+        look = {"width": 1.2, "dash": "dot"} if flat else {"width": 2}
+        figure.add_trace(draw(_outline(drawn), "as drawn", DRAWN_COLOUR, **look))
     if figure.data:
         everywhere = np.concatenate([coordinates_of(x, program.dimension) for x in figure.data])
     starts, note = _starts(result, program)
@@ -138,6 +146,45 @@ def split_layers(program: Program) -> list[tuple[str, str, FloatArray]]:
 def _outline(contours: Sequence[Contour]) -> FloatArray:
     """Points of contours without leads."""
     return outlines([finely(x.path, *x.at_work) for x in contours])
+
+
+def _draw_kerf(program: Program, process: Process) -> list[Any]:
+    """The bands of material that the kerf takes away; none without a kerf."""
+    parts = cut_parts(program, process)
+    if not parts:
+        return []
+    places = [fine_places(path, begin, end) for path, begin, end, _ in parts]
+    kept = simplify([path(s) for (path, *_), s in zip(parts, places, strict=True)])
+    bands = []
+    for (path, _, _, kerf), s, few in zip(parts, places, kept, strict=True):
+        # Both tangents at every place, so that a corner has both of its edges.
+        tangents = np.stack([path(s[few], 1, side=x) for x in ("left", "right")], axis=1)
+        tangents = tangents.reshape(-1, program.dimension)
+        if program.dimension == 2:
+            across = np.column_stack([-tangents[:, 1], tangents[:, 0]])
+        else:
+            across = np.cross(process.up, tangents)
+        across *= kerf / 2 / np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+        points = np.repeat(path(s[few]), 2, axis=0)
+        bands.append((1e3 * (points + across), 1e3 * (points - across)))
+    kerfs = {f"{1e3 * kerf:.4g} mm" for *_, kerf in parts}
+    name = f"kerf, {kerfs.pop()}" if len(kerfs) == 1 else "kerf"
+    look = {"name": name, "showlegend": True, "hoverinfo": "skip"}
+    if program.dimension == 2:
+        gap = np.full((1, 2), np.nan)
+        rings = [x for left, right in bands for x in (left, right[::-1], left[:1], gap)]
+        x, y = np.concatenate(rings).astype(np.float32).T
+        look |= {"mode": "lines", "line": {"width": 0}, "fill": "toself"}
+        return [make_trace("scatter", x=x, y=y, fillcolor=KERF_COLOUR, **look)]
+    x, y, z = np.concatenate([y for both in bands for y in both]).astype(np.float32).T
+    corners, first = [], 0
+    for left, right in bands:
+        k = first + np.arange(len(left) - 1)
+        other = k + len(left)
+        corners += [np.stack([k, k + 1, other]), np.stack([k + 1, other + 1, other])]
+        first += len(left) + len(right)
+    i, j, k = np.concatenate(corners, axis=1).astype(np.int32)
+    return [make_trace("mesh3d", x=x, y=y, z=z, i=i, j=j, k=k, color=KERF_COLOUR, **look)]
 
 
 def _leads(program: Program) -> FloatArray | None:

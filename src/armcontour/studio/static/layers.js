@@ -57,6 +57,25 @@ export class Layers {
     );
   }
 
+  /** Contours with a kerf as they are drawn. @param {Frame} picture @returns {Path2D} */
+  drawn(picture) {
+    const { drawn = new Float32Array(0), drawn_breaks: breaks } = picture.arrays;
+    return this.keep(`drawn ${picture.head.of}`, [picture, this.least], () =>
+      polyline(drawn, breaks, this.least, this.Way),
+    );
+  }
+
+  /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
+  cuts(picture) {
+    const { cut, cut_breaks: breaks } = picture.arrays;
+    return this.keep(`cuts ${picture.head.of}`, [picture, this.least], () =>
+      picture.head.kerfs.map((/** @type {number} */ kerf, /** @type {number} */ k) => ({
+        kerf,
+        path: polyline(cut.subarray(2 * breaks[k], 2 * breaks[k + 1]), [], this.least, this.Way),
+      })),
+    );
+  }
+
   /** The path in its colours. @param {Frame} picture @param {Frame | null} executed */
   strokes(picture, executed) {
     const { theme, options } = this.store;

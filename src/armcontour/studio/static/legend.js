@@ -57,6 +57,9 @@ export function legendOf(store, layers, picture, magnify) {
   if (magnify) found.push(sample(ink("executed"), [], 1.5, `executed tool, error ×${magnify}`));
   if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
   found.push(sample(ink("faint"), [5, 4], 1, "objective"));
+  if (picture.head.kerfs.length) {
+    found.push(sample(ink("ink"), [2, 2], 1, "as drawn"), sample(ink("kerf"), [], 8, "kerf"));
+  }
   if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
   if (slowPlaces(picture).length) found.push({ ...sample(ink("alarm"), [], 1, "slow place", 10), corners: SLOW });
   return found;

@@ -15,7 +15,7 @@ const SHORTEST_LABELLED = 46; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
 const LONG = 12_000;
 
-const NAMES = ["ink", "quiet", "faint", "ground", "grid", "line", "band", "executed", "compared", "refusal", "alarm"];
+const NAMES = ["ink", "quiet", "faint", "ground", "grid", "line", "band", "kerf", "executed", "compared", "refusal", "alarm"];
 /** Colours by theme. @type {Map<string, Record<string, string>>} */
 const INKS = new Map();
 
@@ -75,6 +75,8 @@ export class Painter {
     const band = bandOf(picture);
     const objective = layers.objective(picture);
     if (band * view.scale > 1) stroke(context, objective, inks.band, 2 * band);
+    for (const { kerf, path } of layers.cuts(picture)) stroke(context, path, inks.kerf, kerf);
+    stroke(context, layers.drawn(picture), inks.ink, px, [2 * px, 2 * px]);
     const count = picture.arrays.path.length;
     const dashed = count > 0 && count < LONG;
     stroke(context, objective, count ? inks.faint : inks.ink, px, dashed ? [5 * px, 4 * px] : []);
