@@ -115,11 +115,13 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Drawn:
     return found
 
 
-def lead(rng: np.random.Generator) -> ac.Lead | None:
+def lead(rng: np.random.Generator, active: bool) -> ac.Lead | None:
     """A random lead, or none."""
     if rng.random() < 0.4:
         return None
-    return ac.Lead(length=rng.uniform(1e-3, 3e-3), shape=str(rng.choice(["line", "arc"])))
+    return ac.Lead(
+        length=rng.uniform(1e-3, 3e-3), shape=str(rng.choice(["line", "arc"])), active=active
+    )
 
 
 def run(seed: int) -> int:
@@ -149,6 +151,8 @@ def run(seed: int) -> int:
     tabs = ac.Tabs(width=1e-3, count=int(rng.integers(1, 3))) if rng.random() < 0.4 else None
     overlap = rng.uniform(0, 2e-3) * (rng.random() < 0.5)
     passes = int(rng.integers(1, 4)) if rng.random() < 0.4 else 1
+    # Along active leads the outputs may be on.
+    active = bool(rng.random() < 0.3)
     early = float(rng.choice([0.0, 0.01, -0.01]))
     layers = {x.layer for x in drawn}
     process = ac.Process(
@@ -158,8 +162,8 @@ def run(seed: int) -> int:
         tabs=tabs,
         overlap=overlap,
         passes=passes,
-        lead_in=lead(rng),
-        lead_out=lead(rng),
+        lead_in=lead(rng, active),
+        lead_out=lead(rng, active),
         # Something must come before the first event with its lead.
         dwell=rng.uniform(0.02, 0.1),
         analog=(
@@ -198,6 +202,7 @@ def run(seed: int) -> int:
     tool = arm.forward(plan(np.minimum(t, plan.duration)))
     speed = np.linalg.norm(np.gradient(tool, STEP, axis=0), axis=1)
     works = {x: np.zeros(len(t), dtype=bool) for x in ("laser", "glue")}
+    leads = np.zeros(len(t), dtype=bool)
     spans = [x for x in plan.spans if x.kind == "contour"]
     assert len(spans) == len(visits) - first
     for k, (span, (x, end)) in enumerate(zip(spans, visits[first:], strict=True)):
@@ -207,20 +212,24 @@ def run(seed: int) -> int:
         for a, b in x.off:
             place = s if x.centre is None else s % x.length
             work &= (place < a) | (place > b)
+        if active:
+            at_work = np.flatnonzero(here)[work]
+            leads |= here & ((t < t[at_work[0]]) | (t > t[at_work[-1]]))
         works["glue" if x.layer else "laser"][here] |= work & (speed[here] > 1e-6)
     for name, work in works.items():
         own = [y for y in plan.events if y.name == name]
         on = np.zeros(len(t), dtype=bool)
         for y in own:
             on[t >= y.t] = y.value is not False
-        judge(f"seed {seed}, {name}", t, on, work, on_lead, off_lead)
+        judge(f"seed {seed}, {name}", t, on, work, leads, on_lead, off_lead)
         if name == "laser":
             # It follows the laser, on the other layer too, where the laser is off.
-            judge(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, 0.0, 0.0)
+            judge(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, leads, 0.0, 0.0)
     power = analog["power"](t) != process.analog[0].off
     work = works["laser"] | works["glue"]
     ahead = np.interp(t + early, t, work.astype(float), right=0.0) > 0.5
-    judge(f"seed {seed}, power", t, power, ahead, 0.0, 0.0)
+    leads = np.interp(t + early, t, leads.astype(float), right=0.0) > 0
+    judge(f"seed {seed}, power", t, power, ahead, leads, 0.0, 0.0)
     return len(t)
 
 
@@ -229,20 +238,21 @@ def judge(
     t: np.ndarray,
     on: np.ndarray,
     work: np.ndarray,
+    leads: np.ndarray,
     on_lead: float,
     off_lead: float,
 ) -> None:
     """Raise AssertionError where an output is on without work, or off at work."""
-    done = np.concatenate([[0], np.cumsum(work)])
 
-    def count(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def count(here: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        done = np.concatenate([[0], np.cumsum(here)])
         i, j = np.searchsorted(t, low), np.searchsorted(t, high, side="right")
         return done[j] - done[i], j - i
 
-    some, _ = count(t - SLACK, t + on_lead + SLACK)
+    some, _ = count(work | leads, t - SLACK, t + on_lead + SLACK)
     wrong = on & (some == 0)
     assert not wrong.any(), f"{what}: on without work at {t[wrong][:5]} s, {wrong.sum()} samples"
-    some, all_of_them = count(t - SLACK, t + off_lead + SLACK)
+    some, all_of_them = count(work, t - SLACK, t + off_lead + SLACK)
     wrong = ~on & (some == all_of_them)
     assert not wrong.any(), f"{what}: off at work at {t[wrong][:5]} s, {wrong.sum()} samples"
 

@@ -308,11 +308,12 @@ def test_analog_outputs_of_robots_follow_their_options(call: Call, folder: FileP
     code, said = call(
         *("run", "robot.yaml", "--no-simulation", "--out", "robot", "--export", "urscript"),
         *("--template", "kuka", "--output", "urscript:power=AO1", "--output", "urscript:spindle=0"),
-        *("--period", "45 ms", "--call"),
+        *("--period", "45 ms", "--call", "--export", "ros-yaml", "--derivatives", "0"),
     )
     assert code == 0, said
     told = " ".join(said.split())
     assert "does not set power" in told and "--output power=1" in told
+    assert "passthrough controller) needs velocities" in told
     exports = folder / "robot" / "taught" / "export"
     for name in ("taught", "reference"):
         text = (exports / f"{name}.script").read_text()
