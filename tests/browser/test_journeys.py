@@ -413,6 +413,11 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         studio.wait("body", link="lost")
         expect(studio.find("#link-state")).to_contain_text("does not answer")
         assert studio.figure("duration") == shown
+        # Nothing is called exact, and nothing can be changed that would be lost.
+        studio.wait("#figures", exact="false")
+        expect(studio.find(".exactness")).to_have_text("not connected")
+        expect(studio.find("#messages")).to_contain_text("nothing can be changed")
+        expect(studio.find("main")).to_have_attribute("inert", "")
     with serving("--port", str(server.port), file, folder=tmp_path) as again:
         # The old page has the key of the old server.
         studio.wait("body", link="refused")
@@ -423,6 +428,13 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         fresh.rest()
         assert fresh.text == changed
         assert fresh.figure("duration") == shown
+        # The new address may be pasted into the old page.
+        studio.page.evaluate("x => { location.hash = x; }", again.address.partition("#")[2])
+        studio.wait("body", link="open")
+        studio.rest()
+        assert studio.figure("duration") == shown
+        expect(studio.find("main")).not_to_have_attribute("inert", "")
+        assert studio.page.evaluate("location.hash") == ""
 
 
 def test_j14_two_tabs_show_and_change_one_job(studio, pages):

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from soak.studio_page import SQUARE
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
 
 from armcontour.studio import screen
@@ -163,3 +165,32 @@ def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file: Path) -> None:
     text = lane.given[1][2]["text"]
     assert session.document.text == JOB != text and "400 mm, 160 mm" in text
     session.close()
+
+
+def test_another_configuration_of_the_full_run_is_announced(tmp_path: Path) -> None:
+    file = tmp_path / "job.yaml"
+    file.write_text(SQUARE)
+    session = session_of(file, rest=0.0)
+    session.begin()
+    tab, lane = Tab(session), NoLane.last
+
+    def notices() -> list[str]:
+        return [x.header["sentence"] for x in tab.frames if x.kind == "notice"]
+
+    wait_for(lambda: lane.given)
+    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
+    for k, turn in enumerate((0.0, np.pi / 2), 1):
+        tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
+        wait_for(
+            lambda k=k: len(lane.given) > k and lane.given[-1][2]["text"] == session.document.text
+        )
+        planned = session.display.screen.planned
+        assert planned is not None
+        before = planned.start
+        after = before + [0, 0, 0, 0, 0, turn]
+        assert not notices()
+        lane.deliver(Frame("figures", {"id": lane.given[-1][0], "start": after}))
+    wait_for(notices)
+    session.close()
+    (sentence,) = notices()
+    assert all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))

@@ -147,6 +147,47 @@ def test_no_older_frame_is_shown_after_a_newer_one():
 
 
 @with_node
+def test_nothing_of_another_job_is_shown_and_nothing_is_exact_without_a_server():
+    found = compute(
+        """
+        const { Store } = await import("./state.js");
+        const { exactnessOf } = await import("./figures.js");
+        const store = new Store(), found = [], rest = { seq: 1, arrays: {}, shapes: {}, asked: 0 };
+        const put = (kind, rev, head = {}) =>
+          store.put({ kind, rev, head: { of: "live", ...head }, ...rest });
+        const note = () => found.push([
+          ["picture", "executed", "figures"].filter((x) => store.latest(x)),
+          Boolean(store.latest("picture", "compare")), store.refusal !== null, exactnessOf(store),
+        ]);
+        put("document", 1, { id: "one", compare: { run: "x" } });
+        put("picture", 1);
+        put("picture", 1, { of: "compare" });
+        put("executed", 1);
+        put("figures", 1);
+        note();
+        store.isOffline = true;
+        note();
+        store.isOffline = false;
+        put("document", 2, { id: "one", compare: { run: "x" } });
+        note();
+        put("refusal", 2, { tier: 1 });
+        put("document", 3, { id: "two" });
+        note();
+        tell(found);
+        """,
+        [],
+    )
+    every = ["picture", "executed", "figures"]
+    assert found == [
+        [every, True, False, "exact"],
+        [every, True, False, "not connected"],
+        # The figures are of the job before the change.
+        [every, True, False, "preview"],
+        [[], False, False, "not planned yet"],
+    ]
+
+
+@with_node
 def test_what_comes_later_is_told_what_is_there_and_nobody_is_told_twice():
     found = compute(
         """

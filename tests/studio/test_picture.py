@@ -216,6 +216,19 @@ class TestPrograms:
         count = sum(x.kind == "dwell" for x in spans)
         assert times.get("dwells", 0.0) == pytest.approx(float(dwell.split()[0]) * count)
 
+    def test_an_arm_below_its_base_is_a_warning(self, previewer, square, view):
+        def warned(height):
+            path = square["path"] | {"frame": {"position": [0, 0, height]}}
+            planned = previewer.plan(square | {"path": path})
+            arm = planned.job.arm
+            points = arm.links(planned.trajectory(np.linspace(0, 1, 50)))
+            lowest = (points - arm.chain.base.position)[..., 2].min()
+            warnings = picture_frame(planned, view).header["warnings"]
+            return lowest < -0.05, any("below its base" in x for x in warnings)
+
+        assert warned(0.0) == (False, False)
+        assert warned(-0.3) == (True, True)
+
     def test_torque_is_shown_where_it_is_limited(self, gasket):
         planned, frame = gasket
         limits = planned.run.limits

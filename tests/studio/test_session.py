@@ -135,6 +135,16 @@ def test_a_job_or_a_drawing_in_a_cell_is_another_document(session: Session, tab:
     assert tab.frames[-1].header["rev"] == tab.last("document")["rev"]
 
 
+def test_pages_know_when_another_job_or_drawing_is_shown(session: Session, tab: Tab) -> None:
+    seen = [tab.last("document")["id"]]
+    tab.edit(MOVE)
+    assert tab.last("document")["id"] == seen[0]
+    for name, content in (("line.csv", CSV), ("job.yaml", JOB.encode())):
+        session.open_upload(name, content, None)
+        assert tab.last("document")["id"] not in seen
+        seen.append(tab.last("document")["id"])
+
+
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))

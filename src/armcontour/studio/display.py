@@ -9,12 +9,14 @@ from threading import RLock, Timer
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
 from armcontour.studio.exact import Asked, Exact, MakeLane
 from armcontour.studio.lanes import FastLane
+from armcontour.studio.preview import CONFIGURATION
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.tabs import Tab, Tabs
 from armcontour.studio.tasks.figures import SAME
@@ -245,6 +247,8 @@ class Display:
                 return
             if np.abs(planned.start - np.asarray(start)).max() > SAME:
                 self._followed = rev
+                if CONFIGURATION in planned.differs:
+                    self.tell(Frame("notice", {"sentence": _other(planned.start, start)}))
                 self.editor.previewer.keep_start(planned.job, np.asarray(start))
                 self.show(self._made)
 
@@ -255,3 +259,12 @@ class Display:
         header, content = frame.header, frame.arrays["content"].tobytes()
         number = self.tabs.keep_file(str(header["name"]), str(header["type"]), content)
         return Frame("result", {**header, "file": number})
+
+
+def _other(old: npt.ArrayLike, new: npt.ArrayLike) -> str:
+    """The sentence on a change that makes another configuration of the arm the fastest one."""
+    before, after = (", ".join(f"{x:.1f}" for x in np.degrees(q)) for q in (old, new))
+    return (
+        f"The arm is in another configuration now, in which the motion is faster: it starts at "
+        f"{after} deg, and started at {before} deg before. `start` in the job file fixes one."
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import secrets
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -40,6 +41,9 @@ class Document:
         folder: Folder of relative file names; None for a job that may name no files.
         saved: The bytes of the file when it was read; None if there was no file.
 
+    Attributes:
+        id: Distinguishes the document from others that the session opens.
+
     Raises:
         InvalidInput: The text is not a YAML mapping, or names files without a folder.
     """
@@ -54,6 +58,7 @@ class Document:
         saved: bytes | None = None,
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
+        self.id = secrets.token_hex(4)
         self._marked = text.startswith(BOM)
         self._saved = saved
         self._draft = None if file is None else Draft(file)

@@ -51,7 +51,9 @@ MOST_SET_POINTS = 200_000
 LONGEST = 2400.0
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
-CONFIGURATION = "the arm keeps the configuration in which it was planned before."
+CONFIGURATION = (
+    "previews keep the configuration of the arm; exact figures are of the fastest configuration."
+)
 
 
 class Previewer:

@@ -80,4 +80,5 @@ const wish = () => {
 for (const event of ["picture", "refusal", "view"]) store.on(event, wish);
 for (const event of ["pointerdown", "click", "keydown"])
   document.addEventListener(event, wish, { capture: true, signal: waiting.signal });
+addEventListener("hashchange", () => link.renew());
 link.open();

@@ -33,7 +33,7 @@ class Figures {
     find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
-    for (const event of ["figures", "refusal", "compare", "document"]) store.on(event, update);
+    for (const event of ["figures", "refusal", "compare", "document", "link"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
     store.on("executed", others);
     store.on("picture", () => {
@@ -71,7 +71,7 @@ class Figures {
   updateState() {
     const { store } = this;
     this.region.classList.toggle("stale", store.refusal?.head.tier === 1);
-    const exact = store.isCurrent(store.latest("figures"));
+    const exact = !store.isOffline && store.isCurrent(store.latest("figures"));
     say(this.state, exactnessOf(store));
     mark(this.state, "title", exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes");
     mark(this.region, "data-exact", String(exact));
@@ -140,7 +140,7 @@ class Figures {
     const { box, value: place, delta } = this.boxes[name];
     box.classList.toggle("alarm", alarm);
     mark(box, "data-value", value === null ? "" : String(value));
-    mark(box, "data-exact", String(exact));
+    mark(box, "data-exact", String(exact && !this.store.isOffline));
     say(place, text);
     if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
     const known = typeof other === "number" && typeof value === "number";
@@ -182,8 +182,9 @@ export function hasMotion(store) {
 
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
 export function exactnessOf(store) {
+  if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
-  if (store.latest("picture")?.head.planned === false) return "not planned yet";
+  if (store.latest("picture")?.head.planned !== true && !hasMotion(store)) return "not planned yet";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 

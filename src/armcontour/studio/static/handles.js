@@ -39,7 +39,13 @@ export class Handles {
     /** Places of handles that were moved and are not yet in the document, by name. @type {Map<string, {at: Point, seq: number}>} */
     this.held = new Map();
     store.on("document", (/** @type {any} */ frame) => this.answered(frame));
-    store.on("picture", (/** @type {any} */ frame) => this.answered(frame));
+    store.on("picture", (/** @type {any} */ frame) => this.answered(frame ?? { kind: "picture", seq: null }));
+    // What was not made is not shown.
+    store.on("link", (/** @type {any} */ link) => {
+      if (link.state === "open") return;
+      this.held.clear();
+      this.place();
+    });
     store.on("refusal", (/** @type {any} */ frame) => frame && this.answered(frame));
     view.followers.add(() => this.place());
   }

@@ -19,7 +19,7 @@ const LONGEST_WAIT = 4000;
 const MOST_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
-const REFUSED = "This page has no valid token: open the address that `armcontour studio` has printed.";
+const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
 
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
 export function takeToken() {
@@ -43,6 +43,7 @@ export class Link {
     this.seq = 0;
     this.gestures = 0;
     this.wait = FIRST_WAIT;
+    this.retry = 0;
     /** @type {number[]} edits that have no answer yet, by seq */
     this.inFlight = [];
     this.late = 0;
@@ -54,14 +55,25 @@ export class Link {
 
   /** Connect, and connect again whenever the connection is lost. */
   open() {
+    clearTimeout(this.retry);
     if (!this.token) return this.tell("refused", REFUSED);
     const address = `ws://${location.host}/socket`;
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", token: this.token }));
-    socket.onmessage = (event) => this.receive(event.data);
-    socket.onclose = (event) => this.closed(event);
+    socket.onmessage = (event) => socket === this.socket && this.receive(event.data);
+    socket.onclose = (event) => socket === this.socket && this.closed(event);
     this.socket = socket;
+  }
+
+  /** Connect with the token of an address that was put into the same tab, such as after a restart of the server. */
+  renew() {
+    if (!location.hash) return;
+    this.token = takeToken();
+    this.socket?.close();
+    this.wait = FIRST_WAIT;
+    this.tell("lost", "Connecting with the new address");
+    this.open();
   }
 
   /** Number of a new gesture: a series of edits that is undone in one step. @returns {number} */
@@ -170,10 +182,10 @@ export class Link {
     const lost = this.pending.length > 0 || this.inFlight.length > 0;
     this.pending = [];
     this.land();
-    if (event.code === 1008 || event.code >= 4000) return this.tell("refused", event.reason || REFUSED);
+    if (event.code === 1008 || event.code >= 4000) return this.tell("refused", `${event.reason} ${REFUSED}`.trim());
     const change = lost ? " The last change may be lost." : "";
     this.tell("lost", `The server does not answer; the page tries again.${change}`);
-    setTimeout(() => this.open(), this.wait);
+    this.retry = setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
   }
 
@@ -187,6 +199,7 @@ export class Link {
   /** @param {LinkState["state"]} state @param {string} sentence */
   tell(state, sentence) {
     this.state = { state, sentence, busy: false };
+    this.store.isOffline = state !== "open";
     this.store.tell("link", this.state);
   }
 }

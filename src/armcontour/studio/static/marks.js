@@ -42,6 +42,7 @@ class Marks {
   /** Slow places of the shown run. */
   setSlow() {
     this.places = slowPlaces(this.store.latest("picture"));
+    for (const x of [this.dot, this.tool]) x.toggleAttribute("hidden", !this.store.cursor);
     while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
     while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: `M${SLOW.join("L")}Z` }));
   }

@@ -88,7 +88,17 @@ export function init(store) {
   // What became of a task is said beside its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
   const place = find("#link-state");
+  const banner = make("div", { class: "message alarm", hidden: true });
+  find("#messages").append(banner);
+  /** What had the focus before the page could not be used. @type {HTMLElement | null} */
+  let focused = null;
   store.on("link", (/** @type {any} */ link) => {
+    const gone = link.state === "lost" || link.state === "refused";
+    if (gone && banner.hidden) focused = /** @type {HTMLElement} */ (document.activeElement);
+    banner.hidden = !gone;
+    say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
+    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field")) region.toggleAttribute("inert", gone);
+    if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
     say(place, link.state === "open" ? "" : link.sentence);

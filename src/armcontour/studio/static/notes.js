@@ -30,8 +30,7 @@ export function init(store) {
   const tab = find("#tab-button-notes");
   let shown = "";
   const update = nowAndThen(READING, () => {
-    const picture = store.latest("picture")?.head;
-    if (!picture) return;
+    const picture = store.latest("picture")?.head ?? {};
     const figures = store.isCurrent(store.latest("figures")) ? store.latest("figures")?.head : null;
     const warnings = [...new Set([...(picture.warnings ?? []), ...(figures?.warnings ?? [])])];
     const notes = [...new Set([...(picture.notes ?? []), ...(figures?.notes ?? [])])];

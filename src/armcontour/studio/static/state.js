@@ -16,6 +16,7 @@
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
+//   reset                   another job or drawing is opened; picture, executed, figures and compare are told null
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -84,6 +85,8 @@ export class Store {
     this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };
+    /** Whether there is no connection, so that nothing shown can be called exact. */
+    this.isOffline = false;
   }
 
   /**
@@ -159,7 +162,10 @@ export class Store {
       return this.setRefusal(frame);
     }
     if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
-    if (frame.kind === "document") this.forgetCompared(frame);
+    if (frame.kind === "document") {
+      if (this.document && this.document.id !== frame.head.id) this.reset();
+      this.forgetCompared(frame);
+    }
     this.frames.set(frame.kind, frame);
     this.tell(frame.kind, frame);
   }
@@ -174,6 +180,14 @@ export class Store {
   advance(frame) {
     const same = frame.rev === this.newest.rev;
     this.newest = { rev: frame.rev, seq: frame.seq ?? (same ? this.newest.seq : -1) };
+  }
+
+  /** Another job or drawing is opened: nothing of the one before is shown any more. */
+  reset() {
+    for (const name of this.frames.keys()) if (OF_A_RUN.has(name.split("/")[0])) this.frames.delete(name);
+    this.setCursor({ source: "document" });
+    this.setRefusal(null);
+    for (const event of ["picture", "executed", "figures", "compare", "reset"]) this.tell(event, null);
   }
 
   /** The connection is new: frames may count from the start again. */
@@ -203,7 +217,8 @@ export class Store {
   isCurrent(frame) {
     const picture = this.latest("picture");
     if (!frame || !picture || this.refusal?.head.tier === 1) return false;
-    return frame.rev === picture.rev && (frame.seq ?? -1) >= (picture.seq ?? -1);
+    const now = this.latest("document")?.rev ?? picture.rev;
+    return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
   }
 
   /**

@@ -26,6 +26,7 @@ export function init(store, link) {
   for (const event of ["document", "arm"]) store.on(event, () => tasks.renew());
   store.on("picture", () => tasks.map.redraw());
   store.on("link", () => tasks.renew());
+  store.on("reset", () => tasks.clear());
 }
 
 /** The buttons, the work under way and the results. */
@@ -50,6 +51,13 @@ class Tasks {
     const list = make("div", { class: "task-list", role: "group", "aria-label": "Tasks" }, this.forms.map((x) => x.element));
     region.append(list, this.results);
     this.renew();
+  }
+
+  /** Results of another job go. */
+  clear() {
+    for (const old of this.kept.splice(0)) old.close();
+    this.running.clear();
+    this.tell();
   }
 
   /** What can be chosen may have changed. */
