@@ -35,6 +35,12 @@ def test_a_slow_motion_is_refused_before_it_is_planned() -> None:
     assert time.process_time() - begin < 2.0
 
 
+def test_an_estimate_before_planning_is_stated_as_a_lower_bound() -> None:
+    with pytest.raises(ac.InvalidInput, match=r"At least .* s of motion") as caught:
+        teach(job(limits__speed=1e-4, command_interval=1e-3, memory="0.5 GB"))
+    assert caught.value.limit == "memory"
+
+
 def test_a_speed_at_which_the_path_takes_for_ever_is_refused() -> None:
     with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*raise speed"):
         job(limits__speed=1e-12)

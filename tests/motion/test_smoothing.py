@@ -180,3 +180,11 @@ def test_what_cannot_be_smoothed_is_refused(planned, path, arm, limits, refuses)
     refuses(lambda: smooth(mac, 1e-3), ac.InvalidInput, "mac", "optimal")
     moving = ac.plan(path, arm, limits, start_speed=0.01)
     refuses(lambda: smooth(moving, 1e-3), ac.InvalidInput, "begins at 0.01 m/s", "start_speed")
+
+
+def test_a_joint_path_with_clamped_ends_is_refused_with_the_ends_that_would_do() -> None:
+    ur5e = ac.load_arm("ur5e")
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (5, 6))
+    with pytest.raises(ac.InvalidInput, match=r"rad/s along the joint path .*natural"):
+        ac.plan(ac.JointPath.spline(points, ends="clamped"), ur5e, smoothing=0.02)
+    assert ac.plan(ac.JointPath.spline(points), ur5e, smoothing=0.02).duration > 0

@@ -22,7 +22,13 @@ STAYS = 0.5
 
 
 def refuse_too_large(
-    job: Job, this: Run, duration: float, earlier: Iterable[tuple[Run, float]], simulated: bool
+    job: Job,
+    this: Run,
+    duration: float,
+    earlier: Iterable[tuple[Run, float]],
+    simulated: bool,
+    *,
+    planned: bool = True,
 ) -> None:
     """Refuse a run that takes more memory than its job may.
 
@@ -32,6 +38,7 @@ def refuse_too_large(
         duration: Duration of the motion [s].
         earlier: Runs that are done, and the durations of their motions [s].
         simulated: Whether the execution is simulated.
+        planned: Whether the duration is that of the plan, not a lower bound of it.
 
     Raises:
         InvalidInput: The run needs more memory than the job allows.
@@ -39,8 +46,8 @@ def refuse_too_large(
     kept = sum(STAYS * needed_bytes(job, x, time, simulated) for x, time in earlier)
     count = _count(job, this, duration)
     words = (
-        f"{duration:.4g} s of motion at a command interval of {this.period:g} s, "
-        f"{count:.3g} set-points{' and their simulation' if simulated else ''},"
+        f"{'' if planned else 'At least '}{duration:.4g} s of motion at a command interval of "
+        f"{this.period:g} s, {count:.3g} set-points{' and their simulation' if simulated else ''},"
     )
     mend = "take a longer command interval or a higher speed"
     if simulated:

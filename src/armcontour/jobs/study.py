@@ -597,7 +597,7 @@ def _teach(
     done_before = [(x.run, x.trajectory.duration) for x in earlier]
     # Refused before planning, by the least duration: rounding may halve the length of the path.
     least = assigned_time(job.program, this.limits) / 2
-    refuse_too_large(job, this, least, done_before, simulated)
+    refuse_too_large(job, this, least, done_before, simulated, planned=False)
     objective, path, traced, trajectory = _plan(job, this, progress, earlier)
     refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     early: Callable[[], TaughtData] | None = None

@@ -15,6 +15,9 @@ from armcontour.motion.laws import Law, PathLaw, Rates
 from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.trajectory import Trajectory
 
+# Joints whose derivatives with respect to the path are below this are at rest at a clamped end.
+NO_RATE = 1e-12
+
 
 def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
     """The trajectory along the same path with the arc length s(t) averaged over time.
@@ -75,9 +78,15 @@ def _between_rests(law: PathLaw) -> Iterator[PathLaw]:
     speeds[-1] = 0.0 if abs(speeds[-1]) < 1e-9 * speeds.max() else speeds[-1]
     for place, at in (("begins", 0), ("ends", -1)):
         if speeds[at] != 0:
+            path = law.joint_path
+            along = "m/s" if path.tool_path is not None else "rad/s along the joint path"
+            clamped = np.abs(path(law.s[[at]], 1)).max() < NO_RATE
+            cure = (
+                'a joint path with ends="natural"' if clamped else "without start_speed, end_speed"
+            )
             raise InvalidInput(
-                f"A motion that {place} at {speeds[at]:.3g} m/s cannot be smoothed: its average is "
-                "from rest to rest; plan it without start_speed and end_speed."
+                f"A motion that {place} at {speeds[at]:.3g} {along} cannot be smoothed: its "
+                f"average is from rest to rest; plan {cure}."
             )
     rests = np.flatnonzero(speeds == 0)
     for a, b in zip(rests[:-1], rests[1:], strict=True):
