@@ -87,3 +87,8 @@ def test_learning_tells_what_it_would_gain(short, drawings):
     found = ask("learn", short, "optimal", drawings, runs=1, seed=1)
     assert found.header["rms"][1] < found.header["rms"][0]
     assert "simulated runs" in found.header["sentence"]
+
+
+def test_a_certificate_without_a_tolerance_names_the_field_of_the_page(short, drawings):
+    with pytest.raises(ac.InvalidInput, match="beside Certify"):
+        ask("certify", short, "optimal", drawings)

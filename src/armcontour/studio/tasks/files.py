@@ -53,11 +53,18 @@ def certify(x: Request) -> Frame:
     """The fastest plan whose execution keeps the tolerance, as a report; and its figures.
 
     Options: fields of `jobs.Goal`, such as `tolerance` [m].
+
+    Raises:
+        InvalidInput: Neither the job nor the options have a tolerance.
     """
     from armcontour.certification import certify
     from armcontour.io import certificate_json
     from armcontour.report import render_report
 
+    if x.whole_job.certificate is None and "tolerance" not in x.options:
+        raise InvalidInput(
+            "Certify needs a tolerance, as the job has none: enter it beside Certify."
+        )
     found = certify(x.whole_job, x.run, progress=x.progress, **x.options)
     x.progress(Step(("writing",)))
     data = json.loads(certificate_json(found))["certificate"]
@@ -98,7 +105,8 @@ def learn(x: Request) -> Frame:
     best = errors[found.lesson.best].rms if found.lesson.best < len(errors) else errors[-1].rms
     sentence = (
         f"In {len(errors)} simulated runs the error fell from {errors[0].rms * 1e3:.4g} mm to "
-        f"{best * 1e3:.4g} mm (RMS)."
+        f"{best * 1e3:.4g} mm (RMS), on a robot that differs from that of the job. The learned "
+        "set-points are for that robot only: for yours, use `armcontour learn` with its logs."
     )
     header = {
         **{"run": plan.run.name, "sentence": sentence, "robot": about},
