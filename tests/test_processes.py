@@ -238,6 +238,18 @@ def test_a_pool_is_an_executor_of_other_processes():
         pool.submit(abs, 1)
 
 
+def test_other_processes_import_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    for name in ("pickle", "copyreg", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit")
+    monkeypatch.chdir(tmp_path)
+    for folder in ("", ".", str(tmp_path)):
+        monkeypatch.syspath_prepend(folder)
+    with ProcessPool(1) as pool:
+        code = "(__import__('sys').path, __import__('numpy').__file__)"
+        path, numpy = pool.submit(eval, code).result()
+    assert not {"", ".", str(tmp_path)} & set(path) and numpy == np.__file__
+
+
 def test_a_pool_that_is_ended_waits_for_nothing():
     pool = ProcessPool(2)
     assert pool.submit(eval, "1").result() == 1
