@@ -307,3 +307,17 @@ def test_only_workers_of_a_cluster_are_told_to_end_at_once(small, monkeypatch):
         engine = Engine(InProcess(), 1, False, remote, "a test")
         working.work_on(plan, engine, [2]).prepare()
         assert len(told) == count
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_files_of_others_in_parts_are_refused_and_stay(planned, tmp_path, linked):
+    out, data = tmp_path / "out", tmp_path / "data"
+    data.mkdir()
+    out.mkdir()
+    parts = out / "parts"
+    parts.symlink_to(data, target_is_directory=True) if linked else parts.mkdir()
+    own = parts / "precious.jsonl"
+    own.write_text('{"key": "00", "status": "done", "error": null}\n')
+    with pytest.raises(ac.InvalidInput):
+        ac.batch(planned({"limits.speed": ["20 mm/s"]}, do="teach"), out, workers=0)
+    assert own.exists()

@@ -26,7 +26,7 @@ PLAN, PARTS, RESULTS, REPORT, SUMMARY = (
 )
 # Jobs whose results are in memory at once when all are written to one file.
 SLICE = 20_000
-NUMBER = re.compile(r"-(\d+)\.")
+NUMBER = re.compile(r"(?:all|\d+-of-\d+)-(\d{6,})\.(?:parquet|jsonl)")
 
 
 class BatchFolder:
@@ -59,7 +59,7 @@ class BatchFolder:
             raise _staging.unwritable(f"to the folder {folder}", error) from None
         self._staging.empty()
         self._next = 1 + max(
-            (int(x[1]) for f in result_files(folder) if (x := NUMBER.search(f.name))), default=0
+            (int(x[1]) for f in result_files(folder) if (x := NUMBER.fullmatch(f.name))), default=0
         )
         self._put(PLAN, plan_json(self._plan))
 
@@ -165,6 +165,15 @@ class BatchFolder:
             raise InvalidInput(f"{self.folder} is a file, not a folder: choose another --out.")
         if not self.folder.is_dir() or not any(self.folder.iterdir()):
             return
+        parts = self.folder / PARTS
+        if parts.is_symlink() or not parts.is_dir() and parts.exists():
+            raise InvalidInput(f"{parts} is a link or a file, not a folder: remove it.")
+        others = [x for x in parts.glob("*") if not NUMBER.fullmatch(x.name) or x.is_symlink()]
+        if others:
+            raise InvalidInput(
+                f"{others[0]} is no part of a batch of armcontour: move it away, or choose another "
+                "--out."
+            )
         try:
             known = json.loads(_files.read_text(self.folder / PLAN, "plan"))["armcontour"]
         except (InvalidInput, ValueError, KeyError, TypeError):
