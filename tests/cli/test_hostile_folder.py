@@ -43,6 +43,8 @@ def hostile(tmp_path: FilePath) -> FilePath:
         (folder / x).mkdir()
         (folder / x / "__init__.py").write_text(code)
         (folder / x / "__main__.py").write_text(code)
+    # Numba would load compiled functions from the folder that this file names.
+    (folder / ".numba_config.yaml").write_text("cache_dir: compiled\n")
     (folder / "job.yaml").write_text(JOB)
     (folder / "line.csv").write_text("x [m],y [m]\n0.3,0.2\n0.3,0.21\n")
     (folder / "plan.yaml").write_text("job: job.yaml\nover: {corners.tolerance: [1 mm, 2 mm]}\n")
@@ -55,6 +57,7 @@ def test_a_command_imports_nothing_from_the_folder(hostile: FilePath, name: str)
     done = _run(hostile, COMMANDS[name], "-P", "-c", "from armcontour.cli import main; main()")
     assert done.returncode == 0, done.stderr
     assert not (hostile.parent / "imported").exists()
+    assert not (hostile / "compiled").exists()
 
 
 def test_nor_do_processes_that_a_program_starts(hostile: FilePath) -> None:

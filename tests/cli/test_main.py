@@ -254,38 +254,3 @@ def test_identify_tells_gains_from_a_log(tmp_path: FilePath, command_in: Command
     np.testing.assert_allclose(found["kp"], 25.0, rtol=0.02)
     np.testing.assert_allclose(found["kv"], 150.0, rtol=0.02)
     np.testing.assert_allclose(found["dead_time"], 0.02, atol=1e-3)
-
-
-HOSTILE = ("pickle", "copyreg", "json", "numpy/__init__", "numba", "sitecustomize", "ruckig")
-PLAN = "job: job.yaml\nrun: planned\ndo: teach\nover: {corners.tolerance: [0.1 mm, 1 mm]}\n"
-
-
-@pytest.mark.parametrize("started", ["command", "module"])
-def test_nothing_of_the_current_folder_is_executed(tmp_path: FilePath, started: str) -> None:
-    folder = tmp_path / "of a stranger"
-    names = (*HOSTILE, "typing", "armcontour/__init__") if started == "command" else HOSTILE
-    for name in names:
-        file = folder / f"{name}.py"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write(__file__)\n")
-    # Numba would load compiled functions from the folder that this file names.
-    (folder / ".numba_config.yaml").write_text("cache_dir: compiled\n")
-    (folder / "job.yaml").write_text(yaml.safe_dump(JOB))
-    (folder / "plan.yaml").write_text(PLAN)
-    program = tmp_path / "armcontour"
-    program.write_text("from armcontour.cli import main\nmain()\n")
-    first = [str(program)] if started == "command" else ["-m", "armcontour"]
-    place = ("place", "job.yaml", "--run", "planned", "--over", "x: 0 mm .. 9 mm, 3")
-    commands = (
-        ("run", "job.yaml", "--no-simulation", "--out", "run"),
-        ("batch", "plan.yaml", "--workers", "1", "--out", "batch"),
-        (*place, "--no-refine", "--workers", "2", "--out", "place"),
-    )
-    own = os.environ | {"PYTHONPATH": str(FilePath(ac.__file__).parents[1])}
-    own.pop("NUMBA_CACHE_DIR", None)
-    for arguments in commands:
-        call = [sys.executable, *first, *arguments]
-        done = subprocess.run(call, cwd=folder, env=own, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-    assert not (tmp_path / "executed").exists()
-    assert not (folder / "compiled").exists()
