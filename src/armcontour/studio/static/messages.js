@@ -88,14 +88,14 @@ export function init(store) {
   // What became of a task is said beside its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
   const place = find("#link-state");
-  const banner = make("div", { class: "message alarm", hidden: true });
-  find("#messages").append(banner);
+  const banner = make("div", { class: "message alarm" });
   /** What had the focus before the page could not be used. @type {HTMLElement | null} */
   let focused = null;
   store.on("link", (/** @type {any} */ link) => {
     const gone = link.state === "lost" || link.state === "refused";
-    if (gone && banner.hidden) focused = /** @type {HTMLElement} */ (document.activeElement);
-    banner.hidden = !gone;
+    if (gone && !banner.isConnected) focused = /** @type {HTMLElement} */ (document.activeElement);
+    if (gone) find("#messages").append(banner);
+    else banner.remove();
     say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
     for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
