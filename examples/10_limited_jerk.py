@@ -1,5 +1,7 @@
 """Limits of jerk: the paper's job with accelerations that do not jump, and its set-points."""
 
+import warnings
+
 import numpy as np
 
 import armcontour as ac
@@ -34,4 +36,5 @@ show("arcs, no limit of jerk", arcs, limits)
 show("continuous curvature, no limit of jerk", smooth, limits)
 for times in (50, 10):
     show(f"jerk {times} times the acceleration", smooth, limits.replace(joint_jerk=times * 0.72))
+warnings.simplefilter("ignore")  # plan warns of the stops
 show("the same on arcs, which have to stop", arcs, limits.replace(joint_jerk=7.2))

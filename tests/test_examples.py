@@ -49,11 +49,11 @@ fixed: From 0.311525 m of 0.502655 m along the path it is out of reach of the ar
 (0.376328, 0.0, 0.318817) m, 0.344959 m along it, the tool stays 0.0341 m away; move the path or \
 the arm, or leave turning about the tool axis free.
 free:  all 503 mm in 10.22 s
-contour error 0.0028 mm at most, torch axis off by 0.0017° at most
+contour error 0.0030 mm at most, torch axis off by 0.0017° at most
 """,
     "05_certified": """\
 certified in 4.695 s, 5 ms more than the optimum
-contour error 0.0001 mm at most; holds for: independent joint servos of order second with kp \
+contour error 0.0003 mm at most; holds for: independent joint servos of order second with kp \
 25 1/s and kv 150 1/s; set-points every 4 ms, interpolated linearly; dead time 40 ms; \
 accelerations that saturate at the joints' limits
 set-points lead by 44 ms

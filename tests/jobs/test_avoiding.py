@@ -236,3 +236,52 @@ def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
         corners = np.abs(elbow + along * (tool - elbow) - [0.50, 0.15]) - 0.005
         brute = np.linalg.norm(np.maximum(corners, 0), axis=-1).min() - 0.03
         assert pair.low - 1e-4 <= brute <= pair.high + 1e-4
+
+
+CLAMPED = """
+name: cut
+arm: {name: ur5e, tool: {position: [0, 0, 180 mm]SHAPES}}
+path: {points: [[0.40, 0.1, 0.15], [0.45, 0.1, 0.15]], orientation: {axis: [0, 0, -1]}}
+limits: {speed: 0.1, joint_acceleration: 5}
+servo: {kp: 25, kv: 150}
+scene: {boxes: [{name: clamp, at: [0.43, 0.1, 0.26], size: [10 mm, 200 mm, 40 mm]}]}
+runs: {taught: {}}
+"""
+
+
+def test_a_tool_without_shapes_is_a_capsule_from_the_flange() -> None:
+    with pytest.raises(Collision, match="tool and clamp touch"):
+        teach(parse_job(CLAMPED.replace("SHAPES", "")))
+    far = CLAMPED.replace("0.43, 0.1, 0.26", "0.43, 0.4, 0.26")
+    clear = teach(parse_job(far.replace("SHAPES", "")))["taught"]
+    assert clear.clearance is not None and clear.clearance.kept
+    assert any("capsule" in x for x in clear.avoided)
+    # Own shapes, or none at all, take its place.
+    for shapes, said in ((", shapes: {}", "no shape"), (
+        ", shapes: {spheres: [{name: tip, at: [0, 0, 150 mm], radius: 5 mm}]}", "")):  # fmt: skip
+        plan = teach(parse_job(far.replace("SHAPES", shapes)))["taught"]
+        assert plan.clearance is not None
+        assert [said in x for x in plan.avoided if "tool" in x] == ([True] if said else [])
+    thin = teach(parse_job(CLAMPED.replace("SHAPES", ", shapes: {}")))["taught"]
+    assert "nothing looked at" in str(thin.clearance_note)
+
+
+def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(
+    job: ac.Job,
+) -> None:
+    # A post stops the configuration that is tried first at the second seam, and a wall stops the
+    # others at the third one.
+    ends = [[[x, y - 0.02, 0.1], [x, y + 0.02, 0.1]] for x, y in ((0.4, 0), (0.4, 0.4), (0.5, 0))]
+    moves = [
+        ac.Contour(path=ac.Path.polyline(x).pointing([0, 0, -1]), name=f"seam {k}")
+        for k, x in enumerate(ends)
+    ]
+    three = dataclasses.replace(job, path=ac.Program(moves=tuple(moves)))
+    (free,) = teach(three).values()
+    elbow = job.arm.links(free.trajectory(free.trajectory.contour_spans[1].t[0]))[3]
+    post = Obstacle(
+        name="post", shape=Box(size=[0.06, 0.06, 0.06]), place=Frame(position=elbow + [0, 0, 0.03])
+    )
+    both = Scene(obstacles=(post, *wall(0.50, 0.06, width=0.02).obstacles))
+    with pytest.raises(Collision, match="seam 2: torch and wall touch"):
+        teach(dataclasses.replace(three, scene=both))

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from armcontour.geometry import Outcome, Path, ShapedPath, round_corners
+from armcontour.geometry.fit import draw_with_arcs
 from armcontour.jobs import Job, Study, run
 from armcontour.program import Contour, Program, put_on_path
 
@@ -22,7 +23,8 @@ def shaped_by_hand(objective: Path, tolerance: float) -> ShapedPath:
     side = np.zeros_like(along)
     side[:, 0], side[:, 1] = -along[:, 1], along[:, 0]
     wave = WAVE * tolerance * np.sin(np.pi * s / objective.length * 6)
-    path = Path.spline(arcs(at) + wave[:, None] * side, tolerance=1e-6)
+    # Shaped paths consist of arcs.
+    path, _ = draw_with_arcs(Path.spline(arcs(at) + wave[:, None] * side), 1e-6)
     if objective.orientation is not None:
         path = path.oriented(objective.orientation(0.0))
     back = path.project(arcs(at) + wave[:, None] * side).s

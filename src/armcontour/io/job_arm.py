@@ -16,7 +16,7 @@ from armcontour.io.robots.loading import equip, load_arm
 from armcontour.io.robots.shapes import with_more_shapes
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
-from armcontour.io.scene import more_link_shapes, rotation_of, tool_shapes
+from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.io.units import read_quantity
 from armcontour.scene import LinkShape
 
@@ -42,8 +42,11 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
         shapes = more_link_shapes(model.shapes, folder, arm)
-    if model.tool is not None and model.tool.shapes is not None:
-        shapes += tool_shapes(model.tool.shapes, folder, arm)
+    if model.tool is not None:
+        if model.tool.shapes is not None:
+            shapes += tool_shapes(model.tool.shapes, folder, arm)
+        elif arm.knows_shapes:
+            shapes += assumed_tool(arm)
     return with_more_shapes(arm, shapes, None if model.srdf is None else folder / model.srdf)
 
 

@@ -42,7 +42,8 @@ from armcontour.scene import (
     Shape,
     Sphere,
 )
-from armcontour.scene.scene import BASE, PART
+from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.scene.scene import BASE, PART, TOOL
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
@@ -93,6 +94,37 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
     return tuple(
         _link_shape(where, x, folder, len(chain), tip=chain.tip)
         for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
+    )
+
+
+def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
+    """A capsule from the flange to near the tool point, for a tool whose shapes are not given.
+
+    It ends before the tool point, which touches the work. A tool that is too short for it has no
+    shape.
+
+    Args:
+        arm: The arm with its tool frame.
+    """
+    chain = arm.chain
+    if chain is None:
+        return ()
+    flange, point = chain.tip.position, (chain.tip @ chain.tool).position
+    reach = float(np.linalg.norm(point - flange))
+    length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP
+    if length <= 0:
+        return ()
+    out = (point - flange) / reach
+    middle = flange + (ASSUMED_RADIUS + length / 2) * out
+    return (
+        LinkShape(
+            name=TOOL,
+            link=len(chain),
+            shape=Capsule(radius=ASSUMED_RADIUS, length=length),
+            place=Frame(position=middle, rotation=upright(out)),
+            tool=True,
+            assumed=True,
+        ),
     )
 
 

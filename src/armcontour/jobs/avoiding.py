@@ -22,6 +22,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import time_run
 from armcontour.motion import JointPath, Span, Trajectory, stand_still
 from armcontour.program import Contour, Program, contour_called
+from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.timing import Tracing, trace_program
 from armcontour.timing.fastest_configuration import bound_duration, find_starts
 from armcontour.timing.program_tracing import TracedMove, ends_of
@@ -35,6 +36,8 @@ PLACES = 8
 TURNS = 8
 REST = "at rest"
 OTHER = "another configuration is taken, in which the contours are clear"
+# A tool point this near to the flange has no tool between [m].
+SHORT = 1e-3
 # Position and orientation, with the turn about the tool axis.
 WHOLE_POSE = 6
 
@@ -92,11 +95,11 @@ def keep_clear(
     if job.scene is None and not cell.pairs:
         return Cleared(traced=traced, trajectory=trajectory, clearance=None)
     found = cell.check(trajectory)
-    notes = (OTHER,) if traced.passed_over else ()
+    notes = ((OTHER,) if traced.passed_over else ()) + _about_tool(job.arm)
     if not found.kept and not job.ignore_collisions:
         other, more = avoid(job, this, traced, cell, progress)
-        if more:
-            notes = tuple(dict.fromkeys((*notes, *more)))
+        if other is not traced:
+            notes = tuple(dict.fromkeys((*more, *notes)))
             progress(Step(("timing",)))
             traced = other
             trajectory = time_run(job, this, traced, progress, duration=this.duration)
@@ -137,6 +140,22 @@ def _why_unseen(arm: Arm) -> tuple[str, ...]:
     except InvalidInput:
         # Notes of the arm say which meshes are lacking.
         return ()
+
+
+def _about_tool(arm: Arm) -> tuple[str, ...]:
+    """What the shape of the tool is, if nobody gave it."""
+    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
+        return ()
+    own = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
+    if not own:
+        return ("the tool has no shape, so nothing looked at how near it comes: arm.tool.shapes",)
+    if not own[0].assumed:
+        return ()
+    return (
+        f"the tool is taken as a capsule with a radius of {ASSUMED_RADIUS * 1e3:.3g} mm, from the "
+        f"flange to {ASSUMED_GAP * 1e3:.3g} mm before the tool point: arm.tool.shapes gives its "
+        "own shapes",
+    )
 
 
 def _refuse(program: Program, trajectory: Trajectory, cell: Cell) -> None:
@@ -183,10 +202,11 @@ def avoid(
     """
     notes: list[str] = []
     if not _contours_clear(traced, cell):
-        other = _other_start(job, this, traced.program, cell, progress)
-        if other is None:
-            # No rapid helps; the plan is refused with its first contour that comes too near.
-            return traced, ()
+        other = _other_start(job, this, traced, cell, progress)
+        if other is None or not _contours_clear(other, cell):
+            # No rapid helps; the plan that got farthest is refused, with its first contour that
+            # comes too near.
+            return traced if other is None else other, ()
         traced = other
         notes.append(OTHER)
     steps, around = [], 0
@@ -220,11 +240,15 @@ def _contours_clear(traced: Tracing, cell: Cell) -> bool:
 
 
 def _other_start(
-    job: Job, this: Run, program: Program, cell: Cell, progress: Progress
+    job: Job, this: Run, traced: Tracing, cell: Cell, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start whose contours keep clear, the fastest of them; or None."""
+    """Joint paths from another start: the fastest whose contours keep clear, or those farthest.
+
+    None if no start gets farther than the joint paths that were tried first.
+    """
     if job.start is not None or not isinstance(job.arm, SerialArm):
         return None
+    program, farthest, reached = traced.program, None, _reach(traced, cell)
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = this.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
@@ -237,11 +261,28 @@ def _other_start(
             except ArmContourError:
                 continue
             least = sum(bound_duration(x, bounds) for x in found.joint_paths)
-            if (best is None or least < best[0]) and _contours_clear(found, cell):
+            if best is not None and least >= best[0]:
+                continue
+            reach = _reach(found, cell)
+            if reach == np.inf:
                 best = least, found
+            elif reach > reached:
+                farthest, reached = found, reach
         if best is not None:
             return best[1]
-    return None
+    return farthest
+
+
+def _reach(traced: Tracing, cell: Cell) -> float:
+    """Number of contours that keep clear before one does not, and the share of that one."""
+    contours = [x for x in traced.steps if x.joint_path is not None and _is_contour(traced, x)]
+    for k, x in enumerate(contours):
+        assert x.joint_path is not None
+        if not cell.keeps(x.joint_path):
+            near = cell.check(x.joint_path).too_near
+            first = near[0].first_time if near else None
+            return k + (first or 0.0) / x.joint_path.length
+    return np.inf
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:

@@ -10,6 +10,10 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.scene.shapes import HalfSpace, Mesh, Shape
 
+# Radius of the capsule that stands for a tool whose shapes are not given, and where it ends before
+# the tool point [m].
+ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape:
@@ -23,6 +27,7 @@ class LinkShape:
         tool: Whether the shape is the tool's, or that of a part that the tool holds.
         exact: The body itself, where `shape` is a larger convex one. Where `shape` comes too near,
             this one decides.
+        assumed: Whether nobody gave the shape.
     """
 
     name: str
@@ -31,6 +36,7 @@ class LinkShape:
     place: Frame = field(default_factory=Frame)
     tool: bool = False
     exact: Shape | None = None
+    assumed: bool = False
 
     def __post_init__(self) -> None:
         _checks.check_name("name of a link's shape", self.name)
