@@ -286,8 +286,8 @@ def test_without_simulation_what_is_asked_for_is_written(folder: FilePath, call:
     found = json.loads((folder / "out" / "summary.json").read_text())
     assert found["simulated"] is False
     assert found["files"] == [
-        "taught/export/taught.csv",
         "taught/export/reference.csv",
+        "taught/export/taught.csv",
         "summary.json",
     ]
     written = {x.relative_to(folder / "out").as_posix() for x in (folder / "out").rglob("*.*")}

@@ -143,6 +143,10 @@ def test_pages_know_when_another_job_or_drawing_is_shown(session: Session, tab: 
         session.open_upload(name, content, None)
         assert tab.last("document")["id"] not in seen
         seen.append(tab.last("document")["id"])
+    # A page that comes gets the last one only, before the picture of it.
+    later = Tab(session)
+    assert kinds(later.frames).count("document") == 1
+    assert later.last("document")["id"] == seen[-1]
 
 
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) -> None:

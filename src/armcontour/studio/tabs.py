@@ -147,5 +147,7 @@ def _key(frame: Frame) -> str | None:
     header = frame.header
     if frame.kind not in NEWEST_ONLY:
         return None
-    parts = [frame.kind, header.get("of"), header.get("id")]
+    # Others of these kinds answer other questions; documents and figures replace any older one.
+    asked = header.get("id") if frame.kind in ("pose", "progress") else None
+    parts = [frame.kind, header.get("of"), asked]
     return "/".join(str(x) for x in parts if x is not None)
