@@ -810,3 +810,16 @@ def test_j24_regions_that_cannot_be_loaded_are_told(pages):
     studio.page.reload()
     expect(studio.find("#messages")).to_contain_text("did not load: load the page again")
     studio.wait_for("#view2d[data-tier]")
+
+
+def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
+    job = write_job(tmp_path / "job.yaml", "optimal", changes=[("  speed:", "  sped:")])
+    line = next(k for k, x in enumerate(job.read_text().splitlines(), 1) if "sped:" in x)
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.begin()
+        area = studio.find("#tab-text textarea")
+        expect(area).to_be_focused()
+        expect(studio.find("#tab-text [role=status]")).to_contain_text(f"Line {line}: ")
+        chosen = "e => e.value.slice(e.selectionStart, e.selectionEnd)"
+        assert "sped:" in area.evaluate(chosen)

@@ -18,6 +18,7 @@ from armcontour.io.job_edits import (
     change_data,
     change_text,
     file_names,
+    line_of,
     move_files,
     set_keys,
 )
@@ -335,3 +336,19 @@ def test_names_of_files_are_found(tmp_path: Path) -> None:
     (tmp_path / "s.urdf").touch()
     found = move_files(text, tmp_path, tmp_path / "in")
     assert "srdf: ../a.srdf" in found and "files: [../s.urdf]" in found and "file: p.dxf" in found
+
+
+@pytest.mark.parametrize(
+    ("sentence", "line"),
+    [
+        ("job.yaml: unknown key path.waypoints: did you mean points? (1 more problem.)", 4),
+        ("job.yaml: unknown key runs.one.x.y.", 6),
+        ("job.yaml: limits.speed: 'fast' is not a quantity in m/s.", 5),
+        ("job.yaml: servo: needs a gain kv.", None),
+        ("job.yaml: the key name is missing.", None),
+        ("There is no job yet.", None),
+    ],
+)
+def test_the_line_of_a_refused_key_is_found(sentence: str, line: int | None) -> None:
+    text = "# A job\narm: ur5e\npath:\n  waypoints: []\nlimits: {speed: fast}\nruns: {one: {}}\n"
+    assert line_of(text, sentence) == line

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -226,6 +227,25 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
             group = []
     if group:
         yield group
+
+
+def line_of(text: str, sentence: str) -> int | None:
+    """The line of a job file, from 1, that a refusal of it names by its keys; None if none.
+
+    Args:
+        text: The text of the job file.
+        sentence: The refusal, such as "job.yaml: limits.speed: must be above 0".
+    """
+    named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
+    node, line = yaml.compose(text, Loader=Loader), None
+    for key in named[1].split(".") if named else ():
+        if not isinstance(node, yaml.MappingNode):
+            break
+        found = [(k, v) for k, v in node.value if k.value == key]
+        if not found:
+            break
+        line, node = found[0][0].start_mark.line + 1, found[0][1]
+    return line
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:

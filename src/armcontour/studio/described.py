@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armcontour.errors import InvalidInput
+from armcontour.io.job_edits import line_of
 from armcontour.io.job_model import CompensationModel, TimingModel
 from armcontour.jobs import Job
 from armcontour.studio.document import Document
@@ -99,6 +100,7 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants, *, dr
         "text": document.text,
         "draft": draft,
         "sentence": None if seen.error is None else str(seen.error),
+        "line": None if seen.error is None else line_of(document.text, str(seen.error)),
     }
     return Frame("document", header)
 

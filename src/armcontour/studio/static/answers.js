@@ -46,7 +46,7 @@ const ANSWERS = {
     tables: [{
       title: "Contour error, run by run",
       columns: ["Run", "RMS [mm]", "Largest [mm]"],
-      rows: head.rms.map((/** @type {number} */ x, /** @type {number} */ k) => [String(k + 1), mm(x, 4), mm(head.max[k], 4)]),
+      rows: head.rms.map((/** @type {number} */ x, /** @type {number} */ k) => [k ? String(k) : "before learning", mm(x, 4), mm(head.max[k], 4)]),
     }],
   }),
   place: ({ head }) => ({ sentences: [head.sentence] }),

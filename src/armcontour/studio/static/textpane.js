@@ -16,6 +16,8 @@ export function init(store, link) {
   let shown = "";
   /** What was sent and is not answered. @type {string | null} */
   let sent = null;
+  // The job whose refusal has been shown at its line.
+  let marked = "";
   const changed = () => area.value !== shown;
   const take = (/** @type {string} */ fresh) => {
     text = fresh;
@@ -31,8 +33,22 @@ export function init(store, link) {
         ? "The job was changed elsewhere meanwhile; applying takes this text."
         : changed()
           ? "Not yet applied."
-          : "",
+          : store.document?.line
+            ? `Line ${store.document.line}: ${store.document.sentence}`
+            : "",
     );
+  };
+  /** Select the line of what is refused when a job is opened, so that it can be corrected. @param {any} head */
+  const show = ({ id, line }) => {
+    if (!line || marked === id) return;
+    marked = id;
+    store.setView({ tab: "text", dock: true });
+    const lines = area.value.split("\n");
+    const begin = lines.slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
+    // The selection is seen with the focus only.
+    if (document.activeElement === document.body) area.focus({ preventScroll: true });
+    area.setSelectionRange(begin, begin + lines[line - 1].length);
+    area.scrollTop = (area.scrollHeight / lines.length) * Math.max(0, line - 4);
   };
   const send = () => {
     if (!changed()) return;
@@ -54,6 +70,7 @@ export function init(store, link) {
     if (applied || (!changed() && frame.head.text !== text)) take(frame.head.text);
     if (applied) sent = null;
     update();
+    if (!changed()) show(frame.head);
   });
   // What was refused stays, so that it can be mended.
   store.on("dropped", (/** @type {any} */ frame) => {

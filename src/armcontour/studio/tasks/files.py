@@ -88,7 +88,7 @@ def certify(x: Request) -> Frame:
 def learn(x: Request) -> Frame:
     """What learning would gain, on a simulated robot that the controller does not know.
 
-    Options: `runs`, the largest number of runs, and `seed`.
+    Options: `runs`, the largest number of runs after the first, and `seed`.
     """
     from armcontour.io.learning import learning_json
     from armcontour.jobs.learning import plan_run, simulate_learning
@@ -103,10 +103,12 @@ def learn(x: Request) -> Frame:
     x.progress(Step(("writing",)))
     errors = [y.contour_error for y in found.simulated]
     best = errors[found.lesson.best].rms if found.lesson.best < len(errors) else errors[-1].rms
+    after = len(errors) - 1
     sentence = (
-        f"In {len(errors)} simulated runs the error fell from {errors[0].rms * 1e3:.4g} mm to "
-        f"{best * 1e3:.4g} mm (RMS), on a robot that differs from that of the job. The learned "
-        "set-points are for that robot only: for yours, use `armcontour learn` with its logs."
+        f"After {after} simulated run{'s' * (after != 1)} the error fell from "
+        f"{errors[0].rms * 1e3:.4g} mm to {best * 1e3:.4g} mm (RMS), on a robot that differs from "
+        "that of the job. The learned set-points are for that robot only: for yours, "
+        "use `armcontour learn` with its logs."
     )
     header = {
         **{"run": plan.run.name, "sentence": sentence, "robot": about},
