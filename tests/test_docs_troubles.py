@@ -154,7 +154,7 @@ TROUBLES = {
     "An unknown key": changed(limits={"speed": "0.1 m/s", "centripetal": 0.09}),
     "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
     "Too much memory": Trouble(
-        "armcontour run job.yaml --out out", changed={"command_interval": "1 us"}
+        "armcontour run job.yaml --out out", changed={"command_interval": "1 us", "memory": "2 GB"}
     ),
     "The tool never reaches its speed": Trouble(
         RUN,

@@ -121,3 +121,10 @@ def test_large_numbers_are_refused_where_they_are_born() -> None:
 
 def test_a_memory_error_has_a_sentence() -> None:
     assert _memory.describe_memory_error().endswith(".")
+
+
+def test_the_default_bound_is_half_of_the_machine_and_at_least_two_gigabytes() -> None:
+    whole = _memory.machine_memory()
+    assert job().memory == _memory.DEFAULT == max(2e9, 0.5 * (whole or 0.0))
+    # Job files of all machines have the same schema.
+    assert job(memory=None).memory == _memory.DEFAULT

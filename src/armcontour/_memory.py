@@ -6,11 +6,22 @@ module that makes the rows; docs/guides/numbers.md describes how these constants
 
 from __future__ import annotations
 
+import os
+
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 
-# Default bound [bytes]: a small computer has this much memory.
-DEFAULT = 2e9
+
+def machine_memory() -> float | None:
+    """Memory of the machine [bytes]; None where the system does not tell it."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+# Default bound [bytes]: half of the machine's memory, and at least that of a small computer.
+DEFAULT = max(2e9, 0.5 * (machine_memory() or 0.0))
 # Memory of the interpreter, the libraries and the compiled functions [bytes].
 PROGRAM = 0.4e9
 # Smallest bound [bytes]: with less memory nothing can be computed.

@@ -66,4 +66,9 @@ def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray
     Returns:
         The values, (m, columns).
     """
+    if len(at):
+        # Only samples about the times asked for are copied, so that parts of long motions are fast.
+        first, last = np.searchsorted(t, (at.min(), at.max()))
+        near = slice(max(first - 1, 0), last + 1)
+        t, values = t[near], values[near]
     return np.stack([np.interp(at, t, x) for x in values.T], axis=1)

@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from armcontour._executors import Engine
+from armcontour._memory import machine_memory
 from armcontour._process import end_at_once, is_other
 from armcontour._warming import warm_for_run
 from armcontour.batches.columns import CERTIFY, PLACE, TEACH, figures_of
@@ -304,6 +305,5 @@ def work_on(plan: Plan, engine: Engine, dimensions: Iterable[int]) -> Work:
 
 def _share(workers: int) -> float | None:
     """Memory that each process may take by default [bytes]; None where that is unknown."""
-    if sys.platform != "linux":
-        return None
-    return MEMORY * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / workers
+    memory = machine_memory() if sys.platform == "linux" else None
+    return None if memory is None else MEMORY * memory / workers

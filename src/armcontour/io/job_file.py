@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._files import read_text
+from armcontour._memory import DEFAULT
 from armcontour._progress import Progress
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
@@ -220,7 +221,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
         placement=None if model.placement is None else _place_search(model.placement),
-        memory=model.memory,
+        memory=DEFAULT if model.memory is None else model.memory,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         part=part_of(model.path),

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from armcontour._memory import DEFAULT
 from armcontour._quantities import (
     Angle,
     AngularDistance,
@@ -503,7 +502,8 @@ class JobModel:
         published: Published figures of the same job.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         placement: The question for `armcontour place`.
-        memory: Largest memory of the calculation [bytes].
+        memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
+            and at least 2 GB.
         scene: Obstacles in the cell, and how near the arm may come to them and to itself.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
@@ -525,7 +525,7 @@ class JobModel:
     published: PublishedModel | None = None
     certificate: Goal | None = None
     placement: PlacementModel | None = None
-    memory: Memory = DEFAULT
+    memory: Memory | None = None
     scene: SceneModel | None = None
     ignore_collisions: bool = False
 

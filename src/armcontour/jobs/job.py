@@ -339,7 +339,8 @@ class Job:
         published: Published figures to compare with.
         certificate: Requirements of a certified plan.
         placement: Where a placement looks for the best place, and what is best.
-        memory: Largest memory of the calculation [bytes].
+        memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
+            and at least 2 GB.
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
             results say so.
