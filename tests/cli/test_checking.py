@@ -407,3 +407,22 @@ def test_a_cell_is_checked_between_samples_too(folder: FilePath, check: Check) -
     (folder / "cell.scene").write_text("(noname)+\n.\n")
     free = check(folder, *options)
     assert "Clear: " in free.out
+
+
+def test_the_scene_of_a_cell_is_checked_without_a_path_and_runs(
+    folder: FilePath, check: Check
+) -> None:
+    (folder / "sweep.csv").write_text(SWEEP)
+    arm = ac.load_arm("ur5e")
+    at = arm.forward([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    wall = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {at}}}]}}\n"
+    (folder / "scene.yaml").write_text(wall)
+    (folder / "cell.yaml").write_text(f"arm: ur5e\n{wall}")
+    for options in (["--arm", "ur5e", "--scene", "scene.yaml"], ["--scene", "cell.yaml"]):
+        done = check(folder, "sweep.csv", *options)
+        assert done.code == 1 and "wall" in done.out, done
+    built_in = check(folder, "sweep.csv", "--scene", "ur5e", "--json")
+    pairs = json.loads(built_in.out)["clearance"]["pairs"]
+    assert "table" in {y for x in pairs for y in (x["first"], x["second"])}
+    # A scene alone does not name the arm.
+    assert check(folder, "sweep.csv", "--scene", "scene.yaml").code == 2

@@ -55,7 +55,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.jobs import programs_of
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
-    arm, scene = _arm_and_scene(x, job)
+    arm, scene = _arm_and_scene(x, None if job is None else job.arm)
     path, limits, deviation, angle = None, arm.limits, None, None
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
@@ -94,38 +94,39 @@ def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
 
-def _arm_and_scene(x: CheckOptions, job: Job | None) -> tuple[Arm, Scene | None]:
+def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]:
     """The arm that the options name, and the scene; None if none is named.
 
-    The scene of a job file has its arm, too, unless another one is named.
+    The arm is that of `--arm`, or of the job `own`, or of the cell of the scene.
     """
-    from armcontour.io import read_job
+    from armcontour.io.cell import cell_names, read_cell_scene
     from armcontour.io.scene_files import read_scene_file
     from armcontour.scene import Scene
 
     if x.scene is None:
-        return _arm(x, job), None
-    if x.scene.suffix.lower() not in JOB_FILES:
-        return _arm(x, job), Scene(obstacles=read_scene_file(x.scene))
-    cell = read_job(x.scene, trust_xacro=x.trust_xacro)
-    scene = Scene() if cell.scene is None else cell.scene
-    return _arm(x, cell if job is None else job), scene
+        return _arm(x, own), None
+    if FilePath(x.scene).suffix.lower() not in JOB_FILES and x.scene not in cell_names():
+        return _arm(x, own), Scene(obstacles=read_scene_file(x.scene))
+    arm, scene = read_cell_scene(x.scene, trust_xacro=x.trust_xacro)
+    return _arm(x, arm if own is None else own), scene
 
 
-def _arm(x: CheckOptions, job: Job | None) -> Arm:
-    """The arm that the options name; by default the arm of the job."""
+def _arm(x: CheckOptions, own: Arm | None) -> Arm:
+    """The arm that the options name; by default that of a job or a cell."""
     from armcontour.errors import InvalidInput
 
     if x.arm is not None:
         return named_arm(x.arm, x)
-    if job is None:
-        raise InvalidInput("Name the arm with --arm, or with --path a job that has one.")
+    if own is None:
+        raise InvalidInput(
+            "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
+        )
     if any(y is not None for y in (x.tip, x.base, x.joint_limits, x.package, x.xacro_arg)):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."
         )
-    return job.arm
+    return own
 
 
 def named_arm(name: str, x: ArmOptions) -> Arm:

@@ -393,11 +393,12 @@ class CheckOptions(ArmOptions):
         str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
     ] = None
     scene: Annotated[
-        FilePath | None,
+        str | None,
         typer.Option(
             "--scene",
-            help="Cell: check how near the arm comes to it and to itself. A job file, obstacles as "
-            "URDF, or a scene of MoveIt (.scene).",
+            help="Cell: check how near the arm comes to it and to itself. A built-in cell such as "
+            "ur5e, a job file, of which scene is enough, obstacles as URDF, or a scene of MoveIt "
+            "(.scene).",
         ),
     ] = None
     columns: Columns = None

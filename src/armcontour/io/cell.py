@@ -20,10 +20,12 @@ from armcontour.io.job_edits import Change, change_text, move_files
 from armcontour.io.job_file import job_of, job_text, read_model
 from armcontour.io.job_model import CellModel, PathModel
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.job_path import read_drawing
+from armcontour.io.job_path import part_of, read_drawing
 from armcontour.io.keys import Given, read_keys
+from armcontour.io.scene import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
+from armcontour.scene import Scene
 
 # Keys of a job's path that a drawing replaces.
 OWN_PATH = ("points", "start", "segments", "spline")
@@ -107,6 +109,27 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     with locate_errors(source):
         model = read_model(CellModel, text, source)
         return arm_of(model.arm, folder, trust_xacro=trust_xacro)
+
+
+def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
+    """Read the arm and the scene of a cell, or of a job file, of which other keys may be missing.
+
+    Args:
+        cell: Name of a built-in cell, or a job file.
+        trust_xacro: As in `read_job`.
+
+    Returns:
+        The arm, or None if the file has none; and the scene, empty without the key `scene`.
+
+    Raises:
+        InvalidInput: No such cell or file, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    given = read_keys(Given(CellModel), load(text, source), source)
+    model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
+    with locate_errors(source):
+        arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
+        return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
 
 
 def open_text(cell: str) -> tuple[str, FilePath]:
