@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import armcontour as ac
@@ -44,11 +44,14 @@ def _bag(
     topics: dict[str, tuple[str, list[Any]]],
     definitions: dict[str, str] | None = None,
     plugin: StoragePlugin = StoragePlugin.MCAP,
+    packed: CompressionMode = CompressionMode.NONE,
 ) -> FilePath:
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in (definitions or {}).items():
         store.register(get_types_from_msg(text, name))
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+    writer = Writer(folder, version=9, storage_plugin=plugin)
+    writer.set_compression(packed, CompressionFormat.ZSTD)
+    with writer:
         for topic, (kind, messages) in topics.items():
             connection = writer.add_connection(topic, kind, typestore=store)
             for i, make in enumerate(messages):
@@ -199,6 +202,29 @@ def test_the_state_of_a_controller_is_a_log(
     np.testing.assert_array_equal(log.command, Q[5:] + 0.1)
     np.testing.assert_array_equal(log.measured, Q[5:])
     np.testing.assert_array_equal(read_trajectory(bag, ["elbow"]).q, Q[:, :1])
+
+
+@pytest.mark.parametrize("size", [1, 70_000_000])
+@pytest.mark.parametrize("packed", CompressionMode)
+@pytest.mark.parametrize("plugin", StoragePlugin)
+def test_bags_that_unpack_to_too_much(
+    tmp_path: FilePath, plugin: StoragePlugin, packed: CompressionMode, size: int
+) -> None:
+    if (plugin, packed) == (StoragePlugin.SQLITE3, CompressionMode.STORAGE):
+        pytest.skip("sqlite3 has no compression of its own")
+    kind, (*others, last) = _states(4)
+
+    def large(x: Any) -> Any:
+        message = last(x)
+        message.header.frame_id = "a" * size
+        return message
+
+    bag = _bag(tmp_path / "bag", {"/states": (kind, [*others, large])}, None, plugin, packed)
+    if size > 1:
+        with pytest.raises(InvalidInput):
+            read_trajectory(bag)
+    else:
+        np.testing.assert_array_equal(read_trajectory(bag, NAMES).q, Q[:4])
 
 
 def test_several_topics(tmp_path: FilePath) -> None:

@@ -83,3 +83,12 @@ def test_whole_turns_are_undone_on_demand(tmp_path):
     found = read_run_log(file, ARM, unwrap=True)
     assert isinstance(found, Recording)
     np.testing.assert_allclose(np.diff(found.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)
+
+
+def test_numbers_of_joints_may_be_of_any_length(tmp_path):
+    large = "9" * 5000
+    file = written(tmp_path, f"t,u{large},q{large},u2,q2", T, U[:, 0], Q[:, 0], U[:, 1], Q[:, 1])
+    with pytest.raises(InvalidInput):
+        read_run_log(file, ARM)
+    file = written(tmp_path, "t,u10,q10,u9,q9", T, U[:, 1], Q[:, 1], U[:, 0], Q[:, 0])
+    np.testing.assert_allclose(read_run_log(file, ARM).command, U, atol=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -298,3 +299,15 @@ def test_files_that_stand_for_others_are_named(
     for name in ("a.csv", "a.bag"):
         (tmp_path / name).write_bytes(first)
         refuses(lambda name=name: read_trajectory(tmp_path / name), InvalidInput, word)
+
+
+def test_large_numbers_of_joints_take_no_memory() -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(InvalidInput):
+            parse_trajectory("t,q1,q1000000\n0,1,2\n")
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
+    title = f"q{'9' * 5000}"
+    assert parse_trajectory(f"t,q1,{title}\n0,1,2\n").left_out == (title,)

@@ -311,4 +311,4 @@ def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
 
 def _sorted(joints: list[str]) -> list[str]:
     """Joints in the order of their numbers; in their own order if they have names."""
-    return sorted(joints, key=int) if all(x.isdigit() for x in joints) else joints
+    return sorted(joints, key=lambda x: (len(x), x)) if all(x.isdigit() for x in joints) else joints

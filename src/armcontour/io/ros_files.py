@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from itertools import islice
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from armcontour import _yaml
 from armcontour._checks import FloatArray
-from armcontour._files import LARGE, MEGABYTE, read_text
+from armcontour._files import LARGE, MEGABYTE, SMALL, read_text
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.number_table import Digits, last_digit
@@ -25,6 +31,8 @@ MEASUREMENTS = ("feedback", "actual")
 YAMLS = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+# The decompression of rosbags is replaced for one bag at a time.
+_rosbags = threading.Lock()
 # Times of ROS are whole nanoseconds [s].
 NANOSECOND = 1e-9
 
@@ -72,8 +80,7 @@ def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | Non
     if kind == TRAJECTORY:
         if len(messages) > 1:
             raise InvalidInput(
-                f"{file.name} holds {len(messages)} JointTrajectory messages, but one is judged at "
-                "a time: record them one by one."
+                f"{file.name} holds more than one JointTrajectory message: record one per bag."
             )
         message = messages[0][1]
         return _join_points(file.name, message.joint_names, message.points, joint_names)
@@ -262,21 +269,26 @@ def _read_bag(
             "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
         ) from None
     _refuse_size(file)
+    unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
         # Bags of before 2023 do not say what their messages are made of.
         store = get_typestore(Stores.ROS2_HUMBLE)
-        with AnyReader([file], default_typestore=store) as reader:
+        with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
+            # Without an index, the whole bag has been unpacked once already.
+            unpacker.left = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(
                 file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
             )
+            kind = of_topic[used].msgtype
             messages = [
-                (at, reader.deserialize(raw, connection.msgtype))
-                for connection, at, raw in reader.messages(
-                    [x for x in reader.connections if x.topic == used]
+                (at, reader.deserialize(read.count(raw), connection.msgtype))
+                for connection, at, raw in islice(
+                    reader.messages([x for x in reader.connections if x.topic == used]),
+                    # A second trajectory is refused, so further ones are not needed.
+                    2 if kind == TRAJECTORY else None,
                 )
             ]
-            kind = of_topic[used].msgtype
     except InvalidInput:
         raise
     except Exception as error:  # of damaged bags, rosbags lets errors of its libraries through
@@ -287,6 +299,61 @@ def _read_bag(
     if not messages:
         raise InvalidInput(f"{file.name}: the topic {show(used)} has no message.")
     return kind, messages
+
+
+class _Unpacker:
+    """Decompression with a bound, in place of that of rosbags, which has none.
+
+    Args:
+        source: Name of the bag.
+
+    Attributes:
+        left: What may still be unpacked [bytes].
+    """
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self.left = LARGE
+
+    def count(self, data: bytes) -> bytes:
+        """Return unpacked data, unless its size or the size of all data exceeds the bound."""
+        self.left -= len(data)
+        if self.left < 0 or len(data) > SMALL:
+            raise InvalidInput(
+                f"{self._source} unpacks to more than {LARGE / MEGABYTE:.0f} MB, or one of its "
+                f"chunks or messages to more than {SMALL / MEGABYTE:.0f} MB: record only the topic "
+                "that is needed."
+            )
+        return data
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Context in which rosbags uses this decompression; one bag at a time."""
+        import lz4.frame  # type: ignore[import-untyped, unused-ignore]
+        import rosbags.rosbag2
+
+        package: Any = rosbags.rosbag2
+        reader, mcap = package.reader, package.storage_mcap
+
+        def unpack(library: Any, data: bytes) -> bytes:
+            with library.open(BytesIO(data), "rb") as unpacked:
+                return self.count(unpacked.read(min(self.left, SMALL) + 1))
+
+        @contextmanager
+        def open_counted(file: Any, mode: str) -> Iterator[Any]:
+            with zstd.open(file, mode) as unpacked:
+                yield SimpleNamespace(read=lambda size: self.count(unpacked.read(size)))
+
+        with _rosbags:
+            zstd, unpack_lz4 = mcap.zstd, mcap.lz4_decompress
+            bounded = SimpleNamespace(decompress=partial(unpack, zstd), open=open_counted)
+            try:
+                reader.zstd = mcap.zstd = bounded
+                mcap.lz4_decompress = partial(unpack, lz4.frame)
+                yield
+            finally:
+                reader.zstd = mcap.zstd = zstd
+                mcap.lz4_decompress = unpack_lz4
 
 
 def _refuse_size(file: FilePath) -> None:

@@ -36,7 +36,7 @@ IGNORED = ("events",)
 EXAMPLE = "t,q1,q2 or t [s],q 1 [rad],q 2 [rad]; without such a line, name them with --columns"
 KINDS = {"t": "t", "time": "t", "q": "q", "joint": "q", "dq": "dq", "ddq": "ddq"}
 _NAME = re.compile(
-    r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d+)?"
+    r"(?P<kind>time|t|joint|ddq|dq|q)[ _]?(?P<joint>\d{1,9})?"
     r"(?:_(?P<unit>[A-Za-zµ°]\S*))?",
     re.IGNORECASE,
 )
@@ -238,14 +238,15 @@ def _columns(
     dof = max((joint for _, joint in columns), default=0)
     for kind in SI:
         joints = range(1) if kind == "t" else range(1, max(1, dof) + 1)
-        missing = [x for x in joints if (kind, x) not in columns]
+        # The largest number may be of any size, so the search ends at the first gap.
+        missing = next((x for x in joints if (kind, x) not in columns), None)
         given = kind in ("t", "q") or any(x == kind for x, _ in columns)
-        if missing and given:
+        if missing is not None and given:
             if kind == "q":
                 _refuse_other_joints(where, left_out, joint_names)
             others = f" The columns {_some(left_out)} are not known."
             raise InvalidInput(
-                f"{where}: the column {kind}{missing[0] or ''} is missing"
+                f"{where}: the column {kind}{missing or ''} is missing"
                 f"{': the columns are t, q1 or joint 1, dq1, ddq1, ...' if left_out else ''}."
                 f"{others if left_out else ''}"
             )
