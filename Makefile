@@ -18,7 +18,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check page package docs site links soak bench figures schema kernels vendor clean
+.PHONY: help demo test lowest check page package docs site links soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -28,6 +28,13 @@ demo: $(VENV)/base-usual  ## Run the paper's job and cut a plate with a UR5e; pr
 
 test: $(VENV)/test-all  ## Run the whole test suite, on all cores
 	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
+
+lowest: $(VENV)/bin/python  ## Test two packages with the lowest versions of the dependencies
+	$(BIN)/python -m pip install -q --disable-pip-version-check uv
+	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/lowest
+	$(BIN)/python -m uv pip install -q --python $(VENV)/lowest --resolution lowest-direct -e '.[test]'
+	$(VENV)/lowest/bin/armcontour run --help > $(VENV)/lowest/help.txt
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/lowest/cache $(VENV)/lowest/bin/python -m pytest -q -n auto tests/geometry tests/timing
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
