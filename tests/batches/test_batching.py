@@ -11,6 +11,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as FilePath
 
+import numpy as np
 import pytest
 
 import armcontour as ac
@@ -321,3 +322,49 @@ def test_files_of_others_in_parts_are_refused_and_stay(planned, tmp_path, linked
     with pytest.raises(ac.InvalidInput):
         ac.batch(planned({"limits.speed": ["20 mm/s"]}, do="teach"), out, workers=0)
     assert own.exists()
+
+
+@pytest.mark.parametrize("linked", [False, True])
+@pytest.mark.parametrize("name", ["plan.json", "summary.json", "report.html", "results.parquet"])
+def test_files_of_others_beside_a_plan_are_refused_and_stay(planned, tmp_path, name, linked):
+    plan = planned({"limits.speed": ["20 mm/s"]}, do="teach")
+    ac.batch(plan, tmp_path / "out", workers=0)
+    own, elsewhere = tmp_path / "out" / name, tmp_path / "elsewhere"
+    own.rename(elsewhere) if linked else own.unlink()
+    own.symlink_to(elsewhere) if linked else own.write_text('{"armcontour": "my experiment"}')
+    text = own.read_bytes()
+    with pytest.raises(ac.InvalidInput):
+        ac.batch(plan, tmp_path / "out", workers=0)
+    assert own.read_bytes() == text and own.is_symlink() == linked
+
+
+def test_parts_without_a_plan_are_not_taken_for_those_of_a_batch(planned, tmp_path):
+    part = tmp_path / "out" / "parts" / "all-000001.jsonl"
+    part.parent.mkdir(parents=True)
+    part.write_text("")
+    with pytest.raises(ac.InvalidInput):
+        ac.batch(planned({"limits.speed": ["20 mm/s"]}, do="teach"), tmp_path / "out", workers=0)
+    assert part.exists()
+
+
+def test_damaged_results_are_refused_or_harmless(planned, tmp_path):
+    plan = planned({"limits.speed": ["20 mm/s", "30 mm/s"]}, do="teach")
+    want = rows(ac.batch(plan, tmp_path / "out", workers=0))
+    (file,) = (tmp_path / "out").glob("results.*")
+    whole, random = file.read_bytes(), np.random.default_rng(1)
+    damaged = [whole[: random.integers(1, len(whole))] for _ in range(15)]
+    for _ in range(15):
+        flipped = np.frombuffer(whole, np.uint8).copy()
+        flipped[random.integers(0, len(whole), 3)] ^= random.integers(1, 256, 3, np.uint8)
+        damaged.append(flipped.tobytes())
+    refused = 0
+    for content in (*damaged, b'{"key": 5}\n', b"[]\n"):
+        file.write_bytes(content)
+        try:
+            assert rows(ac.batch(plan, tmp_path / "out", workers=0)) == want
+        except ac.InvalidInput as error:
+            refused += 1
+            assert str(file) in str(error)
+    assert refused > 20
+    file.unlink()
+    assert rows(ac.batch(plan, tmp_path / "out", workers=0)) == want

@@ -274,6 +274,28 @@ def test_a_killed_replacement_never_looks_whole_and_is_completed(
     assert contents(out) == {"report.html", "summary.json", "mine.txt"}
 
 
+@pytest.mark.parametrize("name", ["thesis.tex", "summary.json", "old/thesis.tex"])
+@pytest.mark.parametrize("result", [True, False])
+def test_a_forged_journal_replaces_and_removes_no_foreign_file(
+    tmp_path: FilePath, result: bool, name: str
+) -> None:
+    if result:
+        write(tmp_path, ["report.html"])
+    mine, forged = tmp_path / name, tmp_path / ".armcontour-next" / "new" / name
+    for file in (mine, forged):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f"text of {file}")
+    text = mine.read_text()
+    journal = forged.parents[len(FilePath(name).parts)] / "journal.json"
+    stale = {name: hashlib.sha256(mine.read_bytes()).hexdigest()}
+    for change in ({"stale": {}, "new": [name]}, {"stale": stale, "new": []}):
+        journal.write_text(json.dumps(change))
+        with pytest.raises(InvalidInput):
+            ResultFolder(tmp_path)
+        assert mine.read_text() == text
+        journal.parent.mkdir(exist_ok=True)
+
+
 def test_a_replacement_that_the_system_stops_is_completed_by_the_next_run(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,9 @@ PLAN, PARTS, RESULTS, REPORT, SUMMARY = (
 )
 # Jobs whose results are in memory at once when all are written to one file.
 SLICE = 20_000
+# What tells a report, and a plan or summary, from files of others with the same names.
+GENERATOR = '<meta name="generator" content="armcontour">'
+DATA_KEYS = {"armcontour", "batch", "do", "jobs", "count"}
 NUMBER = re.compile(r"(?:all|\d+-of-\d+)-(\d{6,})\.(?:parquet|jsonl)")
 
 
@@ -174,17 +177,32 @@ class BatchFolder:
                 f"{others[0]} is no part of a batch of armcontour: move it away, or choose another "
                 "--out."
             )
-        try:
-            known = json.loads(_files.read_text(self.folder / PLAN, "plan"))["armcontour"]
-        except (InvalidInput, ValueError, KeyError, TypeError):
-            known = None
+        for name in (PLAN, SUMMARY, REPORT, *(f"{RESULTS}{x}" for x in (PARQUET, LINES))):
+            file = self.folder / name
+            if file.is_symlink() or (file.exists() and not _is_ours(file)):
+                raise InvalidInput(
+                    f"{file} was not written by a batch of armcontour: move it away, or choose "
+                    "another --out."
+                )
+        # The plan is written before any part.
         hidden = [x for x in self.folder.iterdir() if not x.name.startswith(_staging.PREFIX)]
-        started = {x.name for x in hidden} <= {PARTS}
-        if known is None and not started:
+        started = {x.name for x in hidden} <= {PARTS} and not any(parts.glob("*"))
+        if not (self.folder / PLAN).exists() and not started:
             raise InvalidInput(
                 f"The folder {self.folder} is not empty and holds no batch of armcontour: choose "
                 "another --out."
             )
+
+
+def _is_ours(file: FilePath) -> bool:
+    """Whether a batch wrote a file; tables of results are checked when they are read."""
+    if file.suffix in (PARQUET, LINES):
+        return file.is_file()
+    try:
+        text = _files.read_text(file, "file")
+        return GENERATOR in text if file.name == REPORT else DATA_KEYS <= set(json.loads(text))
+    except (InvalidInput, ValueError, TypeError, RecursionError):
+        return False
 
 
 def result_files(folder: FilePath) -> list[FilePath]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.batches.plan import Plan
-from armcontour.batches.tables import Block, Kind, blocks_of
+from armcontour.batches.tables import Block, Kind, blocks_of, readable
 from armcontour.batches.working import ANSWERS, STATUSES, Outcome
 from armcontour.errors import InvalidInput
 
@@ -85,8 +85,9 @@ class Ledger:
         for file in files:
             state = _state(file)
             if file not in self._seen:
-                for block in blocks_of(file):
-                    self._read(block)
+                with readable(file):
+                    for block in blocks_of(file):
+                        self._read(block)
                 self._seen[file] = state
 
     def forget_missing(self, files: Iterable[FilePath]) -> None:
@@ -186,7 +187,8 @@ class Ledger:
         where = np.flatnonzero(self._block[first:last] >= 0) + first
         found: dict[str, list[Any]] = {x: [None] * len(where) for x in own}
         for k in np.unique(self._block[where]):
-            rows = self._blocks[k].read(own)
+            with readable(self._blocks[k].file):
+                rows = self._blocks[k].read(own)
             for at in np.flatnonzero(self._block[where] == k):
                 row = self._row[where[at]]
                 for x in own:

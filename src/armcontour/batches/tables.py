@@ -6,7 +6,7 @@ import importlib.util
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -14,6 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any, Literal
 
 from armcontour import _staging
+from armcontour._text import show
 from armcontour.errors import InvalidInput
 
 Kind = Literal["number", "count", "text"]
@@ -76,6 +77,26 @@ def blocks_of(file: FilePath) -> list[Block]:
     with closing(pq.ParquetFile(file)) as opened:
         data = opened.metadata
         return [Block(file, k, data.row_group(k).num_rows) for k in range(data.num_row_groups)]
+
+
+@contextmanager
+def readable(file: FilePath) -> Iterator[None]:
+    """Context in which a broken or foreign file is refused, whatever its library raises.
+
+    Raises:
+        InvalidInput: As said.
+        FileNotFoundError: The file is gone.
+    """
+    try:
+        yield
+    except (InvalidInput, FileNotFoundError):
+        raise
+    except Exception as error:  # pyarrow has errors of many kinds for damaged files
+        problem = str(error).strip().partition("\n")[0].rstrip(".") or type(error).__name__
+        raise InvalidInput(
+            f"{file} has no readable results of a batch ({show(problem)}): remove the file, and "
+            "run the batch again, which repeats its jobs."
+        ) from None
 
 
 def _line_blocks(file: FilePath) -> Iterator[Block]:

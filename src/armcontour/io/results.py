@@ -178,7 +178,7 @@ class ResultFolder:
         self._refuse_occupied()
         written = _manifest(self._target) or {}
         self._refuse_conflicts(written)
-        stale = {x: written[x] for x in sorted(set(written) - set(self.files))}
+        stale = sorted(set(written) - set(self.files))
         journal = {"stale": stale, "new": [*self.files, MANIFEST]}
         partial = self._staging.place / f"{JOURNAL}.part"
         partial.write_text(json.dumps(journal), encoding="utf-8")
@@ -350,27 +350,37 @@ def _is_below(folder: FilePath, name: str) -> bool:
 
 
 def _finish(target: FilePath, staging: _staging.Staging) -> None:
-    """Complete the replacement that a journal describes; without a journal do nothing."""
+    """Complete the replacement that a journal describes; without a journal do nothing.
+
+    A journal may be forged, so a file is replaced or removed only if the result's manifest lists it
+    unchanged. If another file is in the way, the journal is ignored.
+    """
     new = staging.place / "new"
     if new.is_symlink():
         return
     try:
         journal = json.loads((staging.place / JOURNAL).read_text(encoding="utf-8"))
         stale, fresh = journal["stale"], journal["new"]
+        valid = _names_files(dict.fromkeys([*stale, *fresh], ""))
     except (OSError, ValueError, KeyError, TypeError):
         return
-    if not _names_files(stale) or not _names_files(dict.fromkeys(fresh, "")):
+    written = _manifest(target)
+
+    def is_ours(name: str) -> bool:
+        checksum = _checksum(target / name)
+        listed = bool(checksum) if name == MANIFEST else checksum == (written or {}).get(name)
+        return _is_below(target, name) and (listed or not os.path.lexists(target / name))
+
+    waiting = [x for x in fresh if (new / x).is_file() and _is_below(new, x)] if valid else []
+    if not valid or not all(map(is_ours, waiting)):
         return
-    if (new / SUMMARY).exists():
-        (target / SUMMARY).unlink(missing_ok=True)
-    for name, checksum in stale.items():
-        if _is_below(target, name) and _checksum(target / name) == checksum:
+    for name in [*stale, SUMMARY] if SUMMARY in waiting else stale:
+        if (target / name).exists() and is_ours(name):
             (target / name).unlink()
     # The summary marks a complete result, so it is moved last.
-    for name in sorted(fresh, key=lambda x: x == SUMMARY):
-        if (new / name).is_file() and _is_below(new, name) and _is_below(target, name):
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            os.replace(new / name, target / name)
+    for name in sorted(waiting, key=lambda x: x == SUMMARY):
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(new / name, target / name)
     _remove_empty(target, stale)
     (staging.place / JOURNAL).unlink()
 
