@@ -137,9 +137,43 @@ def test_what_echo_prints(tmp_path: FilePath) -> None:
     assert found.resolution["t"] == pytest.approx(1e-9)
 
 
+INNER = "{joint_names: [a], points: [{positions: [1.5], " + AT_ONCE + "]}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "trajectory: " + INNER,
+        "goal_id: {uuid: [1, 2]}\ngoal: {trajectory: " + INNER + "}",
+        "joint_trajectory: " + INNER + "\nmulti_dof_joint_trajectory: {joint_names: []}",
+        "model_id: arm\ntrajectory:\n- joint_trajectory: " + INNER + "\ntrajectory_start: {}",
+    ],
+)
+def test_goals_and_messages_of_moveit(tmp_path: FilePath, text: str) -> None:
+    (tmp_path / "a.yaml").write_text(text)
+    found = read_trajectory(tmp_path / "a.yaml")
+    assert found.joints == ("a",) and found.q.tolist() == [[1.5]]
+
+
+def test_a_bag_of_moveit(tmp_path: FilePath) -> None:
+    kind = "moveit_msgs/msg/RobotTrajectory"
+
+    def make(x: Any) -> Any:
+        inner = x.JointTrajectory(
+            header=_header(x, 0), joint_names=NAMES, points=[_point(x, [1, 2, 3])]
+        )
+        return x.RobotTrajectory(joint_trajectory=inner)
+
+    definition = {kind: "trajectory_msgs/JointTrajectory joint_trajectory\n"}
+    bag = _bag(tmp_path / "bag", {"/plan": (kind, [make])}, definition)
+    assert read_trajectory(bag, ["shoulder", "elbow"]).q.tolist() == [[3.0, 1.0]]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        (f"trajectory: [{INNER}, {INNER}]", "holds 2 trajectories, but one"),
+        ("trajectory: []", "no JointTrajectory"),
         ("a: 1\n", "no JointTrajectory.*joint_names and points"),
         ("joint_names: [a]\npoints: []\n", "without points"),
         ("joint_names: [a]\npoints: 3\n", "must be lists"),

@@ -23,6 +23,9 @@ from armcontour.errors import InvalidInput
 from armcontour.io.number_table import Digits, last_digit
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+# Messages of MoveIt that have a trajectory, and the fields of goals and messages that lead to it.
+AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory")
+LEADING = ("request", "goal", "trajectory", "joint_trajectory")
 STATE = "sensor_msgs/msg/JointState"
 CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
 # Names of command and measurement in a controller's state, in newer and older releases of ROS 2.
@@ -64,8 +67,10 @@ def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | Non
     """Read the motion of some joints.
 
     Args:
-        file: YAML of a JointTrajectory, or a bag. Of a bag, the first of these that it has: a
-            JointTrajectory, a controller's state (its measurement), JointStates.
+        file: YAML of a JointTrajectory, of a FollowJointTrajectory goal or of MoveIt's
+            RobotTrajectory or DisplayTrajectory; or a bag. Of a bag, the first of these that it
+            has: a JointTrajectory or a message of MoveIt, a controller's state (its measurement),
+            JointStates.
         joint_names: Names of the joints, in the order of the result; by default those of the file.
         topic: Topic of a bag; by default the only one of its type.
 
@@ -76,13 +81,14 @@ def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | Non
         if topic is not None:
             raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
         return _read_yaml(file, joint_names)
-    kind, messages = _read_bag(file, (TRAJECTORY, CONTROLLER, STATE), topic)
-    if kind == TRAJECTORY:
+    kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
+    if kind in (TRAJECTORY, *AROUND):
         if len(messages) > 1:
             raise InvalidInput(
-                f"{file.name} holds more than one JointTrajectory message: record one per bag."
+                f"{file.name} holds more than one {kind.rpartition('/')[2]} message: record one per "
+                "bag."
             )
-        message = messages[0][1]
+        message = _trajectory_in(file.name, messages[0][1])
         return _join_points(file.name, message.joint_names, message.points, joint_names)
     wanted = tuple(joint_names) or tuple(_names_of(kind, messages[0][1]))
     names = list(_names_of(kind, messages[0][1]))
@@ -125,24 +131,48 @@ def read_ros_log(file: FilePath, topic: str | None) -> RosMotion:
 
 
 def _read_yaml(file: FilePath, joint_names: Sequence[str]) -> RosMotion:
-    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it.
+    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
 
     Raises:
         InvalidInput: Another content.
     """
     # What `echo` prints ends with the mark of a next message.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
-    data = _yaml.load(text, file.name)
+    data = _trajectory_in(file.name, _yaml.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
         raise InvalidInput(
-            f"{file.name} is no JointTrajectory: it needs the keys joint_names and points, with "
-            "positions and time_from_start in each point."
+            f"{file.name} is no JointTrajectory, nor a goal or a message with one: that needs the "
+            "keys joint_names and points, with positions and time_from_start in each point."
         )
     if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
         raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
     points = [_Point(file.name, i, x) for i, x in enumerate(data["points"], start=1)]
     names = [str(x) for x in data["joint_names"]]
     return _join_points(file.name, names, points, joint_names, printed=True)
+
+
+def _trajectory_in(source: str, data: Any) -> Any:
+    """The JointTrajectory in a goal or a message, or the data itself.
+
+    Args:
+        source: Name of the file.
+        data: Mapping of YAML, or message of a bag.
+
+    Raises:
+        InvalidInput: There are several.
+    """
+    if isinstance(data, list):
+        if len(data) > 1:
+            raise InvalidInput(
+                f"{source} holds {len(data)} trajectories, but one is judged at a time: write them "
+                "to files of their own."
+            )
+        return _trajectory_in(source, data[0]) if data else data
+    for name in LEADING:
+        inner = data.get(name) if isinstance(data, dict) else getattr(data, name, None)
+        if inner is not None:
+            return _trajectory_in(source, inner)
+    return data
 
 
 class _Point:
