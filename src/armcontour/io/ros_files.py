@@ -85,8 +85,8 @@ def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | Non
     if kind in (TRAJECTORY, *AROUND):
         if len(messages) > 1:
             raise InvalidInput(
-                f"{file.name} holds more than one {kind.rpartition('/')[2]} message: record one per "
-                "bag."
+                f"{file.name} holds more than one {kind.rpartition('/')[2]} message: record one "
+                "per bag."
             )
         message = _trajectory_in(file.name, messages[0][1])
         return _join_points(file.name, message.joint_names, message.points, joint_names)
@@ -316,7 +316,7 @@ def _read_bag(
                 for connection, at, raw in islice(
                     reader.messages([x for x in reader.connections if x.topic == used]),
                     # A second trajectory is refused, so further ones are not needed.
-                    2 if kind == TRAJECTORY else None,
+                    2 if kind in (TRAJECTORY, *AROUND) else None,
                 )
             ]
     except InvalidInput:
