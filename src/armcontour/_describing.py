@@ -137,6 +137,12 @@ def extremes(values: Iterable[float], unit: Callable[[float], str] = mm) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+def joint_called(joint: int, names: Sequence[str]) -> str:
+    """The number of a joint, from 1, with its name if that says more."""
+    name = names[joint - 1]
+    return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"
+
+
 def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
     """Rows that say between which positions joints are.
 

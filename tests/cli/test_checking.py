@@ -426,3 +426,10 @@ def test_the_scene_of_a_cell_is_checked_without_a_path_and_runs(
     assert "table" in {y for x in pairs for y in (x["first"], x["second"])}
     # A scene alone does not name the arm.
     assert check(folder, "sweep.csv", "--scene", "scene.yaml").code == 2
+
+
+def test_joints_are_called_by_number_and_name(folder: FilePath, check: Check) -> None:
+    (folder / "fast.csv").write_text(
+        "t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n0.1,0,1,0,0,0,0\n0.2,0,2,0,0,0,0\n"
+    )
+    assert "2 (shoulder_lift_joint)" in check(folder, "fast.csv", "--arm", "ur5e").out

@@ -253,6 +253,7 @@ class _Certifying:
                 planned.squares,
                 planned.trajectory,
                 span.t[0],
+                planned.setting.arm.joint_names,
             ),
             trajectory=planned.trajectory,
             taught=kept.trial.taught,

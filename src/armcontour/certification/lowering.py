@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import digits
+from armcontour._describing import digits, joint_called
 from armcontour.certification._derating import CAUSES, Derating
 from armcontour.motion import Trajectory
 
@@ -38,6 +38,7 @@ class Lowered:
         share: Largest share that it is lowered by: of the speed of the plan with nothing derated,
             or of the limit.
         joint: Joint that is derated most, from 1; None for what is not of a joint.
+        joint_name: Its number with its name; "" without a joint.
         s: Arc length at which it is lowered most [m]; None for limits lowered along all of it.
         t: Time in the whole motion at which the plan is there [s]; None without a place.
         length: Length of the contour along which it is lowered [m].
@@ -48,6 +49,7 @@ class Lowered:
     cause: str
     share: float
     joint: int | None
+    joint_name: str
     s: float | None
     t: float | None
     length: float
@@ -55,7 +57,7 @@ class Lowered:
 
     def __str__(self) -> str:
         """What is lowered, by how much, where and for what, as a clause."""
-        of = "" if self.joint is None else f" of joint {self.joint}"
+        of = f" of joint {self.joint_name}" if self.joint_name else ""
         where = f"over {_length(self.length)} of {_length(self.contour)}"
         if self.length > NEARLY_ALL * self.contour:
             where = "along the whole contour"
@@ -72,6 +74,7 @@ def find_lowered(
     squares: FloatArray,
     plan: Trajectory,
     start: float,
+    names: Sequence[str],
 ) -> tuple[Lowered, ...]:
     """Find what a plan of a contour was lowered for, the largest share of each kind first.
 
@@ -81,6 +84,7 @@ def find_lowered(
         squares: Largest ds² in the cells of the derating with nothing derated [m²/s²], (n,).
         plan: The plan; times from 0 [s].
         start: Start time of the contour in the whole motion [s].
+        names: Names of the joints.
     """
     places = (derating.cells[:-1] + derating.cells[1:]) / 2
     contour = float(derating.cells[-1])
@@ -102,6 +106,7 @@ def find_lowered(
                     cause=cause,
                     share=float(share[k]),
                     joint=None,
+                    joint_name="",
                     **at(k, share > LEAST),
                 )
         for cause, left in derating.share_by.items():
@@ -114,6 +119,7 @@ def find_lowered(
                     cause=cause,
                     share=float(share[k, j]),
                     joint=None if alike else j + 1,
+                    joint_name="" if alike else joint_called(j + 1, names),
                     **at(k, np.asarray((share > LEAST).any(axis=1))),
                 )
         for name, factor in factors.items():
@@ -123,6 +129,7 @@ def find_lowered(
                     cause="limit",
                     share=1 - factor,
                     joint=None,
+                    joint_name="",
                     s=None,
                     t=None,
                     length=contour,

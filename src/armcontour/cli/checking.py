@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._describing import digits
+from armcontour._describing import digits, joint_called
 from armcontour._text import show
 from armcontour.cli.console import Console
 
@@ -82,7 +82,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         if clearance is not None:
             evenly = "Between samples the joints count as moving evenly."
             remarks.append(f"{clearance.sentence} {evenly}")
-        _print(found, [*remarks, *(f"Note: {note}" for note in arm.notes)])
+        _print(found, arm, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]
 
@@ -293,7 +293,7 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
     return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
 
 
-def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
+def _cells(unit: str, x: Occurrence, arm: Arm) -> tuple[str, ...]:
     """The use of a limit at one time as cells of a table."""
     return (
         f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
@@ -301,15 +301,15 @@ def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
         f"{x.value:.6g} {unit}",
         f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
         f"{x.t:.6g}",
-        "" if x.joint is None else str(x.joint),
+        "" if x.joint is None else joint_called(x.joint, arm.joint_names),
     )
 
 
-def _print(found: Check, remarks: list[str]) -> None:
+def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     """Print a table of the limits, and sentences on the result and on the file."""
     rows = []
     for x in found.uses:
-        certain, highest = _cells(x.unit, x), _cells(x.unit, x.highest)
+        certain, highest = _cells(x.unit, x, arm), _cells(x.unit, x.highest, arm)
         rows.append((x.name.replace("_", " "), *certain, x.verdict))
         if certain[0] != highest[0]:
             rows.append(("  numbers as printed", *highest, ""))
