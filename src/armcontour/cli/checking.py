@@ -293,7 +293,7 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
     return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
 
 
-def _cells(unit: str, x: Occurrence, arm: Arm) -> tuple[str, ...]:
+def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
     """The use of a limit at one time as cells of a table."""
     return (
         f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
@@ -301,7 +301,7 @@ def _cells(unit: str, x: Occurrence, arm: Arm) -> tuple[str, ...]:
         f"{x.value:.6g} {unit}",
         f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
         f"{x.t:.6g}",
-        "" if x.joint is None else joint_called(x.joint, arm.joint_names),
+        "" if x.joint is None else str(x.joint),
     )
 
 
@@ -309,13 +309,17 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     """Print a table of the limits, and sentences on the result and on the file."""
     rows = []
     for x in found.uses:
-        certain, highest = _cells(x.unit, x, arm), _cells(x.unit, x.highest, arm)
+        certain, highest = _cells(x.unit, x), _cells(x.unit, x.highest)
         rows.append((x.name.replace("_", " "), *certain, x.verdict))
         if certain[0] != highest[0]:
             rows.append(("  numbers as printed", *highest, ""))
     console = Console()
     console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1))
     lines = [found.reconstruction]
+    named = sorted({x.joint for x in found.uses if x.joint is not None})
+    called = [joint_called(x, arm.joint_names) for x in named]
+    if called != [str(x) for x in named]:
+        lines.append(f"Joints: {', '.join(called)}.")
     open_ones = [x for x in found.uses if x.verdict == "cannot tell"]
     if open_ones:
         names = ", ".join(x.name.replace("_", " ") for x in open_ones)
