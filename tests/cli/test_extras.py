@@ -119,6 +119,11 @@ def test_the_demo_needs_no_extra(
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for job in (paper, plate):
         assert f'id="{job["job"]}-overview"' in page
+    # The demo replaces its own result, but neither changed files nor the result of another command.
+    assert command_in(tmp_path, "demo", "--out", "out").code == 0
+    (tmp_path / "out" / "report.html").write_text("mine")
+    assert command_in(tmp_path, "demo", "--out", "out").code == 2
+    assert (tmp_path / "out" / "report.html").read_text() == "mine"
 
 
 def test_the_paper_job_is_known_by_its_name(command_in: Any, tmp_path: FilePath) -> None:

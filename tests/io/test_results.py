@@ -85,6 +85,17 @@ def test_force_replaces_the_earlier_result_and_nothing_else(tmp_path: FilePath) 
     assert (tmp_path / "report.html").read_text() == "newer report.html"
 
 
+def test_a_result_of_the_same_kind_is_replaced_without_force(tmp_path: FilePath) -> None:
+    for name in ("old.csv", "new.csv"):
+        with ResultFolder(tmp_path / "out", replaces="demo") as results:
+            results.write(name, "text")
+    assert contents(tmp_path) == {"out/new.csv"}
+    write(tmp_path / "out", ["report.html"], force=True)
+    for kind in ("", "demo"):
+        with pytest.raises(InvalidInput):
+            ResultFolder(tmp_path / "out", replaces=kind)
+
+
 def test_an_error_leaves_the_earlier_result_as_it_was(tmp_path: FilePath) -> None:
     write(tmp_path, ["report.html"])
     with (

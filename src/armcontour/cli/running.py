@@ -31,6 +31,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both.
 
     The results of the paper's job are in the folder itself, those of the plate in its subfolder.
+    An earlier result of the demo is replaced if its files did not change.
 
     Args:
         out: Folder for the results.
@@ -44,7 +45,10 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     from armcontour.io import ResultFolder, read_job
     from armcontour.io.summary import summary
 
-    with ResultFolder(out, force=force) as folder, job_progress() as progress:
+    with (
+        ResultFolder(out, force=force, replaces="demo") as folder,
+        job_progress() as progress,
+    ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
         with warm_for_run(None, progress):
             from armcontour.jobs import run, steps_of

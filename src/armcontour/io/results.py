@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from armcontour import _files, _staging
 from armcontour._text import list_some
@@ -42,6 +42,8 @@ class ResultFolder:
         folder: The destination.
         force: Whether an earlier result may be replaced. Files of an earlier result are removed
             only if they did not change since this program wrote them; other files stay.
+        replaces: Name of a kind of result, such as "demo". An earlier result of the same kind may
+            be replaced without `force`.
 
     Attributes:
         folder: The destination.
@@ -52,10 +54,10 @@ class ResultFolder:
             folder cannot be written.
     """
 
-    def __init__(self, folder: FilePath, *, force: bool = False) -> None:
+    def __init__(self, folder: FilePath, *, force: bool = False, replaces: str = "") -> None:
         self.folder = folder
         self.files: list[str] = []
-        self._force = force
+        self._force, self._kind = force, replaces
         # Files of an earlier result that were found unchanged, and their state then.
         self._seen: dict[str, _State | None] = {}
         try:
@@ -139,7 +141,9 @@ class ResultFolder:
         present = _files_in(self._target)
         if not present:
             return
-        if not self._force:
+        if not self._force and not (
+            self._kind and _manifest_data(self._target).get("kind") == self._kind
+        ):
             raise InvalidInput(
                 f"The folder {self.folder} is not empty: choose another --out, or replace an "
                 "earlier result with --force."
@@ -170,7 +174,8 @@ class ResultFolder:
     def _put_in_place(self) -> None:
         """Write the manifest and move all files to the destination."""
         checksums = {x: _checksum(self._new / x) for x in self.files}
-        text = json.dumps({"armcontour": __version__, "files": checksums}, indent=1)
+        data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
+        text = json.dumps(data, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
         if not self._replaces:
             self._appear()
@@ -268,13 +273,18 @@ def _files_in(folder: FilePath) -> set[str]:
     return found
 
 
-def _manifest(folder: FilePath) -> dict[str, str] | None:
-    """Names and checksums of the result in a folder; None without a valid manifest."""
+def _manifest_data(folder: FilePath) -> dict[str, Any]:
+    """Content of the manifest in a folder; empty without one of this program."""
     try:
         data = json.loads(_files.read_text(folder / MANIFEST, "list of files"))
-        listed = data["files"] if "armcontour" in data else None
-    except (InvalidInput, ValueError, KeyError, TypeError, RecursionError):
-        return None
+    except (InvalidInput, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) and "armcontour" in data else {}
+
+
+def _manifest(folder: FilePath) -> dict[str, str] | None:
+    """Names and checksums of the result in a folder; None without a valid manifest."""
+    listed = _manifest_data(folder).get("files")
     return listed if _names_files(listed) else None
 
 
