@@ -67,3 +67,15 @@ def test_refuses_what_is_no_drawing(tmp_path: FilePath) -> None:
         show(tmp_path / "none.dxf")
     with pytest.raises(InvalidInput, match="--open opens the preview"):
         show(GASKET, "--open")
+
+
+def test_a_corner_just_below_zero_has_no_sign(tmp_path):
+    file = tmp_path / "a.svg"
+    file.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="50mm" viewBox="0 0 100 50">'
+        '<path d="M-0.0001 50 L40 50 L40 10" fill="none" stroke="black"/></svg>'
+    )
+    assert "from 0.00, 0.00 mm" in show(file)
+    page = tmp_path / "page.html"
+    show(file, "--out", page)
+    assert "from 0.00, 0.00 mm" in page.read_text()

@@ -117,12 +117,11 @@ def _layers(facts: Sequence[ContourFacts]) -> dict[str, dict[str, Any]]:
 def _print(program: Program, facts: Sequence[ContourFacts], name: str) -> None:
     """Print tables of layers and contours, and notes."""
     from armcontour.program.survey import extent_of
-    from armcontour.report.sections.drawing import HEADER, format_size, row_of
+    from armcontour.report.sections.drawing import HEADER, format_corner, format_size, row_of
 
     console = Console()
     size = extent_of(facts)
-    corner = ", ".join(f"{x * 1e3:.2f}" for x in size[0])
-    console.say(f"{name}: {format_size(size)} mm from {corner} mm")
+    console.say(f"{name}: {format_size(size)} mm from {format_corner(size)} mm")
     console.show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [

@@ -263,7 +263,7 @@ class Display:
 
 def _other(old: npt.ArrayLike, new: npt.ArrayLike) -> str:
     """The sentence on a change that makes another configuration of the arm the fastest one."""
-    before, after = (", ".join(f"{x:.1f}" for x in np.degrees(q)) for q in (old, new))
+    before, after = (", ".join(f"{x:z.1f}" for x in np.degrees(q)) for q in (old, new))
     return (
         f"The arm is in another configuration now, in which the motion is faster: it starts at "
         f"{after} deg, and started at {before} deg before. `start` in the job file fixes one."

@@ -56,7 +56,7 @@ def drawing(program: Program) -> Section:
             f"layer{'s' if len(layers) > 1 else ''}",
         ),
         Tile(label="length", value=f"{program.length:.4g} m"),
-        Tile(label="size", value=f"{format_size(size)} mm", note=f"from {_corner(size)} mm"),
+        Tile(label="size", value=f"{format_size(size)} mm", note=f"from {format_corner(size)} mm"),
     )
     table = Table(header=HEADER, rows=tuple(row_of(x) for x in facts[:MOST_ROWS]))
     return Section(
@@ -94,9 +94,9 @@ def format_size(extent: Any) -> str:
     return " x ".join(f"{x:.2f}" for x in shown)
 
 
-def _corner(extent: Any) -> str:
+def format_corner(extent: Any) -> str:
     """The lower corner of a box in mm."""
-    return ", ".join(f"{x:.2f}" for x in extent[0] * 1e3)
+    return ", ".join(f"{x:z.2f}" for x in extent[0] * 1e3)
 
 
 def _picture(program: Program, facts: tuple[ContourFacts, ...]) -> Any:
