@@ -33,8 +33,7 @@ lowest: $(VENV)/bin/python  ## Test two packages with the lowest versions of the
 	$(BIN)/python -m pip install -q --disable-pip-version-check uv
 	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/lowest
 	$(BIN)/python -m uv pip install -q --python $(VENV)/lowest --resolution lowest-direct -e '.[test]'
-	$(VENV)/lowest/bin/armcontour run --help > $(VENV)/lowest/help.txt
-	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/lowest/cache $(VENV)/lowest/bin/python -m pytest -q -n auto tests/geometry tests/timing
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/lowest/cache $(VENV)/lowest/bin/python -m pytest -q -n auto tests/geometry tests/timing tests/cli/test_help.py
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .

@@ -51,7 +51,8 @@ def _page(name: str, command: Any) -> str:
     if arguments:
         rows = [_row(f"`{_named(x)}`", x, kinds) for x in arguments]
         parts.append(table("argument", "value", "default", "what it is", rows=rows).rstrip())
-    return "\n\n".join([*parts, _options(command, kinds)])
+    example = command.epilog.splitlines()[-1].strip()
+    return "\n\n".join([*parts, _options(command, kinds), f"Example:\n\n```text\n{example}\n```"])
 
 
 def _kinds(command: Any) -> dict[str, Any]:

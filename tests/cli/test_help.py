@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -11,6 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 from armcontour.cli.commands import app
+from armcontour.cli.options import TOPICS
 
 GROUP: Any = typer.main.get_command(app)
 COMMANDS: dict[str, Any] = {"armcontour": GROUP, **GROUP.commands}
@@ -65,3 +68,21 @@ def test_help_is_printed(name: str) -> None:
     assert " ".join(COMMANDS[name].help.split()) in said
     for label, _ in parameters(name):
         assert label.split("/")[0] in said or label.upper() in said
+
+
+@every
+def test_options_stand_in_short_sections(name: str) -> None:
+    arguments = ["--help"] if name == "armcontour" else [name, "--help"]
+    sections = re.split(r"^\S.*:$", CliRunner().invoke(app, arguments).output, flags=re.MULTILINE)
+    counts = [len(re.findall(r"^  (?=\S)(?:-|\w+ {2})", x, re.MULTILINE)) for x in sections[1:]]
+    assert 1 <= max(counts) <= 10
+    known = {x.name for command in COMMANDS.values() for x in command.params}
+    assert {x for names in TOPICS.values() for x in names} <= known
+
+
+@pytest.mark.parametrize("name", GROUP.commands)
+def test_the_help_ends_with_an_example(name: str) -> None:
+    last = CliRunner().invoke(app, [name, "--help"]).output.strip().splitlines()[-1]
+    program, command, *arguments = shlex.split(last)
+    assert (program, command) == ("armcontour", name)
+    COMMANDS[name].make_context(name, arguments).close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from enum import Enum
 from pathlib import Path as FilePath
@@ -15,6 +15,8 @@ from armcontour.cli.options import (
     BatchOptions,
     CertifyOptions,
     CheckOptions,
+    Command,
+    Commands,
     DrawingOptions,
     ExportOptions,
     Force,
@@ -36,9 +38,14 @@ JobOrDrawing = Annotated[
     FilePath,
     typer.Argument(
         help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
-        "waypoints (.csv, .parquet), with --cell."
+        "waypoints (.csv, .parquet), with --cell.",
     ),
 ]
+
+
+# Topics of the commands.
+RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
+ROBOT, INSTALLED = "With the robot", "About this installation"
 
 
 class Kind(Enum):
@@ -61,6 +68,7 @@ app = typer.Typer(
         "not completed; 7 cannot tell; 8 collision; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
+    cls=Commands,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -78,6 +86,17 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
     only = copy(app)
     only.registered_commands = called or app.registered_commands
     return only
+
+
+def _command(topic: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Decorator for a command.
+
+    Args:
+        topic: Its section in the help of the program.
+        example: Arguments of an example, which its own help ends with.
+    """
+    epilog = f"\b\nExample:\n  armcontour {example}"
+    return app.command(cls=Command, rich_help_panel=topic, epilog=epilog)
 
 
 def _version(value: bool) -> None:
@@ -100,7 +119,7 @@ def _common(
     pass
 
 
-@app.command()
+@_command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript")
 @grouped
 def run(
     job: JobOrDrawing,
@@ -124,7 +143,7 @@ def run(
     )
 
 
-@app.command()
+@_command(RUN, "demo --open")
 def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
     """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
     from armcontour.cli.running import run_demo
@@ -132,7 +151,7 @@ def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = 
     run_demo(out, force=force, open_report=open_report)
 
 
-@app.command()
+@_command(RUN, "studio gasket.dxf --cell ur5e")
 @grouped
 def studio(
     options: StudioOptions,
@@ -150,7 +169,7 @@ def studio(
     open_studio(job, options)
 
 
-@app.command()
+@_command(PREPARE, "show gasket.dxf --layer CUT")
 @grouped
 def show(
     drawing: Annotated[
@@ -168,7 +187,7 @@ def show(
     show_file(drawing, drawing_options, options)
 
 
-@app.command()
+@_command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
 @grouped
 def check(
     trajectory: Annotated[
@@ -185,7 +204,7 @@ def check(
     raise typer.Exit(check_file(trajectory, options))
 
 
-@app.command()
+@_command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate")
 @grouped
 def certify(
     job: JobOrDrawing,
@@ -198,7 +217,7 @@ def certify(
     certify_file(job, job_options, options)
 
 
-@app.command()
+@_command(JUDGE, "sweep job.yaml --tolerances '0.5 mm, 1 mm, 2 mm' --out sweep")
 @grouped
 def sweep(
     job: JobOrDrawing,
@@ -212,7 +231,7 @@ def sweep(
     sweep_file(job, out, job_options, options)
 
 
-@app.command()
+@_command(PREPARE, "place gasket.dxf --cell ur5e --over 'x: -300 mm .. 300 mm, 25' --out place")
 @grouped
 def place(
     job: JobOrDrawing,
@@ -226,7 +245,7 @@ def place(
     place_file(job, out, job_options, options)
 
 
-@app.command()
+@_command(RUN, "batch plan.yaml --out results --workers 4")
 @grouped
 def batch(
     plan: Annotated[FilePath, typer.Argument(help="Plan of many jobs (.yaml).")],
@@ -246,7 +265,7 @@ def batch(
     raise typer.Exit(batch_file(plan, out, options))
 
 
-@app.command()
+@_command(ROBOT, "export gasket gasket.script --format urscript")
 @grouped
 def export(
     result: Annotated[
@@ -261,7 +280,7 @@ def export(
     export_stored(result, file, options)
 
 
-@app.command()
+@_command(ROBOT, "identify shake.csv --out servo")
 @grouped
 def identify(
     logs: Annotated[
@@ -279,7 +298,7 @@ def identify(
     raise typer.Exit(0 if identify_files(logs, options) else 1)
 
 
-@app.command()
+@_command(ROBOT, "learn job.yaml --taught result --log robot.csv --out next")
 @grouped
 def learn(
     job: JobOrDrawing,
@@ -292,7 +311,7 @@ def learn(
     learn_file(job, job_options, options)
 
 
-@app.command()
+@_command(PREPARE, "arms")
 def arms() -> None:
     """List the built-in arms, with the parameters that are assumed."""
     from armcontour.cli.listing import list_arms
@@ -301,7 +320,7 @@ def arms() -> None:
         typer.echo(line)
 
 
-@app.command()
+@_command(PREPARE, "init ur5e --out cell.yaml")
 def init(
     cell: Annotated[
         str, typer.Argument(help="Built-in cell, by the name of its arm: see `armcontour arms`.")
@@ -318,7 +337,7 @@ def init(
     write_cell(cell, out, force=force)
 
 
-@app.command()
+@_command(INSTALLED, "warm usual")
 def warm(
     kind: Annotated[
         Kind,
@@ -333,7 +352,7 @@ def warm(
     warm_up(kind.value)
 
 
-@app.command()
+@_command(INSTALLED, "schema")
 def schema() -> None:
     """Print the JSON Schema of job files."""
     import json

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
@@ -10,6 +11,77 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any, get_type_hints
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+
+# Topics in the help of a command, with the names of their options; others stand under "Options".
+TOPICS = {
+    "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "skip_unknown", "skip",
+                "tool"),
+    "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
+    "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
+                                 "iterations", "continuity", "from_s"),
+    "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
+                                 "topic", "unwrap", "set_points", "interpolation"),
+    "Places": ("over", "objective", "uncertainty", "move", "absolute", "about", "arms", "tools",
+               "every", "refined"),
+    "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
+    "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
+                                    "tool_motion", "call"),
+    "Processes and memory": ("workers", "cluster", "shard", "memory"),
+    "Results": ("out", "force", "open_report", "open_page", "as_json"),
+}  # fmt: skip
+# Words for types that typer names as Python does.
+WORDS = {"str": "text", "int": "number", "float": "number", "path": "file"}
+_TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORECASE)
+
+
+class Command(TyperCommand):
+    """A command whose help lists the options by topic."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for the arguments, for the options without a topic, and per topic."""
+        topics = {name: topic for topic, names in TOPICS.items() for name in names}
+        sections: dict[str, list[tuple[str, str]]] = {
+            x: [] for x in ("Arguments", "Options", *TOPICS)
+        }
+        order = list(topics)
+        for x in sorted(
+            self.get_params(ctx), key=lambda x: order.index(x.name) if x.name in topics else -1
+        ):
+            record = x.get_help_record(ctx)
+            if record is not None:
+                form = _TYPE.sub(lambda found: f"<{WORDS[found[1].lower()]}>", record[0])
+                topic = topics.get(x.name or "", "Options")
+                if x.param_type_name == "argument":
+                    name, _, kind = form.partition(" ")
+                    topic, form = "Arguments", f"{name.upper()} {kind}".strip()
+                sections[topic].append((form, record[1]))
+        _write_sections(sections, formatter)
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Arguments in capitals, without the braces that some versions of typer add."""
+        pieces = super().collect_usage_pieces(ctx)
+        return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
+
+
+class Commands(TyperGroup):
+    """A group of commands whose help lists them by topic, which is their `rich_help_panel`."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section per topic."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for name, x in self.commands.items():
+            rows = sections.setdefault(getattr(x, "rich_help_panel", None) or "Commands", [])
+            rows.append((f"{name:<8}", x.get_short_help_str(200)))
+        _write_sections(sections, formatter)
+
+
+def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) -> None:
+    """Write the sections that have rows into a help text."""
+    for title, rows in sections.items():
+        if rows:
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
