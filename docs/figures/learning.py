@@ -8,6 +8,7 @@ from docs.figures import job, style
 from matplotlib.figure import Figure
 
 import armcontour as ac
+from armcontour.motion import smooth
 
 FILE = "fig_learning"
 
@@ -22,7 +23,7 @@ NOISE = 1e-5  # rad
 
 def draw() -> Figure:
     """Left the contour error of every run over time, right its RMS by run."""
-    plan = ac.plan(job.ROUNDED, job.ARM, job.LIMITS, smoothing=[job.PERIOD])
+    plan = smooth(ac.plan(job.ROUNDED, job.ARM, job.LIMITS), job.PERIOD)
     taught = ac.compensate(
         plan, job.SERVO, method="inverse_dynamics", arm=job.ARM, period=job.PERIOD
     )

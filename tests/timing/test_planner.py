@@ -94,12 +94,32 @@ def test_a_joint_path_takes_no_branch(arm, rounded, limits, refuses):
 
 
 def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
-    plain = ac.plan(traced, arm, limits)
+    limits = limits.replace(centripetal_acceleration=None)
+    plain = ac.plan(traced, arm, limits, reserve=0.3)
     for windows in (0.02, [0.02, 0.01]):
-        found = ac.plan(traced, arm, limits, smoothing=windows)
+        found = ac.plan(traced, arm, limits, reserve=0.3, smoothing=windows)
         by_hand = smooth(plain, *np.atleast_1d(windows))
         t = np.linspace(0, found.duration, 101)
         np.testing.assert_array_equal(found(t), by_hand(t))
+
+
+def test_smoothing_that_exceeds_a_limit_is_refused_with_what_would_do(arm, limits):
+    corners = ac.round_corners(
+        ac.Path.polyline([(0.3, 0.2), (0.35, 0.2), (0.35, 0.25)]), tolerance=1e-5
+    )
+    free = limits.replace(centripetal_acceleration=None)
+    with pytest.raises(ac.NotRealizable, match="reserve, such as") as caught:
+        ac.plan(corners, arm, free, smoothing=[0.02, 0.02], reserve=0.05)
+    assert caught.value.limit == "joint_acceleration" and caught.value.needed > 1.01
+    # The excess is that of the judge, which shares no code with the plan.
+    by_hand = smooth(ac.plan(corners, arm, free, reserve=0.05), 0.02, 0.02)
+    used = ac.check(by_hand, arm, free)["joint_acceleration"]
+    assert caught.value.needed == pytest.approx(used.ratio, rel=2e-2)
+    reserve = float(str(caught.value).rpartition("such as ")[2].rstrip("."))
+    assert ac.plan(corners, arm, free, smoothing=[0.02, 0.02], reserve=reserve).duration > 0
+    with pytest.raises(ac.NotRealizable, match="lower limit, such as") as caught:
+        ac.plan(corners, arm, limits, smoothing=[0.02, 0.02], reserve=0.5)
+    assert caught.value.limit == "centripetal_acceleration"
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,11 @@ from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.common import start_of, with_reserve
+from armcontour.timing.common import RESERVED, start_of, with_reserve
 from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
+from armcontour.timing.limit_use import QUANTITIES, States, ratio
 from armcontour.timing.methods import (
     OPTIONS,
     PLANNING_METHODS,
@@ -42,6 +43,10 @@ MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 # Options that are numbers of grid intervals or laps; a lap takes as much memory as an interval.
 COUNTS = ("intervals", "knots")
+# Smoothed plans exceed no limit by a larger share; samples in an interval between two breaks, and
+# intervals that are sampled at once.
+EXCESS = 0.01
+AT_A_BREAK, AT_ONCE = 6, 20_000
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
 
@@ -80,9 +85,10 @@ def plan(
             one factor, rapids and dwells are not. By default the motion is the fastest.
         smoothing: Window of a moving average of s(t), or two as in `smooth` [s], for the
             methods "optimal" and "shaped" without a given duration. Every motion between two rests
-            takes longer by the sum of the windows, and may exceed limits of the joints where the
-            path bends, but for shaped curves, along which joint positions are averaged. Where arcs
-            or stops are the fastest shape, there is no such curve.
+            takes longer by the sum of the windows. Where the path bends, that may exceed limits:
+            by up to 1 %, as more is refused. Along shaped curves joint positions are averaged,
+            which keeps limits of the joints. Where arcs or stops are the fastest shape, there is no
+            such curve.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
         options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints`,
@@ -97,7 +103,8 @@ def plan(
             intervals than fit in memory, or a speed at which the motion takes too long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
-            duration, or it keeps no limits of jerk and there are some.
+            duration, or it keeps no limits of jerk and there are some, or a smoothed plan exceeds
+            a limit by more than 1 %.
 
     Warns:
         UserWarning: Limits of jerk add full stops, as accelerations would jump there.
@@ -119,7 +126,57 @@ def plan(
     known = limits or cast(Arm, arm).limits
     if known.jerk_limits and not isinstance(path, Tracing):
         _warn_of_stops(traced, found)
+    if np.size(smoothing):
+        used = _arm_of(path, arm, limits)
+        _refuse_excess(found, used, known.for_joints(used.dof), reserve)
     return found
+
+
+def _refuse_excess(trajectory: Trajectory, arm: Arm, limits: Limits, reserve: float) -> None:
+    """Refuse a smoothed plan that exceeds a limit by more than EXCESS.
+
+    Args:
+        trajectory: The plan.
+        arm: The arm.
+        limits: The limits without reserve, with one value per joint.
+        reserve: The reserve with which it was planned.
+
+    Raises:
+        NotRealizable: It exceeds one; the message names a reserve that is enough.
+    """
+    names = [x for x in QUANTITIES if getattr(limits, x) is not None]
+    order = 3 if {"joint_jerk", "tool_jerk"} & set(names) else 2
+    worst, at, of = 1.0 + EXCESS, 0.0, ""
+    for span in trajectory.contour_spans:
+        if span.trajectory is None:
+            continue
+        breaks = span.trajectory.breaks
+        inside = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, AT_A_BREAK)
+        for t in np.array_split(inside, len(inside) // AT_ONCE + 1):
+            # Both sides of every break.
+            sides = ((t[:, :-1].ravel(), "right"), (t[:, -1], "left"))
+            for times, side in sides:
+                states = States(arm, *span.trajectory.motion(times, order, side=side))
+                for name in names:
+                    share = ratio(name, limits, states)
+                    most = share.reshape(len(times), -1).max(axis=1)
+                    k = int(most.argmax())
+                    if most[k] > worst:
+                        worst, at, of = float(most[k]), span.t[0] + float(times[k]), name
+    if not of:
+        return
+    enough = reserve + (1 - reserve) * (1 - 1 / worst)
+    less = f"a reserve, such as {np.ceil(enough * 100) / 100:g}"
+    if of not in RESERVED:
+        less = f"a lower limit, such as {np.floor(100 / worst):g} % of it"
+    raise NotRealizable(
+        f"Smoothing takes the motion to {worst:.4g} times the limit {of} at {at:.4g} s, where the "
+        f"path bends: take shorter windows, or plan with {less}.",
+        limit=of,
+        t=at,
+        needed=worst,
+        allowed=1.0,
+    )
 
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
