@@ -123,8 +123,11 @@ def plan(
         memory=memory,
         **options,
     )
+    if isinstance(path, Tracing):
+        # Jobs plan tracings, and have warnings of their own.
+        return found
     known = limits or cast(Arm, arm).limits
-    if known.jerk_limits and not isinstance(path, Tracing):
+    if known.jerk_limits:
         _warn_of_stops(traced, found)
     if np.size(smoothing):
         used = _arm_of(path, arm, limits)
