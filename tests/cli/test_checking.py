@@ -154,7 +154,7 @@ def test_what_cannot_be_used_ends_with_2_and_one_sentence(folder: FilePath, chec
             "planned.csv has positions of 2 joints ('joint 1 [rad]', 'joint 2 [rad]'), but the arm "
             "UR5e has 6 (shoulder_pan_joint",
         ),
-        (("planned.csv", "--arm", "pmk3s", "--columns", "t,q1"), "--columns names 2"),
+        (("planned.csv", "--arm", "pmk3s", "--columns", "t,q1"), "names of 2 are given"),
         (("planned.csv", "--arm", "pmk3s", "--noise", "1 mrad, 1 rad/s"), "--noise takes"),
         (("planned.csv", "--arm", "pmk3s", "--noise", "0.1"), "--noise: '0.1' has no unit"),
     ):

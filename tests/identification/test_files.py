@@ -152,7 +152,7 @@ def test_columns_are_named_beside_the_file(refuses):
     log = parse_log(rows, columns="t [ms],-,u1 [deg],q1 [deg]")
     np.testing.assert_allclose(log.t, np.arange(60) * 4e-3)
     np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
-    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "--columns names 2")
+    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "names of 2 are given")
     refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name them with --columns")
 
 

@@ -234,7 +234,7 @@ def test_columns_can_be_named_beside_the_file(names: str, header: str) -> None:
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ("t,q1", "log.csv, line 1: 3 columns, but --columns names 2: .* - for each"),
+        ("t,q1", "log.csv, line 1: 3 columns, but names of 2 are given: .* - for each"),
         ("t,q1,q1", "log.csv, --columns: there are two columns 'q1'"),
         ("t,q1 [m],-", "log.csv, --columns: the unit 'm'"),
         ("t,-,-", "log.csv, --columns: the column q1 is missing"),

@@ -39,6 +39,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
     turn = read_option_list("--turn", x.turn, kinds.Angle, counts=(3,), example="0, 0, 90 deg")
     return JobOverrides(
         units=x.units,
+        columns=x.waypoint_columns,
         scale=None if x.scale is None else _checks.positive("--scale", x.scale),
         position=None if place is None else (*place, 0.0)[:3],
         turn=turn,

@@ -16,7 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 # Topics in the help of a command, with the names of their options; others stand under "Options".
 TOPICS = {
     "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "skip_unknown", "skip",
-                "tool"),
+                "tool", "waypoint_columns"),
     "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
     "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
                                  "iterations", "continuity", "from_s"),
@@ -217,6 +217,14 @@ class DrawingOptions:
     skip_unknown: Annotated[bool, typer.Option("--skip-unknown", help="Skip unknown elements.")] = (
         False
     )
+    waypoint_columns: Annotated[
+        str | None,
+        typer.Option(
+            "--waypoint-columns",
+            help="Names of the columns of a CSV of waypoints without a line for them: "
+            "'x [mm],y [mm],-'.",
+        ),
+    ] = None
     skip: Annotated[
         list[str] | None,
         typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),

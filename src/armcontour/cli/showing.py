@@ -78,6 +78,7 @@ def read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Progr
     return read_path(
         file,
         units=x.units,
+        columns=x.waypoint_columns,
         scale=1.0 if x.scale is None else x.scale,
         layers=x.layer or None,
         names=x.contour or None,

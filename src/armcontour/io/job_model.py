@@ -284,6 +284,8 @@ class PathModel:
             the chord tolerance; 0 leaves all vertices as they are.
         smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
             turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
+        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
+            that is missing, such as `x [mm],y [mm],-`; `-` leaves a column out.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
             for G-code, `{skip: [T, M6]}` leaves out these words.
         texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
@@ -312,6 +314,7 @@ class PathModel:
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance | None = None
     smooth_axes: AngularDistance = 0.0
+    columns: str | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     offsets: Annotated[str, Choice(OFFSETS)] = "file"

@@ -31,6 +31,7 @@ class JobOverrides:
 
     Args:
         units: Unit of the drawing's lengths.
+        columns: Names of the columns of a table of waypoints.
         scale: Factor of the drawing's lengths.
         position: Position of the drawing's origin [m], (3,).
         turn: Roll, pitch and yaw of the drawing [rad], (3,).
@@ -62,6 +63,7 @@ class JobOverrides:
     """
 
     units: str | None = None
+    columns: str | None = None
     scale: float | None = None
     position: tuple[float, ...] | None = None
     turn: tuple[float, ...] | None = None
@@ -204,6 +206,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
     """Replace options for reading the drawing, and its frame."""
     changes: dict[str, Any] = {
         "units": x.units,
+        "columns": x.columns,
         "scale": x.scale,
         "names": None if x.names is None else list(x.names),
         "colors": None if x.colors is None else list(x.colors),

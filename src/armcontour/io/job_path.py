@@ -33,6 +33,7 @@ from armcontour.program.moves import name_copy
 READING = (
     *("units", "scale", "layers", "names", "colors", "flat"),
     *("chord_tolerance", "join_tolerance", "mend_vertices", "smooth_axes", "unknown"),
+    "columns",
     *("texts", "offsets", "tools"),
 )
 LIFTED = (

@@ -108,7 +108,7 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         text: The text.
         source: Name of the file, for messages.
         columns: Names of the columns, separated by commas, for a file without a line of names or
-            in place of this line.
+            in place of the lines before the first one with a number.
 
     Raises:
         InvalidInput: There is no line of column names, or no sample, or `columns` names more or
@@ -123,6 +123,10 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
     ]
     if not kept:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
+    if columns is not None:
+        count = columns.count(",") + 1
+        samples = (k for k, (_, line) in enumerate(kept) if _is_sample(line, count))
+        kept = kept[next(samples, 0) :]
     header, first = kept[0]
     separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
@@ -134,8 +138,8 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         given = tuple(x.strip() for x in columns.split(","))
         if len(given) != len(names):
             raise InvalidInput(
-                f"{source}, line {header}: {len(names)} columns, but --columns names "
-                f"{len(given)}: name all of them in their order, and - for each that is not needed."
+                f"{source}, line {header}: {len(names)} columns, but names of {len(given)} are "
+                "given: name all of them in their order, and - for each that is not needed."
             )
         # Given names replace those of the file.
         named = not any(NUMBER.fullmatch(x) for x in names)
@@ -148,6 +152,12 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         lines=[line for _, line in kept[named:]],
         numbers=[number for number, _ in kept[named:]],
     )
+
+
+def _is_sample(line: str, count: int) -> bool:
+    """Whether a line has so many cells, and one of them is a number, with any separator."""
+    cells = re.split(r"\s*[,;\t]\s*|\s+", line.strip())
+    return len(cells) == count and any(NUMBER.fullmatch(x) for x in cells)
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:

@@ -238,6 +238,7 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
             )
     path: dict[str, Any] = {
         "units": x.units,
+        "columns": x.columns,
         "scale": x.scale,
         "layers": None if x.layers is None else list(x.layers),
         "names": None if x.names is None else list(x.names),

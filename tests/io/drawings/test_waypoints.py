@@ -506,3 +506,22 @@ def test_other_files_have_no_axes_to_smooth(tmp_path):
     file.write_text("G21 G90 F600\nG1 X50\nM2\n")
     with pytest.raises(InvalidInput, match=r"for tables of waypoints .* part.ngc is none"):
         read_path(file, smooth_axes=0.01)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1,10,20,9\n2,30,20,9\n",
+        "count 2\nn,a,b,c\n1,10,20,9\n2,30,20,9\n",
+        "1 10 20 9\n2 30 20 9\n",
+    ],
+)
+def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path, text):
+    file = tmp_path / "part.csv"
+    file.write_text(text)
+    (contour,) = read_path(file, columns="-,x [mm],y [mm],-").contours
+    np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
+    with pytest.raises(InvalidInput, match="columns, but names of 2"):
+        read_path(file, columns="x,y")
+    with pytest.raises(InvalidInput, match="columns.* is for waypoints in CSV"):
+        read_path(tmp_path / "part.dxf", columns="x,y")

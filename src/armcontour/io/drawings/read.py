@@ -48,6 +48,7 @@ def read_path(
     join_tolerance: float = 1e-5,
     mend_vertices: float | None = None,
     smooth_axes: float = 0.0,
+    columns: str | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     texts: str = "leave_out",
     offsets: str = "file",
@@ -79,6 +80,8 @@ def read_path(
             file's decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
             turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
+        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
+            that is missing, such as "x [mm],y [mm],-"; "-" leaves a column out.
         unknown: Whether to "refuse" or "skip" (with a note) content that the reader does not know;
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
@@ -104,6 +107,7 @@ def read_path(
         join_tolerance=join_tolerance,
         mend_vertices=mend_vertices,
         smooth_axes=smooth_axes,
+        columns=columns,
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         texts=texts,
@@ -121,6 +125,11 @@ def read_path(
     if reading.smooth_axes and module != "waypoints":
         raise InvalidInput(
             "smooth_axes (path.smooth_axes) is for tables of waypoints with tool axes, and "
+            f"{location.name} is none: leave it out."
+        )
+    if columns is not None and suffix != ".csv":
+        raise InvalidInput(
+            "columns (path.columns, --waypoint-columns) is for waypoints in CSV, and "
             f"{location.name} is none: leave it out."
         )
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)

@@ -46,6 +46,8 @@ class Reading:
             decimals, up to the chord tolerance; 0 leaves all vertices as they are.
         smooth_axes: Largest angle by which tool axes of a table of waypoints are turned to turn
             smoothly [rad]; 0 leaves them as they are.
+        columns: Names of the columns of waypoints in CSV, separated by commas; None takes them from
+            the first line.
         unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
             entities with a sentence in the program's notes.
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
@@ -68,6 +70,7 @@ class Reading:
     join_tolerance: float = 1e-5
     mend_vertices: float | None = None
     smooth_axes: float = 0.0
+    columns: str | None = None
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
     texts: str = "leave_out"

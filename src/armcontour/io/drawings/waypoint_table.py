@@ -79,8 +79,9 @@ def _csv(data: bytes, source: str, reading: Reading) -> Table:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
-    file = split_csv(text, source)
-    columns, notes = _columns(file.names, source, f", line {file.header}", reading)
+    file = split_csv(text, source, reading.columns)
+    where = f", line {file.header}" if file.header else ", columns"
+    columns, notes = _columns(file.names, source, where, reading)
     rows = []
     for i, line in enumerate(file.lines):
         try:
