@@ -254,3 +254,11 @@ def test_a_run_at_the_full_limit_states_the_cost_of_a_cycle_of_delay():
     assert spared.warnings == () and spared.delayed is None
     error = path.project(asked.arm.forward(delayed_loops(spared.taught, limits, 1e-3))).distance
     assert np.sqrt(np.mean(error**2)) < 2 * spared.evaluation.contour_error.rms
+
+
+@pytest.mark.parametrize(("speed", "count"), [(60.0, 1), (0.06, 0)])
+def test_a_speed_that_lacks_its_unit_is_stated(speed: float, count: int) -> None:
+    limits = ac.load_arm("pmk3s").limits.replace(speed=speed, centripetal_acceleration=0.09)
+    points = teach(job(ac.Path.polyline(LINES), limits=limits))["one"].weak_points
+    found = [x for x in points if f"speed: {speed:g} mm/s" in x]
+    assert len(found) == count

@@ -74,6 +74,8 @@ SHAPING = "shaping"
 LONG = 60.0
 # Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
+# An assigned velocity above this probably lacks its unit [m/s].
+FAST = 10.0
 # Compensation methods whose set-points are made for the servo model.
 SERVO_COMPENSATIONS = ("inverse", "pole_placement")
 # Share of a joint's acceleration limit from which an execution uses the full limit.
@@ -239,6 +241,13 @@ class TimedRun:
             )
         else:
             found += doubt_interval(period)
+        speed = self.run.limits.speed
+        if speed is not None and speed > FAST:
+            found.append(
+                f"the assigned velocity of {speed:g} m/s is above {FAST:g} m/s, faster than tools of "
+                "robot arms (a number without a unit is in metres per second: for millimetres per "
+                f"second write speed: {speed:g} mm/s)."
+            )
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
         found += [sentence for x in self.weaves for sentence in x.warnings]
