@@ -401,6 +401,11 @@ def test_corners_and_start() -> None:
     np.testing.assert_allclose(found.start, [np.radians(10), -1, 1, 0, 0, 0])
     assert found.start is not None and not found.start.flags.writeable
     assert job().start is None
+    names = found.arm.joint_names
+    named = job(start=dict(reversed(list(zip(names, start, strict=True)))))
+    np.testing.assert_array_equal(named.start, found.start)
+    with pytest.raises(InvalidInput, match=f"start names the joints 'elbow'.*{names[1]}"):
+        job(start={"elbow": 0})
 
 
 def test_experiments() -> None:

@@ -11,9 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from armcontour import _checks
+from armcontour._checks import FloatArray
 from armcontour._files import read_text
 from armcontour._memory import DEFAULT
 from armcontour._progress import Progress
+from armcontour._text import show
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, locate_errors
@@ -187,6 +189,22 @@ def parts_of(
     return arm, drawn, scene
 
 
+def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
+    """The key `start`: joint positions in the order of the arm, or by the names of its joints.
+
+    Raises:
+        InvalidInput: Names that are not those of the joints.
+    """
+    if isinstance(start, list):
+        return np.array(start)
+    if set(start) != set(arm.joint_names):
+        raise InvalidInput(
+            f"start names the joints {', '.join(map(show, start))}, but those of {arm.name} are "
+            f"{', '.join(arm.joint_names)}: name each of them once, or give a list."
+        )
+    return np.array([start[x] for x in arm.joint_names])
+
+
 def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
     """Make the job of a job file, whose arm, path and scene are made already.
 
@@ -214,7 +232,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         path=path,
         process=process,
         branch=model.branch,
-        start=None if model.start is None else np.array(model.start),
+        start=None if model.start is None else _start(model.start, arm),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),

@@ -491,8 +491,9 @@ class JobModel:
             to the job file, or a mapping.
         branch: Branch of the inverse kinematics of a planar arm: `positive` (default) or
             `negative`, the sign of theta2.
-        start: Joint positions near the start configuration [rad], for an arm in space; by default
-            the configuration that is fastest along the path.
+        start: Joint positions near the start configuration [rad], for an arm in space, in the order
+            of the joints or by their names; by default the configuration that is fastest along the
+            path.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
@@ -515,7 +516,7 @@ class JobModel:
     title: str | None = None
     arm: str | ArmModel
     branch: str | None = None
-    start: list[Angle] | None = None
+    start: list[Angle] | dict[str, Angle] | None = None
     path: PathModel
     process: Process | None = None
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)

@@ -244,9 +244,9 @@ class TimedRun:
         speed = self.run.limits.speed
         if speed is not None and speed > FAST:
             found.append(
-                f"the assigned velocity of {speed:g} m/s is above {FAST:g} m/s, faster than tools of "
-                "robot arms (a number without a unit is in metres per second: for millimetres per "
-                f"second write speed: {speed:g} mm/s)."
+                f"the assigned velocity of {speed:g} m/s is above {FAST:g} m/s, faster than tools "
+                "of robot arms (a number without a unit is in metres per second: for millimetres "
+                f"per second write speed: {speed:g} mm/s)."
             )
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
