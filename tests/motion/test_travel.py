@@ -18,8 +18,8 @@ PATH = ac.round_corners(ac.Path.polyline([[0.35, 0.1], [0.41, 0.15], [0.28, 0.3]
         {},
         {"method": "mac", "limits": ARM.limits.replace(centripetal_acceleration=0.09)},
         {"method": "conventional"},
-        {"smoothing": (0.05,)},
-        {"smoothing": (0.05, 0.02)},
+        {"smoothing": (0.05,), "reserve": 0.3},
+        {"smoothing": (0.05, 0.02), "reserve": 0.3},
         {"limits": ARM.limits.replace(joint_jerk=50.0)},
     ],
 )
