@@ -89,3 +89,19 @@ def test_places_are_those_of_the_motion(seed):
     assert np.abs(found.s - s).max() <= 20 * size
     missed = left_out(path, tool, s, 3 * size)
     assert max(found.missed.max(), 0.0) == pytest.approx(missed, abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_what_one_step_leaves_out_is_measured_at_its_highest_place(seed):
+    random = np.random.default_rng(seed)
+    path = ac.Path.polyline(np.cumsum(random.uniform(0, [0.003, 0.002], (6, 2)), axis=0))
+    tool = np.array([path(0.0), path(path.length)])
+    tool[:, 1] += random.uniform(-1e-4, 1e-4, 2)
+    tool = np.insert(tool, 1, tool[0] + random.uniform(0.3, 0.7) * (tool[1] - tool[0]), axis=0)
+    tool[1, 1] += random.uniform(-4e-3, 4e-3)
+    s = np.linspace(0, path.length, 100_001)
+    best = np.full(len(s), np.inf)
+    for a, b in zip(tool[:-1], tool[1:], strict=True):
+        share = np.clip((path(s) - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        best = np.minimum(best, np.linalg.norm(path(s) - a - share[:, None] * (b - a), axis=1))
+    assert follow_path(path, tool).missed.max() == pytest.approx(best.max(), abs=s[1])

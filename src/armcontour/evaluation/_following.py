@@ -14,10 +14,13 @@ from armcontour._kernels import compiled
 EQUAL = 1e-9
 # Stretches of the path that can be followed at a time; what is beyond joins the last one.
 MOST_STRETCHES = 64
-# A stretch of the path that is passed in one step is looked at in so many places if it is longer
-# than LONG steps of the tool.
-PLACES = 16
+# A stretch of the path that is passed in one step is looked at in so many places if it may be
+# farther from the tool than its ends, as it is longer than LONG steps of the tool or as its ends
+# are nearer to another step.
+PLACES = 64
 LONG = 4.0
+# The farthest place between them is searched for to this share of what is between them.
+FINE = 1e-7
 
 
 class _Foot(NamedTuple):
@@ -303,7 +306,7 @@ def measure_missed(
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, of the places passed from each point to the next.
 
-    Looked at are every joint between segments, more places where one step passes a long stretch,
+    Looked at are every joint between segments, places between them that may be farther away,
     and the place of a point, unless another distance is known that is at least the point's own:
     its place is no further from the tool than that.
 
@@ -348,14 +351,41 @@ def measure_missed(
             while True:
                 g = geometry[k]
                 until = min(high, g[11] + g[10])
-                parts = PLACES if until - at > long else 1
+                apart, least = (until - at) / PLACES, max(worst, far[i])
+                # From a straight stretch the chord is the farthest at one of its ends.
+                most = g[9] * (until - at) ** 2
+                for here in (at, until):
+                    _place(g, here - g[11], p)
+                    most = max(
+                        most,
+                        g[9] * (until - at) ** 2
+                        + math.sqrt(_chord_distance2(p, points[chord], points[chord + 1])),
+                    )
+                parts = PLACES if until - at > long or most > least + EQUAL else 1
+                before, last = -1.0, -1.0
                 for part in range(parts + 1):
-                    # The end of the step is the place of the next point.
-                    if part == parts and until == high and i < n - 1:
-                        break
                     here = at + (until - at) * part / parts
                     _place(g, here - g[11], p)
                     d = _tool_distance(p, here, points, sizes, later, chord)
+                    # Between two places a peak is higher than both by half of what is between them.
+                    if part > 1 and last >= max(before, d) and last + apart / 2 > least:
+                        left, right, top = here - 2 * apart, here, 0.0
+                        while right - left > FINE * apart:
+                            third = (right - left) / 3
+                            _place(g, left + third - g[11], p)
+                            top = _tool_distance(p, left + third, points, sizes, later, chord)
+                            _place(g, right - third - g[11], p)
+                            other = _tool_distance(p, right - third, points, sizes, later, chord)
+                            if top < other:
+                                left, top = left + third, other
+                            else:
+                                right -= third
+                        if top > far[i]:
+                            far[i], where[i] = top, (left + right) / 2
+                    before, last = last, d
+                    # The end of the step is the place of the next point.
+                    if part == parts and until == high and i < n - 1:
+                        break
                     if d > far[i]:
                         far[i], where[i] = d, here
                 if until >= high or k == len(geometry) - 1:
