@@ -89,6 +89,28 @@ def test_the_parts_of_the_budget_are_what_they_say(certified):
     assert 0 < found.headroom.max() < found.largest_headroom.max() < 1
 
 
+def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
+    # Slowly: what is derated at one place leaves the lag of what came before.
+    found = ac.certify(
+        parse_job(
+            """
+name: lag
+arm: pmk3s
+path: {points: [[0.35, 0.2], [0.4216768, 0.1589672], [0.3311563, 0.1382437]]}
+limits: {speed: 0.2914771, joint_acceleration: 5.5179714}
+corners: {tolerance: 0.13197796 mm}
+servo: {kp: 20.8143967, kv: 181.493, dead_time: 4 ms, interpolation: cubic}
+command_interval: 4 ms
+certificate: {servo: 0.6866 mm}
+runs:
+  only: {compensation: {method: none}}
+"""
+        )
+    )
+    assert judged(found)[1].contour_error.max <= 0.6866e-3
+    assert found.duration < 1.14 * found.uncertified.duration
+
+
 def test_the_papers_compensator_at_the_full_limit():
     found = ac.certify(job(method="pole_placement"), servo=5e-6, saturation="report")
     _, result = judged(found)

@@ -123,14 +123,6 @@ def test_the_shapes_of_a_sweep_may_be_chosen():
         ac.sweep(job, tolerances=[2e-3], shapes=["round"])
 
 
-def test_a_tolerance_that_a_shape_cannot_have_is_a_point_with_its_reason():
-    # Half of the shorter line is 30 mm.
-    found = ac.sweep(parse_job(FREE), tolerances=[0.05], speeds=[], shapes=["free"])
-    (point,) = found.tolerances
-    assert point.duration is None and point.optimum is None
-    assert "at most 0.03 m" in point.refusal
-
-
 def test_both_shapes_are_in_one_figure_and_in_the_files(compared):
     section = section_of(compared)
     names = [x.name for x in section.figures[0].data]

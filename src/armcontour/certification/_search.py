@@ -510,7 +510,8 @@ class Search:
         Args:
             trial: The last trial.
             first: Whether it was the first.
-            power: With which power of their excess accelerations are derated.
+            power: With which power of their excess accelerations are derated; speeds, because of
+                errors, with ERROR_POWER of it.
         """
         derating, uses, tight = trial.derating, trial.uses, self.tightness
         moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
@@ -541,7 +542,7 @@ class Search:
         derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
         if not self.setting.saturated:
             use = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
-            slow = np.clip(np.maximum(use, 1.0) ** -ERROR_POWER, LARGEST_STEP, 1.0)
+            slow = np.clip(np.maximum(use, 1.0) ** (-ERROR_POWER * power), LARGEST_STEP, 1.0)
             derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
         if uses.box is not None:
             # Bodies are late by the time constant of their position loops.

@@ -98,7 +98,7 @@ def shape(
         arm: The arm.
         limits: The limits; by default the arm's own.
         tolerance: Largest distance in either direction [m]; 0 stops at every vertex. Tolerances of
-            the path's own segments cap it.
+            the path's own segments cap it, and so does half of a stretch between two sharp corners.
         line_tolerance: The tolerance farther than `zone` from every vertex [m]; by default the same
             as `tolerance`.
         zone: Distance from the vertices, along the objective, from which `line_tolerance` holds
@@ -112,8 +112,8 @@ def shape(
         progress: Called with the step "shaping" and the share that is done.
 
     Raises:
-        InvalidInput: A tolerance is negative, not a number or above half of a stretch between two
-            sharp corners, or `line_tolerance` and `zone` are not given together.
+        InvalidInput: A tolerance is negative or not a number, or `line_tolerance` and `zone` are
+            not given together.
         Unreachable: The arm cannot follow the objective.
         NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
             which would stop the tool where the curvature of a shaped path jumps.
@@ -174,11 +174,8 @@ class Shaping:
         Raises:
             ArmContourError: As `shape`.
         """
-        drawn = [draw_with_arcs(x) if isinstance(x, Contour) else x for x in program.moves]
+        drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
         program = dataclasses.replace(program, moves=tuple(drawn))
-        for i, x in enumerate(program.contours):
-            with _named(x, i, named):
-                self.wishes.refuse_too_large(x.path)
         arcs, traced = self._trace(program, start)
         moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
@@ -195,6 +192,11 @@ class Shaping:
         if arcs is None or start is not None or isinstance(self.arm, PlanarTwoLink):
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
+
+    def _draw(self, contour: Contour) -> Contour:
+        """A contour of lines and arcs, with the tolerances that its short stretches bear."""
+        contour = draw_with_arcs(contour)
+        return dataclasses.replace(contour, path=self.wishes.cap(contour.path))
 
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,27 +70,18 @@ class Wishes:
             _checks.not_negative("angular tolerance", self.angular_tolerance, "rad")
         _checks.whole("iterations", self.iterations, 0, 10_000)
 
-    def refuse_too_large(self, path: Path) -> None:
-        """Refuse a tolerance above half of a stretch between two sharp corners of a path.
+    def cap(self, path: Path) -> Path:
+        """A path with tolerances of at most half of its stretches between two sharp corners.
 
-        Raises:
-            InvalidInput: Such a tolerance, with the largest one that the path bears.
+        A line that is drawn twice, a micrometre apart, leaves a stretch that bears no more.
         """
         sharp = np.flatnonzero(path.turns > SHARP) + 1
         ends = np.concatenate([[0], sharp, [len(path)]])
-        lengths = np.diff(path.breaks[ends])
-        i = int(np.argmin(lengths))
-        if self.tolerance > lengths[i] / 2:
-            first, last = int(ends[i]) + 1, int(ends[i + 1])
-            what = f"segment {first}" if first == last else f"segments {first} to {last}"
-            raise InvalidInput(
-                f"The tolerance of {self.tolerance:g} m is above half of {what}, which "
-                f"{'is' if first == last else 'are'} {lengths[i]:.6g} m long: give at most "
-                f"{lengths[i] / 2:.6g} m.",
-                index=int(ends[i]),
-                needed=self.tolerance,
-                allowed=float(lengths[i] / 2),
-            )
+        half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
+        if (half >= self.tolerance).all():
+            return path
+        own = np.where(half < self.tolerance, np.fmin(path.tolerances, half), path.tolerances)
+        return replace(path, segments=path.segments.replace(tolerances=own, checked=True))
 
 
 def tube_of(objective: Path, within: Wishes | ShapedPath) -> Tube:
