@@ -190,6 +190,8 @@ _JOINTS = {
     "joint_lower": -3.0,
     "joint_upper": 3.0,
 }
+_UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))
 _TURNED = {"rpy": None, "quaternion": [0.0, 0.0, 0.0, 1.0]}
 _FLAT = {"points": [[0.40, 0.20, 0.0], [0.42, 0.20, 0.0], [0.42, 0.22, 0.0]]}
 _ABOUT = {
@@ -302,6 +304,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
     _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
     _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
+    _with(SPACE, start=None) | {"start": _BY_NAME},
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
     _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),
@@ -501,7 +504,8 @@ TEXTS = {
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
     "--run", "--scene", "--shapes", "--shard", "--skip", "--taught",
-    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units", "--xacro-arg",
+    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units", "--waypoint-columns",
+    "--xacro-arg",
 }  # fmt: skip
 
 
