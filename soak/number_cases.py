@@ -274,7 +274,8 @@ BASES: list[dict[str, Any]] = [
     _with(
         PLANE,
         plant={"kp": 25.0, "kv": 150.0, "dead_time": 0.0, "inertia": 1.0},
-        servo={"dead_time": 0.0, "inertia": 1.0},
+        servo={"dead_time": 0.0, "inertia": 1.0, "velocity_feedforward": 1.0}
+        | {"acceleration_feedforward": 0.5},
         memory=2e9,
         experiment={
             "step": 2.5e-4,

@@ -133,7 +133,7 @@ def test_means_of_the_interpolated_command_are_those_of_the_exact_one(heavy, int
     drives = Drives(arm=heavy, servo=servo)
     x = np.linspace(-1, 1, 401)
     weight = (1 - np.abs(x)) / (1 - np.abs(x)).sum()
-    pieces = polynomials(taught.q, 0.02, interpolation)
+    pieces = polynomials(taught.q, 0.02, servo)
     for k in range(2, len(taught.q) - 2):
         t = taught.t[k] + 0.02 * x
         exact = drives.command(SWING(t), SWING(t, 1), SWING(t, 2))

@@ -84,7 +84,7 @@ def test_the_response_is_that_of_the_plant(arm, servo, gravity):
     found = second.q[:n] - first.q[:n]
     at = regular_times(0.0, first.t[n - 1], 1e-3)
     response = respond_along(swing, at, arm, servo, gravity_feedforward=gravity)
-    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
     command = np.einsum("nk,nkj->nj", weight, change[index])
     expected = response.to_command(command)
     assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
@@ -110,7 +110,7 @@ def test_a_payload_that_the_controller_does_not_know(arm, servo):
     found = moved.q[:n] - done.q[:n]
     at = regular_times(0.0, done.t[n - 1], 1e-3)
     response = respond_along(swing, at, loaded, servo, known=arm)
-    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
     expected = response.to_command(np.einsum("nk,nkj->nj", weight, change[index]))
     rows = np.searchsorted(done.t[:n], at)
     assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
@@ -126,22 +126,37 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
     data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
     done = ac.execute(data, ac.ServoPlant(arm, servo))
     at = regular_times(0.0, done.t[-1], 1e-3)
-    index, weight = command_weights(len(t), PERIOD, "linear", 0.0, at)
+    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
     command = np.einsum("nk,nkj->nj", weight, change[index])
     found = respond_along(lambda t, order: 0 * t, at, arm, servo).to_command(command)
     np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
 
 
-@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"interpolation": "step"},
+        {"interpolation": "cubic"},
+        {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.7},
+        {"velocity_feedforward": 0.9, "interpolation": "step"},
+        {
+            "velocity_feedforward": 1.1,
+            "acceleration_feedforward": 0.7,
+            "interpolation": "cubic",
+        },
+    ],
+)
 @pytest.mark.parametrize("count", [2, 3, 8])
-def test_weights_of_set_points_give_the_command(interpolation, count):
+def test_weights_of_set_points_give_the_command(more, count):
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.5e-3, **more).for_joints(1)
     rng = np.random.default_rng(count)
     q = rng.normal(size=(count, 1))
     t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
-    index, weight = command_weights(count, PERIOD, interpolation, 1.7e-3, t)
-    pieces = polynomials(q, PERIOD, interpolation)
+    index, weight = command_weights(count, PERIOD, servo, 0, 1.2e-3, t)
+    pieces = polynomials(q, PERIOD, servo)
     expected = sample_command(pieces, PERIOD, np.array([1.7e-3]), t)
-    np.testing.assert_allclose((q[index, 0] * weight).sum(axis=1), expected[:, 0], atol=1e-14)
+    np.testing.assert_allclose((q[index, 0] * weight).sum(axis=1), expected[:, 0], atol=1e-12)
 
 
 def test_drives_need_a_velocity_loop_and_masses(arm):

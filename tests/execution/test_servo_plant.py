@@ -304,7 +304,7 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
     low, high = bounds.at(k, q, dq)
     assert high < 0  # it brakes, whatever the servo asks for
     part = run.advance(k, 6, q, dq)
-    pieces = polynomials(taught.q, 0.02, interpolation)[0]
+    pieces = polynomials(taught.q, 0.02, servo)[0]
     for number in range(6):
         low, high = bounds.at(k + number, q, dq)
         command = pieces[k + number + 1]

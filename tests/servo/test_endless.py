@@ -21,6 +21,7 @@ def servo(kp: float, kv: float, interpolation: str = "linear") -> SimpleNamespac
         kv=np.array([150.0, kv]),
         dead_time=np.zeros(2),
         interpolation=interpolation,
+        has_feedforward=False,
     )
 
 

@@ -79,6 +79,26 @@ def test_gains_are_copied_and_locked():
         ({"kp": np.nan, "kv": 150.0}, ("kp", "finite")),
         ({"kp": "high", "kv": 150.0}, ("kp", "numbers in 1/s")),
         (
+            {"kp": 25.0, "kv": 150.0, "velocity_feedforward": 2.5},
+            ("velocity_feedforward", "from 0 to 2", "2.5"),
+        ),
+        (
+            {"kp": 25.0, "kv": 150.0, "velocity_feedforward": [1.0, -0.1]},
+            ("velocity_feedforward", "from 0 to 2", "-0.1"),
+        ),
+        (
+            {"kp": 25.0, "kv": 150.0, "acceleration_feedforward": 1.0},
+            ("acceleration_feedforward", "give velocity_feedforward"),
+        ),
+        (
+            {"kp": 25.0, "order": "first", "acceleration_feedforward": 1.0},
+            ("order first", "leave acceleration_feedforward out"),
+        ),
+        (
+            {"kp": 25.0, "kv": 9.0, "interpolation": "step", "acceleration_feedforward": 1.0},
+            ("held set-points", "leave acceleration_feedforward out"),
+        ),
+        (
             {"kp": 25.0, "kv": 150.0, "interpolation": "quintic"},
             ("interpolation", "linear, step, cubic", "'quintic'"),
         ),

@@ -107,6 +107,9 @@ def memory(robot: Robot) -> float:
         kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
     )
     rates = [slow.slowest]
+    if servo.has_feedforward:
+        # The compensator undoes feed-forward with a transient of its own.
+        rates.append(1 / float(servo.lead[0].max()))
     poles = robot.run.compensation_options.get("poles")
     if poles is not None:
         rates.append(float(np.abs(np.real(np.asarray(poles, dtype=np.complex128))).min()))

@@ -44,6 +44,7 @@ from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
+from armcontour.servo import ServoModel
 from armcontour.timing import refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
@@ -359,8 +360,7 @@ def model_of(robot: Robot) -> str:
         + ("" if servo.kv is None else f" and kv {_per_joint(servo.kv)} 1/s"),
         f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
-    if servo.dead_time.any():
-        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
+    parts += _extras(servo)
     if servo.order == "second":
         parts.append("accelerations that saturate at the joints' limits")
     if robot.box is not None:
@@ -378,8 +378,7 @@ def _model_of_bodies(robot: Robot, held: str) -> str:
         f"{_per_joint(servo.kv)} 1/s, simulated by MuJoCo",
         f"set-points every {robot.run.period * 1e3:g} ms, {held}",
     ]
-    if servo.dead_time.any():
-        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
+    parts += _extras(servo)
     if robot.box is None:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")
         return "; ".join(parts)
@@ -388,6 +387,18 @@ def _model_of_bodies(robot: Robot, held: str) -> str:
         parts.append(f"gravity {weighed} fed forward")
     parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
+
+
+def _extras(servo: ServoModel) -> list[str]:
+    """Dead time and feed-forward of a servo, in words."""
+    parts = []
+    if servo.dead_time.any():
+        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
+    if servo.velocity_feedforward.any():
+        parts.append(f"velocity feed-forward {_per_joint(servo.velocity_feedforward)}")
+    if servo.acceleration_feedforward.any():
+        parts.append(f"acceleration feed-forward {_per_joint(servo.acceleration_feedforward)}")
+    return parts
 
 
 def _per_joint(values: FloatArray) -> str:

@@ -149,6 +149,25 @@ def _set_points(
     options: dict[str, Any],
 ) -> tuple[float, FloatArray]:
     """Time of the first set-point [s], and set-points, (n, dof) [rad]."""
+    if method == "none":
+        return 0.0, _as_planned(trajectory, period)
+    start, q = _without_feedforward(trajectory, servo, period, method, arm, options)
+    if not servo.has_feedforward:
+        return start, q
+    from armcontour.compensation.feedforward import for_feedforward
+
+    return start, for_feedforward(q, period, servo)
+
+
+def _without_feedforward(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    method: str,
+    arm: Arm | None,
+    options: dict[str, Any],
+) -> tuple[float, FloatArray]:
+    """As `_set_points`, for the servo without feed-forward."""
     if method == "pole_placement":
         from armcontour.compensation.pole_placement import pole_placement
 
@@ -157,11 +176,9 @@ def _set_points(
         from armcontour.compensation.inverse_dynamics import inverse_dynamics
 
         return inverse_dynamics(trajectory, servo, period, arm, **options)
-    if method == "inverse":
-        from armcontour.compensation.inverse import inverse
+    from armcontour.compensation.inverse import inverse
 
-        return inverse(trajectory, servo, period)
-    return 0.0, _as_planned(trajectory, period)
+    return inverse(trajectory, servo, period)
 
 
 def set_point_count(
@@ -183,6 +200,10 @@ def set_point_count(
     total = duration
     if method != "none":
         total += float(servo.dead_time.max()) + period
+        if servo.has_feedforward:
+            from armcontour.compensation.feedforward import tail_duration
+
+            total += tail_duration(servo)
     if method == "pole_placement" and servo.kv is not None:
         from armcontour.compensation.pole_placement import check_poles
 

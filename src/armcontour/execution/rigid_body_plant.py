@@ -221,9 +221,10 @@ class RigidBodyPlant(Locked, Plant):
     def _command(self, taught: TaughtData, steps: int) -> Callable[[int, int], FloatArray]:
         """A function of k and count: commands in every step of `count` intervals from k on."""
         q, period, servo = taught.q, taught.period, self.servo
-        if servo.interpolation != "cubic" and not servo.dead_time.any():
+        plain = servo.interpolation != "cubic" and not servo.has_feedforward
+        if plain and not servo.dead_time.any():
             return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
-        pieces = polynomials(q, period, servo.interpolation)
+        pieces = polynomials(q, period, servo)
         return lambda k, count: sample_command(
             pieces,
             period,

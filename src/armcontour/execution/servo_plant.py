@@ -184,7 +184,8 @@ class ServoPlant(Locked, Plant):
             width: Time between two of them [s].
         """
         servo = self.servo
-        if servo.kv is None or servo.interpolation == "step" or self.torque_limit is not None:
+        jumps = servo.interpolation == "step" or servo.has_feedforward
+        if servo.kv is None or jumps or self.torque_limit is not None:
             return False
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False

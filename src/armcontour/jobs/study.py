@@ -55,6 +55,7 @@ from armcontour.jobs.weaving import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
+from armcontour.servo.model import MOST_FEEDFORWARD
 from armcontour.timing import Explanation, Tracing, assigned_time, refuse_unkept_jerk
 
 STEPS = (
@@ -557,7 +558,8 @@ def _evaluate_with_delay(
     """Evaluate the set-points on a servo with a drive cycle of delay between its loops.
 
     The delay T of the velocity command gives `ddq = K_v (K_p (u - q) - (1 - K_p T) dq)` to first
-    order in T, which is a servo with the gains `K_p / (1 - K_p T)` and `K_v (1 - K_p T)`.
+    order in T, which is a servo with the gains `K_p / (1 - K_p T)` and `K_v (1 - K_p T)`; velocity
+    feed-forward f becomes `f / (1 - K_p T)`.
 
     Returns:
         The evaluation; None if the plan does not use the full acceleration, without compensation
@@ -566,11 +568,18 @@ def _evaluate_with_delay(
     servo = job.plant_servo
     left = 1 - servo.kp * DRIVE_CYCLE
     full = not this.reserve and nominal.demand_ratio.max() > FULL
+    velocity = servo.velocity_feedforward / left
+    if (velocity > MOST_FEEDFORWARD).any():
+        return None
     if not full or this.compensation not in SERVO_COMPENSATIONS or (left < 0.5).any():
         return None
-    kv = None if servo.kv is None else servo.kv * left
+    delayed = servo.replace(
+        kp=servo.kp / left,
+        kv=None if servo.kv is None else servo.kv * left,
+        velocity_feedforward=velocity,
+    )
     try:
-        executed = execute_run(job, this, plan.taught, servo.replace(kp=servo.kp / left, kv=kv))
+        executed = execute_run(job, this, plan.taught, delayed)
     except ExecutionError:
         return None
     return evaluate(executed, plan.path, until=this.until)

@@ -153,8 +153,7 @@ class Lifted:
         rows, columns, values = [], [], []
         for j in range(self.dof):
             index, weight = command_weights(
-                self.count, self.period, servo.interpolation, servo.dead_time[j] + delay,
-                self.t - self.start,
+                self.count, self.period, servo, j, delay, self.t - self.start
             )  # fmt: skip
             rows.append(np.repeat(np.arange(n) * self.dof + j, index.shape[1]))
             columns.append(index.ravel() * self.dof + j)

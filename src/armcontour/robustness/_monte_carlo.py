@@ -73,12 +73,15 @@ class Drive(NamedTuple):
 
     Attributes:
         commands: Polynomials of the commands, (dof, n + 1, 4).
+        rates, bends: What feed-forward adds to them, times `kp` and `kp kv`; (dof, 0, 4) without.
         inertia: Inertia of 1 kg at the tool over each joint's own, (dof, n) [1/kg].
         straight: Whether the commands are linear or constant between set-points.
         lower, upper: Acceleration bounds [rad/s²], (dof,).
     """
 
     commands: FloatArray
+    rates: FloatArray
+    bends: FloatArray
     inertia: FloatArray
     straight: bool
     lower: FloatArray
@@ -186,6 +189,24 @@ def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo
     """
     share = 1 / (1 + load * inertia[min(k, len(inertia) - 1)])
     return Servo(servo.kp, servo.kv * share, servo.lower * share, servo.upper * share)
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def _fed_forward(drive: Drive, kp: FloatArray, kv: FloatArray) -> Drive:
+    """The commands with what feed-forward adds at the gains of a robot [1/s], (dof,) each."""
+    commands = drive.commands.copy()
+    for j in range(len(commands)):
+        a, b = 1 / kp[j], 1 / (kp[j] * kv[j]) if kv[j] > 0.0 else 0.0
+        commands[j] += a * drive.rates[j] + b * drive.bends[j]
+    return Drive(
+        commands,
+        drive.rates,
+        drive.bends,
+        drive.inertia,
+        drive.straight,
+        drive.lower,
+        drive.upper,
+    )
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -533,9 +554,12 @@ def _execute(
     The other arguments are those of `run`; `states` and `anchors` are memory for the states of the
     joints and for `tool_point`.
     """
-    commands, period = drive.commands, clock.period
-    dof, knots = len(commands), commands.shape[1] - 1
+    period = clock.period
     kp, kv, dead = samples.kp[i], samples.kv[i], samples.dead_time[i]
+    if drive.rates.shape[1]:
+        drive = _fed_forward(drive, kp, kv)
+    commands = drive.commands
+    dof, knots = len(commands), commands.shape[1] - 1
     parts = divide(period, clock.steps, dead)
     places = np.empty((dof, CHUNK * clock.steps, 3))
     ready = True

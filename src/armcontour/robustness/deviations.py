@@ -9,6 +9,7 @@ import numpy as np
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
 from armcontour.drives import Drives, regular_times, respond_along
+from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData, Trajectory
 from armcontour.robustness.unknowns import Unknowns
@@ -234,6 +235,11 @@ def deviations_of(
         InvalidInput: The deviations do not fit in the memory.
     """
     servo, plan = unknowns.servo, taught.trajectory
+    if servo.has_feedforward:
+        raise InvalidInput(
+            "The linear model of a box of rigid bodies has no feed-forward: certify without a box, "
+            "or on independent joint servos."
+        )
     late = float(servo.dead_time.max())
     end = taught.start_time + (len(taught.q) - 1) * taught.period + late + TAIL / servo.slowest
     t = regular_times(taught.start_time, end, min(taught.period / PER_INTERVAL, LONGEST_STEP))
@@ -249,7 +255,7 @@ def deviations_of(
     response = respond_along(
         motion.at, t, unknowns.arm, servo, gravity_feedforward=gravity_feedforward
     )
-    pieces = polynomials(taught.q, taught.period, servo.interpolation)
+    pieces = polynomials(taught.q, taught.period, servo)
     command = sample_command(pieces, taught.period, servo.dead_time, t - taught.start_time)
     meant = drives.command(motion.q, motion.dq, motion.ddq)
     torques = np.stack(

@@ -33,7 +33,7 @@ from armcontour.robustness._monte_carlo import (
 )
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
+from armcontour.servo.command import command_and_rates
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -337,8 +337,15 @@ class _Model:
         self.rest = Rest(reach, last + patience)
         self.line = _line(path, taught, arm, self._lag())
         straight = servo.interpolation != "cubic"
-        commands = polynomials(taught.q, taught.period, servo.interpolation)
-        self.drive = Drive(commands, _inertia(arm, taught, box), straight, lower, upper)
+        command, first, second = command_and_rates(taught.q, taught.period, servo.interpolation)
+        rates = bends = np.zeros((dof, 0, 4))
+        if servo.has_feedforward:
+            own = servo.for_joints(dof)
+            rates = own.velocity_feedforward[:, None, None] * first
+            bends = own.acceleration_feedforward[:, None, None] * second
+        self.drive = Drive(
+            command, rates, bends, _inertia(arm, taught, box), straight, lower, upper
+        )
 
     def span(self, signs: FloatArray) -> FloatArray:
         """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
@@ -577,6 +584,11 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
         raise InvalidInput(
             f"A jitter of {box.jitter:g} s is not below half the command interval of "
             f"{period:g} s, so that set-points could come in another order."
+        )
+    if box.jitter and servo.has_feedforward:
+        raise InvalidInput(
+            "Jitter of set-points is not simulated with velocity_feedforward, whose velocity would "
+            "jump with it: leave jitter out of the box."
         )
     _check_payload(box, servo, arm)
     return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])

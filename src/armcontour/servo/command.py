@@ -8,16 +8,38 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour.servo.model import ServoModel
 
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
 
 
-def polynomials(q: FloatArray, period: float, interpolation: str) -> FloatArray:
+def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
     """The command in each interval, as a cubic in the time since the interval's start.
 
-    Interval k lies between set-points k - 1 and k. The first interval is before all set-points and
-    the last after them; the command is constant there.
+    It is the command to which a servo without feed-forward responds in the same way: what
+    feed-forward adds is a part of it. Interval k lies between set-points k - 1 and k. The first
+    interval is before all set-points and the last after them; the command is constant there.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model; its interpolation and its feed-forward count.
+
+    Returns:
+        Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
+    """
+    command, first, second = command_and_rates(q, period, servo.interpolation)
+    if servo.has_feedforward:
+        a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
+        command += a * first + b * second
+    return command
+
+
+def command_and_rates(
+    q: FloatArray, period: float, interpolation: str
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The command without feed-forward, its velocity and its acceleration, as in `ServoModel`.
 
     Args:
         q: Set-points [rad], (n, dof).
@@ -25,24 +47,33 @@ def polynomials(q: FloatArray, period: float, interpolation: str) -> FloatArray:
         interpolation: As in `ServoModel`.
 
     Returns:
-        Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
+        Coefficients of the three in the intervals of `polynomials`, (dof, n + 1, 4) each.
     """
     n, dof = q.shape
-    found = np.zeros((n + 1, 4, dof))
-    found[0, 0] = q[0]
-    found[1:, 0] = q
-    inner = found[1:-1]
-    if interpolation != "step":
-        chord = np.diff(q, axis=0) / period
-        inner[:, 1] = chord
-        if interpolation == "cubic" and n > 1:
-            slope = np.zeros_like(q)
-            slope[1:-1] = (q[2:] - q[:-2]) / (2 * period)
-            start, end = slope[:-1], slope[1:]
-            inner[:, 1] = start
-            inner[:, 2] = (3 * chord - 2 * start - end) / period
-            inner[:, 3] = (start + end - 2 * chord) / period**2
-    return np.ascontiguousarray(np.moveaxis(found, 2, 0))
+    found = np.zeros((3, dof, n + 1, 4))
+    command, first, second = found
+    command[:, 0, 0] = q[0]
+    command[:, 1:, 0] = q.T
+    if n == 1:
+        return command, first, second
+    inner = slice(1, -1)
+    chord = np.diff(q, axis=0).T / period
+    before = np.concatenate([np.zeros((dof, 1)), chord[:, :-1]], axis=1)
+    if interpolation == "step":
+        first[:, inner, 0] = before
+    elif interpolation == "linear":
+        command[:, inner, 1] = first[:, inner, 0] = chord
+        second[:, inner, 0] = (chord - before) / period
+    else:
+        slope = np.zeros_like(q.T)
+        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * period)
+        start, end = slope[:, :-1], slope[:, 1:]
+        command[:, inner, 1] = start
+        command[:, inner, 2] = (3 * chord - 2 * start - end) / period
+        command[:, inner, 3] = (start + end - 2 * chord) / period**2
+        first[:, :, :3] = command[:, :, 1:] * [1, 2, 3]
+        second[:, :, :2] = first[:, :, 1:3] * [1, 2]
+    return command, first, second
 
 
 def sample_command(
@@ -68,20 +99,25 @@ def sample_command(
 
 
 def command_weights(
-    count: int, period: float, interpolation: str, dead_time: float, t: FloatArray
+    count: int, period: float, servo: ServoModel, joint: int, delay: float, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Weights of the set-points in the delayed command of one joint at given times.
+    """Weights of the set-points in the delayed command of one joint, as `polynomials` gives it.
 
     Args:
         count: Number of set-points.
         period: Command interval [s].
-        interpolation: As in `ServoModel`.
-        dead_time: Dead time [s].
+        servo: Servo model with values per joint.
+        joint: Index of the joint.
+        delay: Dead time beyond that of the servo model [s].
         t: Times since the first set-point [s], (n,).
 
     Returns:
         Indices of four set-points, which may repeat, and their weights, (n, 4) each.
     """
+    interpolation, dead_time = servo.interpolation, servo.dead_time[joint] + delay
+    a, b = (float(x[joint]) for x in servo.lead)
+    moves = ((t > dead_time) & (t < dead_time + (count - 1) * period)).astype(np.float64)
+    first, second = moves * a / period, moves * b / period**2
     at = np.clip((t - dead_time) / period, 0.0, count - 1)
     k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
     x = np.clip(at - k, 0.0, 1.0)
@@ -91,15 +127,27 @@ def command_weights(
         # The last set-point is reached at the end of the last interval.
         late = (x >= 1 - SNAP).astype(np.float64)
         weight[:, 1], weight[:, 2] = 1 - late, late
+        weight[:, 0] -= first
+        weight[:, 1] += first
         return index, weight
-    weight[:, 1], weight[:, 2] = 1 - x, x
-    if interpolation == "cubic":
-        weight[:, 1], weight[:, 2] = 1 - x**2 * (3 - 2 * x), x**2 * (3 - 2 * x)
-        start, end = x * (1 - x) ** 2 / 2, x**2 * (x - 1) / 2
-        # The slopes at the first and the last set-point are 0.
-        start, end = np.where(k > 0, start, 0.0), np.where(k < count - 2, end, 0.0)
-        weight[:, 0] -= start
-        weight[:, 2] += start
-        weight[:, 1] -= end
-        weight[:, 3] += end
+    if interpolation == "linear":
+        end = x + first
+        weight[:, 1], weight[:, 2] = 1 - end, end
+        weight[:, :3] += second[:, None] * np.array([1.0, -2.0, 1.0])
+        return index, weight
+
+    def reach(*coefficients: float) -> FloatArray:
+        """A polynomial in x, with what feed-forward adds."""
+        p = np.polynomial.Polynomial(coefficients)
+        return np.asarray(p(x) + first * p.deriv()(x) + second * p.deriv(2)(x))
+
+    end = reach(0, 0, 3, -2)
+    weight[:, 1], weight[:, 2] = 1 - end, end
+    # The slopes at the first and the last set-point are 0.
+    slope = np.where(k > 0, reach(0, 1, -2, 1), 0.0) / 2
+    weight[:, 0] -= slope
+    weight[:, 2] += slope
+    slope = np.where(k < count - 2, reach(0, 0, -1, 1), 0.0) / 2
+    weight[:, 1] -= slope
+    weight[:, 3] += slope
     return index, weight

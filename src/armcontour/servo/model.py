@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._quantities import Choice, DeadTimes, Gains, JointInertias
+from armcontour._quantities import Choice, DeadTimes, FeedForwards, Gains, JointInertias
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -20,6 +20,8 @@ ORDERS = ("second", "first")
 GAINS = (1e-3, 1e6)
 # Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
 INERTIAS = (1e-10, 1e6)
+# Largest feed-forward: no drive asks for twice the velocity of its command.
+MOST_FEEDFORWARD = 2.0
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
@@ -31,11 +33,12 @@ MOST_TIME_CONSTANTS = 1000.0
 class ServoModel(Value):
     """The joint servo: response of a joint to its command u, with dead time `tau`.
 
-    - order "second": `ddq = K_v (K_p (u(t - tau) - q) - dq)`, (6), a velocity loop inside a
-      position loop;
-    - order "first": `dq = K_p (u(t - tau) - q)`, a first-order lag, for a very fast velocity loop.
+    - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
+      position loop; with f = g = 0 it is (6) of the paper;
+    - order "first": `dq = K_p (u - q) + f du`, a first-order lag, for a very fast velocity loop.
 
-    Between two set-points the command is, by interpolation,
+    All of u, du and ddu are delayed by tau. Between two set-points the command is, by
+    interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -43,7 +46,15 @@ class ServoModel(Value):
       first and the last one (Catmull-Rom spline: continuously differentiable, and local).
 
     Before the first set-point the command equals the first set-point, and after the last one the
-    last. The command passes each set-point at its time. A controller needs the next set-point for
+    last, and du and ddu are 0. The rates of the command are, by interpolation,
+
+    - "linear": du is the slope of the line, and ddu the second difference of the set-points that
+      end it, `(u[k] - 2 u[k - 1] + u[k - 2]) / T²`;
+    - "step": du is the difference to the set-point before, over the command interval; there is no
+      ddu;
+    - "cubic": the derivatives of the cubic.
+
+    The command passes each set-point at its time. A controller needs the next set-point for
     a line, and the one after it for the cubic; its wait for them is part of the dead time.
 
     Args:
@@ -54,12 +65,20 @@ class ServoModel(Value):
             joints or one per joint; need not be a multiple of the command interval.
         order: "second" or "first".
         inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
-            joints or one per joint: its torque is `J K_v (K_p (u - q) - dq)`. Only for rigid bodies
-            and for servos of order "second". None is the arm's own nominal inertia.
+            joints or one per joint: its torque is `J (K_v (K_p (u - q) + f du - dq) + g ddu)`. Only
+            for rigid bodies and for servos of order "second". None is the arm's own nominal
+            inertia.
+        velocity_feedforward: Share f of the velocity of the command that is added to the velocity
+            loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
+            drives of industrial robots.
+        acceleration_feedforward: Share g of the acceleration of the command that is added to the
+            demand, one for all joints or one per joint; above 0 only with velocity feed-forward,
+            order "second", and not for interpolation "step".
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
-            negative or above LONGEST_DEAD_TIME; the interpolation or order is unknown.
+            negative or above LONGEST_DEAD_TIME; a feed-forward is negative, above MOST_FEEDFORWARD
+            or not possible; the interpolation or order is unknown.
     """
 
     kp: Gains
@@ -68,6 +87,8 @@ class ServoModel(Value):
     dead_time: DeadTimes
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]
     inertia: JointInertias | None
+    velocity_feedforward: FeedForwards
+    acceleration_feedforward: FeedForwards
 
     def __init__(
         self,
@@ -78,6 +99,8 @@ class ServoModel(Value):
         dead_time: npt.ArrayLike = 0.0,
         order: str = "second",
         inertia: npt.ArrayLike | None = None,
+        velocity_feedforward: npt.ArrayLike = 0.0,
+        acceleration_feedforward: npt.ArrayLike = 0.0,
     ) -> None:
         _checks.choice("order", order, ORDERS)
         if (kv is None) == (order == "second"):
@@ -104,9 +127,24 @@ class ServoModel(Value):
         object.__setattr__(self, "dead_time", _checks.lock_floats(delay))
         object.__setattr__(self, "order", order)
         object.__setattr__(self, "inertia", _check_inertia(inertia, order))
+        velocity = _check_feedforward("velocity_feedforward", velocity_feedforward)
+        second = _check_feedforward("acceleration_feedforward", acceleration_feedforward)
+        if second.any() and (order == "first" or interpolation == "step"):
+            which = "of order first" if order == "first" else "with held set-points"
+            raise InvalidInput(
+                f"A servo {which} has no acceleration of the command: leave "
+                "acceleration_feedforward out."
+            )
+        if ((second > 0) & (velocity == 0)).any():
+            raise InvalidInput(
+                "acceleration_feedforward without velocity_feedforward would swing for a long "
+                "time: give velocity_feedforward, too, such as 1."
+            )
+        object.__setattr__(self, "velocity_feedforward", velocity)
+        object.__setattr__(self, "acceleration_feedforward", second)
 
     def for_joints(self, dof: int) -> ServoModel:
-        """The same servo with one gain and dead time per joint.
+        """The same servo with one gain, dead time and feed-forward per joint.
 
         Args:
             dof: Number of joints.
@@ -115,7 +153,10 @@ class ServoModel(Value):
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
         inertia = self.inertia
+        velocity, second = self.velocity_feedforward, self.acceleration_feedforward
         return self.replace(
+            velocity_feedforward=_checks.per_joint("velocity_feedforward", velocity, dof, ""),
+            acceleration_feedforward=_checks.per_joint("acceleration_feedforward", second, dof, ""),
             kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
             kv=None if self.kv is None else _checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
             dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
@@ -138,6 +179,22 @@ class ServoModel(Value):
         if unknown:
             raise InvalidInput(f"A servo has no {unknown[0]}: it has {', '.join(own)}.")
         return ServoModel(**{**own, **changes})
+
+    @property
+    def has_feedforward(self) -> bool:
+        """Whether any joint has feed-forward."""
+        return bool(self.velocity_feedforward.any())
+
+    @property
+    def lead(self) -> tuple[FloatArray, FloatArray]:
+        """Factors a [s] and b [s²] by which feed-forward changes the command, (dof,) each.
+
+        The servo responds to u as one without feed-forward to `u + a du + b ddu`.
+        """
+        velocity = np.asarray(self.velocity_feedforward / self.kp)
+        if self.kv is None:
+            return velocity, np.zeros_like(velocity)
+        return velocity, np.asarray(self.acceleration_feedforward / (self.kp * self.kv))
 
     @property
     def slowest(self) -> float:
@@ -176,7 +233,9 @@ class ServoModel(Value):
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
         """The command that makes the unsaturated servo without dead time follow q [rad], (n, dof).
 
-        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`.
+        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. With
+        feed-forward, it is `u + a du + b ddu` with the factors of `lead`, from which `compensate`
+        gets set-points.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -197,14 +256,17 @@ class ServoModel(Value):
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).
 
-        `G(s) = exp(-s tau) K_p K_v / (s² + K_v s + K_p K_v)`, (5), or for order "first"
-        `exp(-s tau) K_p / (s + K_p)`. The interpolation of set-points is not included.
+        `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
+        (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`. The interpolation of
+        set-points is not included.
 
         Args:
             s: Complex frequencies [rad/s], (n,).
         """
         at = np.atleast_1d(np.asarray(s))[:, None]
         kp, delay = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))
+        a, b = self.lead
+        delay = delay * (1 + at * a + at**2 * b)
         if self.kv is None:
             return np.asarray(delay * kp / (at + kp))
         kv = np.atleast_1d(self.kv)
@@ -229,6 +291,21 @@ def _check_gain(name: str, values: npt.ArrayLike) -> FloatArray:
         raise InvalidInput(
             f"servo gain {name} must be from {low:g} to {high:g} 1/s, but is "
             f"{float(array[outside].flat[0]):g} 1/s."
+        )
+    return _checks.lock_floats(array)
+
+
+def _check_feedforward(name: str, values: npt.ArrayLike) -> FloatArray:
+    """Feed-forward as a locked array, one for all joints or one per joint.
+
+    Raises:
+        InvalidInput: One is not a number, or outside 0 to MOST_FEEDFORWARD.
+    """
+    array = _checks.numbers(name, values, "")
+    if array.ndim > 1 or array.size == 0 or not ((array >= 0) & (array <= MOST_FEEDFORWARD)).all():
+        raise InvalidInput(
+            f"{name} must be from 0 to {MOST_FEEDFORWARD:g}, one for all joints or one per joint, "
+            f"but is {array.tolist()}."
         )
     return _checks.lock_floats(array)
 

@@ -43,7 +43,7 @@ class Simulation:
         kv = np.zeros_like(servo.kp) if servo.kv is None else servo.kv
         bounds = -free if lower is None else lower, free if upper is None else upper
         self.joints = Joints(*(np.array(x, dtype=np.float64) for x in (servo.kp, kv, *bounds)))
-        self.commands = polynomials(q, period, servo.interpolation)
+        self.commands = polynomials(q, period, servo)
         self.parts = parts or divide(period, steps, np.array(servo.dead_time))
         straight = servo.interpolation != "cubic"
         self._refuse_stuck(prepare_joints(self.joints, straight, self.parts))
