@@ -505,8 +505,8 @@ TEXTS = {
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
     "--run", "--scene", "--shapes", "--shard", "--skip", "--taught",
-    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units", "--waypoint-columns",
-    "--xacro-arg",
+    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
+    "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip
 
 

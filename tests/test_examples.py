@@ -54,7 +54,7 @@ contour error 0.0030 mm at most, torch axis off by 0.0017° at most
     "05_certified": """\
 certified in 4.695 s, 5 ms more than the optimum
 contour error 0.0003 mm at most; holds for: independent joint servos of order second with kp \
-25 1/s and kv 150 1/s; set-points every 4 ms, interpolated linearly; dead time 40 ms; \
+25 1/s and kv 150 1/s, dead time 40 ms; set-points every 4 ms, interpolated linearly; \
 accelerations that saturate at the joints' limits
 set-points lead by 44 ms
 """,

@@ -132,7 +132,7 @@ def test_progress_in_a_pipe(
         progress(Step(("one", "shaping"), 0.5))
         searching(Step(("2 mm", "shaping"), 0.5))
     first, second = capsys.readouterr().err.splitlines()
-    assert re.fullmatch(r"one: shaping(, left 0:00:0\d)?", first)
+    assert re.fullmatch(r"one: shaping(, \d+%, left 0:00:0\d)?", first)
     assert second == "sweeping: 2 mm: shaping, 50%"
 
 

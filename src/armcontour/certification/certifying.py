@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.certification._approach import approaches
 from armcontour.certification._bodies import look
@@ -44,7 +43,6 @@ from armcontour.jobs.study import on_bodies
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
-from armcontour.servo import ServoModel
 from armcontour.timing import refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
@@ -356,11 +354,9 @@ def model_of(robot: Robot) -> str:
     if robot.bodies:
         return _model_of_bodies(robot, held[servo.interpolation])
     parts = [
-        f"independent joint servos of order {servo.order} with kp {_per_joint(servo.kp)} 1/s"
-        + ("" if servo.kv is None else f" and kv {_per_joint(servo.kv)} 1/s"),
+        f"independent joint servos of order {servo.order} with {servo}",
         f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
-    parts += _extras(servo)
     if servo.order == "second":
         parts.append("accelerations that saturate at the joints' limits")
     if robot.box is not None:
@@ -370,15 +366,11 @@ def model_of(robot: Robot) -> str:
 
 def _model_of_bodies(robot: Robot, held: str) -> str:
     """The model of rigid bodies for which a certificate is valid, in words."""
-    servo, options = robot.servo, robot.drive_options
-    assert servo.kv is not None
-    fed = options.get("gravity_feedforward", True)
+    fed = robot.drive_options.get("gravity_feedforward", True)
     parts = [
-        f"the rigid bodies of {robot.arm.name} with kp {_per_joint(servo.kp)} 1/s and kv "
-        f"{_per_joint(servo.kv)} 1/s, simulated by MuJoCo",
+        f"the rigid bodies of {robot.arm.name} with {robot.servo}, simulated by MuJoCo",
         f"set-points every {robot.run.period * 1e3:g} ms, {held}",
     ]
-    parts += _extras(servo)
     if robot.box is None:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")
         return "; ".join(parts)
@@ -387,21 +379,3 @@ def _model_of_bodies(robot: Robot, held: str) -> str:
         parts.append(f"gravity {weighed} fed forward")
     parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
-
-
-def _extras(servo: ServoModel) -> list[str]:
-    """Dead time and feed-forward of a servo, in words."""
-    parts = []
-    if servo.dead_time.any():
-        parts.append(f"dead time {_per_joint(servo.dead_time * 1e3)} ms")
-    if servo.velocity_feedforward.any():
-        parts.append(f"velocity feed-forward {_per_joint(servo.velocity_feedforward)}")
-    if servo.acceleration_feedforward.any():
-        parts.append(f"acceleration feed-forward {_per_joint(servo.acceleration_feedforward)}")
-    return parts
-
-
-def _per_joint(values: FloatArray) -> str:
-    """Values of all joints in words: one number where they are equal."""
-    shown = [f"{x:g}" for x in values]
-    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)

@@ -259,7 +259,7 @@ def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     console.show_table(CONTOURS, contour_rows(study), title=title)
     console.show_table(JOINTS, joint_rows(study), title="Joints, off the plan at the same time")
     console.say(
-        f"The run begins in the log at {-run.offset / run.rate:.4f} s. At the same time the tool "
+        f"The run begins in the log at {-run.offset / run.rate:.2f} s. At the same time the tool "
         f"is off the plan by {run.tool_rms * 1e3:.4g} mm RMS, {run.tool_max * 1e3:.4g} mm at most."
     )
     for note in (*study.notes, *(f"Note: {x}" for x in study.job.arm.notes)):

@@ -221,8 +221,9 @@ def job_progress() -> Iterator[JobProgress]:
 
         def show(what: str, spent: float, whole: float) -> None:
             left = timedelta(seconds=round(max(whole - spent, 0)))
-            lines.tell(what, f"left {left}" if whole > spent else None)
-            end = time.monotonic() + whole - spent if whole > spent else None
+            known = whole > spent
+            lines.tell(what, f"{spent / whole:.0%}, left {left}" if known else None)
+            end = time.monotonic() + whole - spent if known else None
             bar.update(task, description=what, completed=spent, total=whole, end=end)
 
         def compiling(name: str) -> None:

@@ -259,7 +259,8 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
             cells += _experiment_errors(result)
         rows.append([name, *cells])
     console = Console()
-    console.show_table(["run", *headings], rows, title=study.job.title)
+    title = f"{study.job.title}, simulated with {study.job.plant_servo}"
+    console.show_table(["run", *headings], rows, title=title)
     lines = []
     for name, result in study.runs.items():
         if result.failure is not None:

@@ -143,6 +143,19 @@ class ServoModel(Value):
         object.__setattr__(self, "velocity_feedforward", velocity)
         object.__setattr__(self, "acceleration_feedforward", second)
 
+    def __str__(self) -> str:
+        """Gains, dead time and feed-forward, such as "kp 25 1/s and kv 150 1/s"."""
+        found = f"kp {_per_joint(self.kp)} 1/s"
+        if self.kv is not None:
+            found += f" and kv {_per_joint(self.kv)} 1/s"
+        if self.dead_time.any():
+            found += f", dead time {_per_joint(self.dead_time * 1e3)} ms"
+        for name in ("velocity", "acceleration"):
+            values = getattr(self, f"{name}_feedforward")
+            if values.any():
+                found += f", {name} feed-forward {_per_joint(values)}"
+        return found
+
     def for_joints(self, dof: int) -> ServoModel:
         """The same servo with one gain, dead time and feed-forward per joint.
 
@@ -271,6 +284,12 @@ class ServoModel(Value):
             return np.asarray(delay * kp / (at + kp))
         kv = np.atleast_1d(self.kv)
         return np.asarray(delay * (kp * kv / (at**2 + kv * at + kp * kv)))
+
+
+def _per_joint(values: FloatArray) -> str:
+    """Values of all joints in words: one number where they are equal."""
+    shown = [f"{x:g}" for x in np.atleast_1d(values)]
+    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
 
 
 def _check_gain(name: str, values: npt.ArrayLike) -> FloatArray:

@@ -219,7 +219,7 @@ def run_rows(study: LearningStudy) -> list[list[str]]:
     lesson, rows = study.lesson, []
     for k, x in enumerate(lesson.runs):
         name = str(k + 1) if study.robot else f"{k + 1}: {x.source}"
-        seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:z.4f}"
+        seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:z.2f}"
         mark = " (best)" if k == lesson.best and k else ""
         errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
         rows.append([name + mark, *errors, _cell(x.predicted), _cell(x.bound), seen])

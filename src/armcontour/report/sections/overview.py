@@ -41,8 +41,9 @@ def overview(study: Study) -> Section:
         key="overview",
         title="At a glance",
         text=(
-            "Contour error is the distance from the executed tool to its path, with the simulated "
-            "servo and its acceleration limit."
+            "Contour error is the distance from the executed tool to its path, simulated with "
+            f"servos of {study.job.plant_servo} and their acceleration limits. It is larger on a "
+            "robot with other gains."
         ),
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compare(study),) if many else (),
