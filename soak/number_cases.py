@@ -190,6 +190,7 @@ _JOINTS = {
     "joint_lower": -3.0,
     "joint_upper": 3.0,
 }
+_FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))
 _TURNED = {"rpy": None, "quaternion": [0.0, 0.0, 0.0, 1.0]}
@@ -273,9 +274,8 @@ BASES: list[dict[str, Any]] = [
     PLANE,
     _with(
         PLANE,
-        plant={"kp": 25.0, "kv": 150.0, "dead_time": 0.0, "inertia": 1.0},
-        servo={"dead_time": 0.0, "inertia": 1.0, "velocity_feedforward": 1.0}
-        | {"acceleration_feedforward": 0.5},
+        plant={**SERVO, "dead_time": 0.0, "inertia": 1.0, **_FED},
+        servo={"dead_time": 0.0, "inertia": 1.0, **_FED},
         memory=2e9,
         experiment={
             "step": 2.5e-4,

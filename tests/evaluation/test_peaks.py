@@ -176,8 +176,9 @@ def test_contours_of_few_samples_are_judged_by_these(length, resolution):
         for x in (executed, replace(executed, plant=None))
     )
     assert known.contour_error.max >= sampled.contour_error.max
-    # Which places are missed at their ends is told by the samples outside of the contours.
-    assert known.missed.max == pytest.approx(sampled.missed.max, rel=1e-6)
+    # Which places are missed at their ends is told by the samples outside of the contours. Between
+    # samples the way of the tool is taken for straight where no plant tells it.
+    assert 1 - 1e-6 <= known.missed.max / sampled.missed.max <= 1 + 1e-3
 
 
 PARTS = {

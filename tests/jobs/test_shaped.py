@@ -191,12 +191,6 @@ def test_other_timing_methods_keep_arcs(method: str) -> None:
         a_run(timing=method, timing_options={})
 
 
-def test_a_tolerance_above_half_of_a_segment_names_its_key_and_run() -> None:
-    job = a_job(a_run("fast", rounding=dataclasses.replace(FREE, tolerance=0.016)))
-    with pytest.raises(InvalidInput, match="^Run fast: corners: .*segment 2.*at most 0.015 m"):
-        teach(job)
-
-
 def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for() -> None:
     # The fastest configuration of the shaped circle is another than that of the circle.
     arm = ac.load_arm("ur5e")
