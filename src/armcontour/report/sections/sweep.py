@@ -45,7 +45,8 @@ def sweep(found: Sweep) -> Section:
         text=(
             "Time of the motion for other tolerances and velocities. A filled point is certified; "
             "the line is the fastest plan within the same limits, not certified; a cross was "
-            "refused."
+            "refused. Arcs are as large as the tolerance allows, so that a larger tolerance can "
+            "take longer."
             + (
                 ""
                 if found.iterations is None
