@@ -9,19 +9,20 @@ from numba import njit
 
 
 @njit(cache=True)
-def _command(t, u, linear, before, at):
+def _command(t, u, linear, before, lead, at):
     if at < t[0]:
         return before
     if at >= t[-1]:
-        return u[-1]
+        last = 0.0 if linear else lead * (u[-1] - u[-2]) / (t[-1] - t[-2])
+        return u[-1] + last
     k = np.searchsorted(t, at, side="right") - 1
     if not linear:
-        return u[k]
-    return u[k] + (u[k + 1] - u[k]) * (at - t[k]) / (t[k + 1] - t[k])
+        return u[k] + (lead * (u[k] - u[k - 1]) / (t[k] - t[k - 1]) if k > 0 else 0.0)
+    return u[k] + (u[k + 1] - u[k]) * (lead + at - t[k]) / (t[k + 1] - t[k])
 
 
 @njit(cache=True)
-def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction):
+def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction, feed):
     out = np.empty(len(t))
     out[0] = q = q0
     w = dq0
@@ -30,9 +31,9 @@ def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction):
         for m in range(steps):
             now = t[i] + m * h
             # Right of the start, left of the end: a set-point that arrives there acts there.
-            a = _command(t, u, linear, before, now + 1e-12 - delay)
-            b = _command(t, u, linear, before, now + h / 2 - delay)
-            c = _command(t, u, linear, before, now + h - 1e-12 - delay)
+            a = _command(t, u, linear, before, feed / kp, now + 1e-12 - delay)
+            b = _command(t, u, linear, before, feed / kp, now + h / 2 - delay)
+            c = _command(t, u, linear, before, feed / kp, now + h - 1e-12 - delay)
             k1 = min(max(kv * (kp * (a - q) - w), -limit), limit)
             q2, w2 = q + h / 2 * w, w + h / 2 * k1
             k2 = min(max(kv * (kp * (b - q2) - w2), -limit), limit)
@@ -62,11 +63,14 @@ def move(
     dq0=0.0,
     steps=10,
     friction=0.0,
+    feed=0.0,
 ):
     """Positions at t [rad] of a joint under the set-points u; `before` holds before the first.
 
     Dry friction brakes with a constant acceleration [rad/s²]; steps are to be fine with it.
+    Velocity feed-forward `feed` adds to the command, over kp, the rate of lines, or that up to held
+    ones.
     """
     before = u[0] if before is None else before
     q0 = before if q0 is None else q0
-    return _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction)
+    return _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction, feed)

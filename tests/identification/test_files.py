@@ -192,7 +192,7 @@ def test_the_servo_file_is_what_a_job_takes(found):
 
 
 def test_json_has_no_infinities(found):
-    data = json.loads(identification_json(found, ["summary.json"]))
+    data = json.loads(identification_json(found, files=["summary.json"]))
     first, second = data["joints"]
     assert data["determined"] is True
     assert first["parameters"][3]["value"] is None
@@ -220,14 +220,19 @@ def _write(log, file):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(log, file)
-    assert identify_files([file], IdentifyOptions(out=out))
+    assert identify_files([file], IdentifyOptions(out=out, predict=[file], details=True))
     printed = capsys.readouterr().out
-    assert "dead time" in printed
+    assert "dead time" in printed and "Prediction of log.csv" in printed
     assert "joint 1, acceleration: The log does not show the limit" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     assert identify_files([file], IdentifyOptions(as_json=True, start="0 s", end="3000 ms"))
     assert json.loads(capsys.readouterr().out)["samples"] == 3001
+    assert identify_files([file, file], IdentifyOptions(as_json=True, predict=[file]))
+    data = json.loads(capsys.readouterr().out)
+    assert data["samples"] == 2 * len(read_log(file).t)
+    (prediction,) = data["predictions"]
+    assert prediction["log"] == "log.csv" and min(prediction["explained"]) > 0.9
 
 
 @pytest.mark.parametrize(
@@ -256,7 +261,7 @@ def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses
     table = np.column_stack([t, u, y])
     np.savetxt(file, table, delimiter=",", fmt="%.7f", header="t,u1,q1", comments="")
     assert not identify_files([file], IdentifyOptions(out=out))
-    assert "no servo.yaml: log.csv does not determine" in capsys.readouterr().out
+    assert "There is no servo model: log.csv does not determine" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
     refuses(
         lambda: identify_files([file], IdentifyOptions(open_report=True)), InvalidInput, "--out"

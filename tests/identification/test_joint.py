@@ -9,6 +9,7 @@ import pytest
 from soak.joint import move
 
 from armcontour.identification import _joint
+from armcontour.servo._sensitivity import COLUMNS
 
 N = 400
 GAINS = ((25.0, 150.0), (10.0, 300.0), (60.0, 60.0), (40.0, 160.0))  # 40, 160: a double pole
@@ -22,24 +23,22 @@ def _log(interval, seed=0):
     return t, np.cumsum(rng.normal(size=N)) * 0.01
 
 
-def _run(t, u, linear, kp, kv, delay, limit, columns=1, q0=None, dq0=0.2):
+def _run(t, u, linear, kp, kv, delay, limit, columns=1, q0=None, dq0=0.2, feed=0.0):
     q0 = u[0] + 0.01 if q0 is None else q0
-    return _joint.second_order(
-        t, u, linear, 0, len(t), False, kp, kv, delay, limit, q0, dq0, columns
-    )
+    given = np.array([kp, kv, delay, q0, dq0, limit, feed])
+    return _joint.second_order(t, u, linear, 0, len(t), False, given, columns)
 
 
 @pytest.mark.parametrize("linear", [True, False])
 @pytest.mark.parametrize(("kp", "kv"), GAINS)
-@pytest.mark.parametrize("delay", [0.0, 0.0123, -0.0007])
-def test_positions_are_those_of_fine_steps(kp, kv, delay, linear):
+@pytest.mark.parametrize(("delay", "feed"), [(0.0, 0.0), (0.0123, 1.1), (-0.0007, 0.0)])
+def test_positions_are_those_of_fine_steps(kp, kv, delay, feed, linear):
     t, u = _log(1e-3)
     if delay < 0:  # what is commanded after the end is not in the log
         t, u = t[:-2], u[:-2]
-    q, _ = _run(t, u, linear, kp, kv, delay, math.inf)
-    expected = move(
-        t, u, kp=kp, kv=kv, delay=delay, linear=linear, q0=u[0] + 0.01, dq0=0.2, steps=10
-    )
+    q, _ = _run(t, u, linear, kp, kv, delay, math.inf, feed=feed)
+    more = {"delay": delay, "feed": feed, "linear": linear}
+    expected = move(t, u, kp=kp, kv=kv, q0=u[0] + 0.01, dq0=0.2, steps=10, **more)
     np.testing.assert_allclose(q[0, :-2], expected[:-2], rtol=0, atol=1e-9)
 
 
@@ -73,16 +72,18 @@ def test_times_need_not_be_uniform():
     np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("limit", [math.inf, 20.0])
+@pytest.mark.parametrize(
+    ("limit", "feed"), [(math.inf, 0.0), (20.0, 0.0), (math.inf, 0.9), (2000.0, 1.2)]
+)
 @pytest.mark.parametrize("linear", [True, False])
 @pytest.mark.parametrize(("kp", "kv"), GAINS)
-def test_derivatives_are_those_of_differences(kp, kv, linear, limit):
+def test_derivatives_are_those_of_differences(kp, kv, linear, limit, feed):
     t, u = _log(1e-3)
     q0, dq0, delay = u[0] + 0.01, 0.2, 0.0123
-    found, _ = _run(t, u, linear, kp, kv, delay, limit, 7)
-    names = ("kp", "kv", "delay", "q0", "dq0", "limit")
-    base = dict(zip(names, (kp, kv, delay, q0, dq0, limit), strict=True))
-    steps = dict(zip(names, (1e-5, 1e-4, 1e-8, 1e-8, 1e-7, 1e-5), strict=True))
+    found, _ = _run(t, u, linear, kp, kv, delay, limit, COLUMNS, feed=feed)
+    names = ("kp", "kv", "delay", "q0", "dq0", "limit", "feed")
+    base = dict(zip(names, (kp, kv, delay, q0, dq0, limit, feed), strict=True))
+    steps = dict(zip(names, (1e-5, 1e-4, 1e-8, 1e-8, 1e-7, 1e-5, 1e-6), strict=True))
     for row, name in enumerate(names, start=1):
         if name == "limit" and limit == math.inf:
             assert not found[row].any()
@@ -91,34 +92,34 @@ def test_derivatives_are_those_of_differences(kp, kv, linear, limit):
         for sign in (1, -1):
             x = base | {name: base[name] + sign * steps[name]}
             given = (x["kp"], x["kv"], x["delay"], x["limit"])
-            ends.append(_run(t, u, linear, *given, 1, x["q0"], x["dq0"])[0][0])
+            ends.append(_run(t, u, linear, *given, 1, x["q0"], x["dq0"], x["feed"])[0][0])
         expected = (ends[0] - ends[1]) / (2 * steps[name])
         assert np.abs(found[row] - expected).max() < 1e-5 * np.abs(expected).max(), name
 
 
-def test_the_lag_is_a_loop_with_an_infinite_velocity_gain():
+@pytest.mark.parametrize("feed", [0.0, 0.9])
+@pytest.mark.parametrize("linear", [True, False])
+def test_the_lag_is_a_loop_with_an_infinite_velocity_gain(linear, feed):
     t, u = _log(1e-3)
-    lag = _joint.first_order(t, u, True, 0, N, False, 25.0, 0.0123, u[0], 7)
+    base = np.array([25.0, 0.0, 0.0123, u[0], 0.0, 0.0, feed])
+    lag = _joint.first_order(t, u, linear, 0, N, False, base, COLUMNS)
     for kv in (1e5, 1e6):
-        loop, _ = _run(t, u, True, 25.0, kv, 0.0123, math.inf, 1, u[0], 0.0)
-        assert np.abs(loop[0] - lag[0]).max() < 20 / kv
-    for row, step in ((1, 1e-5), (3, 1e-8), (4, 1e-6)):
+        loop, _ = _run(t, u, linear, 25.0, kv, 0.0123, math.inf, 1, u[0], 0.0, feed)
+        assert np.abs(loop[0] - lag[0]).max() < 200 / kv
+    for row, step in ((1, 1e-5), (3, 1e-8), (4, 1e-6), (7, 1e-6)):
         ends = []
         for sign in (1, -1):
-            kp, delay, q0 = 25.0, 0.0123, u[0]
-            kp += sign * step * (row == 1)
-            delay += sign * step * (row == 3)
-            q0 += sign * step * (row == 4)
-            ends.append(_joint.first_order(t, u, True, 0, N, False, kp, delay, q0, 1)[0])
+            given = base.copy()
+            given[row - 1] += sign * step
+            ends.append(_joint.first_order(t, u, linear, 0, N, False, given, 1)[0])
         expected = (ends[0] - ends[1]) / (2 * step)
         assert np.abs(lag[row] - expected).max() < 1e-5 * np.abs(expected).max()
 
 
 def test_a_joint_at_rest_stays_until_the_first_set_point_reaches_it():
     t, u = np.arange(N) * 1e-3, np.full(N, 0.1)
-    out, _ = _joint.second_order(
-        t, u, True, 0, N, True, 25.0, 150.0, 0.0505, math.inf, 0.02, 0.0, 7
-    )
+    given = np.array([25.0, 150.0, 0.0505, 0.02, 0.0, math.inf, 0.0])
+    out, _ = _joint.second_order(t, u, True, 0, N, True, given, COLUMNS)
     assert (out[0, :51] == 0.02).all()
     expected = move(t, u, kp=25.0, kv=150.0, delay=0.0505, before=0.02, steps=20)
     np.testing.assert_allclose(out[0], expected, rtol=0, atol=1e-9)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.servo._response import MOST_STEPS, progresses
+from armcontour.servo._response import MOST_STEPS, Servo, progresses
 from armcontour.servo._sensitivity import move_limited
 from armcontour.servo.simulation import Simulation
 
@@ -43,11 +43,13 @@ def test_progress_is_steps_that_move_the_time_and_are_not_too_many() -> None:
 
 def test_a_joint_of_a_log_that_cannot_be_simulated_has_no_demand() -> None:
     state, scratch, seen = np.zeros((2, 1)), np.zeros((3, 4)), np.zeros(2)
-    move_limited(state, 1, scratch, 1e300, 1e300, 1e30, 0.0, 1.0, 1.0, seen)
+    servo = Servo(1e300, 1e300, -1e30, 1e30)
+    move_limited(state, scratch, servo, 0.0, 1.0, np.zeros(8), 1.0, seen)
     assert math.isnan(state[0, 0]) and math.isnan(seen[0])
 
 
 def test_numbers_that_are_none_end_too() -> None:
     state, scratch, seen = np.full((2, 1), math.nan), np.zeros((3, 4)), np.zeros(2)
-    move_limited(state, 1, scratch, 25.0, 150.0, 1.0, 0.0, 1.0, 1.0, seen)
+    servo = Servo(25.0, 150.0, -1.0, 1.0)
+    move_limited(state, scratch, servo, 0.0, 1.0, np.zeros(8), 1.0, seen)
     assert math.isnan(state[0, 0])

@@ -287,12 +287,12 @@ def identify(
         list[FilePath],
         typer.Argument(
             metavar="LOG...",
-            help="Log of time, command and measured: CSV, or a bag; with --arm also several.",
+            help="Log of time, command and measured: CSV, or a bag; several are joined.",
         ),
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo, or with --arm a robot, from logs; exit code 1 if not all is determined."""
+    """Identify a servo, or with --arm a robot, from logs; exit code 1 if it is not known."""
     from armcontour.cli.identifying import identify_files
 
     raise typer.Exit(0 if identify_files(logs, options) else 1)

@@ -7,14 +7,23 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
-    from armcontour.identification import Estimate, Identification, RobotIdentification
+    from armcontour.identification import (
+        Estimate,
+        Identification,
+        Prediction,
+        RobotIdentification,
+    )
     from armcontour.io import ResultFolder
     from armcontour.motion import Log
 
+# RMS about the mean, and shares of the variance.
+PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "explained"]
 HEADINGS = [
     *("joint", "parameter", "value", "standard deviation", "95 % interval", "unit"),
     "determined",
@@ -22,11 +31,13 @@ HEADINGS = [
 
 
 def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
-    """Identify a servo or a robot and print the result; returns whether all is determined.
+    """Identify a servo or a robot and print the result.
+
+    Returns whether there is a servo model, with an arm whether all is determined.
 
     Args:
-        logs: CSV files, or bags of ROS; without an arm only one.
-        x: Options of the command; the folder gets servo.yaml (if the servo is determined), with an
+        logs: CSV files, or bags of ROS.
+        x: Options of the command; the folder gets servo.yaml (if there is a servo model), with an
             arm robot.yaml, and report.html and summary.json.
 
     Raises:
@@ -37,14 +48,14 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     if x.arm is not None:
+        if x.predict:
+            raise InvalidInput("--predict is for joints without an arm: leave it or --arm out.")
         return _identify_robot(logs, x, x.arm)
     of_arm = ("servo", "gravity", "drive_cycle", "tip", "base", "joint_limits", "package")
     for name in (*of_arm, "xacro_arg"):
         if getattr(x, name) is not None:
             raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
-    if len(logs) > 1:
-        raise InvalidInput("Several logs are identified together only with --arm: name the arm.")
-    return _identify_servo(logs[0], x)
+    return _identify_servo(logs, x)
 
 
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
@@ -64,8 +75,8 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
     )
 
 
-def _identify_servo(log: FilePath, x: IdentifyOptions) -> bool:
-    """Identify the servo of every joint of a log."""
+def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
+    """Identify the servo of every joint of one or several logs."""
     from armcontour._quantities import Interval
     from armcontour.cli.progress import search_progress
     from armcontour.cli.quantities import read_option
@@ -74,7 +85,7 @@ def _identify_servo(log: FilePath, x: IdentifyOptions) -> bool:
 
     longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
     assert longest is not None
-    samples = _read(log, x)
+    samples, unseen = ([_read(log, x) for log in some] for some in (logs, x.predict or []))
     with search_progress("identifying") as progress:
         found = identify(
             samples,
@@ -83,14 +94,15 @@ def _identify_servo(log: FilePath, x: IdentifyOptions) -> bool:
             longest_dead_time=longest,
             progress=progress,
         )
-    refusal = _write_results(found, x.out, force=x.force) if x.out is not None else ""
+    predictions = [found.predict(log) for log in unseen]
+    refusal = _write_results(found, predictions, x.out, x.force)
     if x.as_json:
-        print(identification_json(found), end="")
+        print(identification_json(found, predictions), end="")
     else:
-        _print(found, x.out, refusal)
+        _print(found, predictions, x, refusal)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
-    return found.determined
+    return not refusal
 
 
 def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
@@ -212,40 +224,90 @@ def _print_robot(found: RobotIdentification, written: list[str]) -> None:
         console.say(sentence)
 
 
-def _write_results(found: Identification, out: FilePath, *, force: bool) -> str:
-    """Write the result folder; returns why there is no servo.yaml, or an empty text."""
+def _write_results(
+    found: Identification, predictions: list[Prediction], out: FilePath | None, force: bool
+) -> str:
+    """Write the result folder, if any; returns why there is no servo model, or an empty text."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.servo_file import identification_json, servo_yaml
     from armcontour.report.identification import render_identification
 
-    refusal = ""
+    servo, refusal = None, ""
+    try:
+        servo = servo_yaml(found)
+    except InvalidInput as error:
+        # Not an error here: the report shows the cause.
+        refusal = str(error)
+    if out is None:
+        return refusal
     with ResultFolder(out, force=force) as folder:
-        try:
-            folder.write("servo.yaml", servo_yaml(found))
-        except InvalidInput as error:
-            # Not an error here: the report shows the cause.
-            refusal = str(error)
+        if servo is not None:
+            folder.write("servo.yaml", servo)
         folder.write("report.html", render_identification(found))
-        folder.write("summary.json", identification_json(found, [*folder.files, "summary.json"]))
+        files = [*folder.files, "summary.json"]
+        folder.write("summary.json", identification_json(found, predictions, files))
     return refusal
 
 
-def _print(found: Identification, out: FilePath | None, refusal: str) -> None:
-    """Print a table of the parameters, and sentences on the fit."""
+def _print(
+    found: Identification, predictions: list[Prediction], x: IdentifyOptions, refusal: str
+) -> None:
+    """Print what the model predicts of each joint, and with --details its parameters and notes."""
     console = Console()
+    rows = []
+    for joint in found.joints:
+        of = [joint.kp, joint.velocity_feedforward, joint.dead_time]
+        values = ["" if y is None else _cells(y)[0] for y in of]
+        errors = (joint.tracking_rms, joint.predicted_rms)
+        rows.append([joint.name, *_predicted(*errors, joint.explained), *values])
     console.show_table(
-        HEADINGS,
-        _rows([(joint.name, joint.estimates) for joint in found.joints]),
-        title=f"Servo identified from {found.log.source}",
-        left=(0, 1, 5, 6),
+        [*PREDICTED, "K_p [1/s]", "feed-forward", "dead time [ms]"],
+        rows,
+        title=f"Servo identified from {found.log.source}, and how well it predicts parts of it",
     )
-    _print_fit(console, found)
-    if out is not None:
-        what = (
-            f"report.html, but no servo.yaml: {refusal}" if refusal else "servo.yaml, report.html"
+    for y in predictions:
+        console.show_table(
+            PREDICTED,
+            [
+                [name, *_predicted(*of)]
+                for name, *of in zip(
+                    y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True
+                )
+            ],
+            title=f"Prediction of {y.log.source}",
         )
-        console.say(f"Written to {out}: {what}")
+    if x.details:
+        console.show_table(
+            HEADINGS,
+            _rows([(joint.name, joint.estimates) for joint in found.joints]),
+            title="Parameters",
+            left=(0, 1, 5, 6),
+        )
+        _print_fit(console, found)
+    console.say(f"There is no servo model: {refusal}" if refusal else _shared_delay(found))
+    if x.out is not None:
+        what = "report.html" if refusal else "servo.yaml, report.html"
+        console.say(f"Written to {x.out}: {what}")
+    if not x.details:
+        console.say("--details prints all parameters, intervals and notes on the joints.")
+
+
+def _shared_delay(found: Identification) -> str:
+    """A sentence on the dead time that all joints share, and on what differs between them."""
+    delays = found.servo_model().for_joints(len(found.joints)).dead_time * 1e3
+    return (
+        f"All joints are late by {delays.min():.3g} ms, which does not bend the path; their dead "
+        f"times differ by {np.ptp(delays):.2g} ms."
+    )
+
+
+def _predicted(tracking: float, predicted: float, explained: float) -> list[str]:
+    """Tracking error, error of the prediction, and the share that is predicted, as cells."""
+    if not math.isfinite(explained):
+        return ["", "", ""]
+    share = f"{max(explained, 0.0) * 100:.1f} %"
+    return [f"{tracking * 1e3:.3f}", f"{predicted * 1e3:.3f}", share]
 
 
 def _print_fit(console: Console, found: Identification) -> None:

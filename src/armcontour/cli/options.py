@@ -548,6 +548,13 @@ class IdentifyOptions(ArmOptions):
     longest_dead_time: Annotated[
         str, typer.Option("--longest-dead-time", help="Longest dead time in the search.")
     ] = "250 ms"
+    predict: Annotated[
+        list[FilePath] | None,
+        typer.Option("--predict", help="Log to predict, which is not used otherwise; repeatable."),
+    ] = None
+    details: Annotated[
+        bool, typer.Option("--details", help="Print all parameters, intervals and notes.")
+    ] = False
     columns: Columns = None
     topic: Topic = None
     unwrap: Unwrap = False

@@ -8,7 +8,12 @@ from armcontour.identification.bodies import (
     propose,
 )
 from armcontour.identification.identification import MODELS, identify
-from armcontour.identification.results import Estimate, Identification, JointIdentification
+from armcontour.identification.results import (
+    Estimate,
+    Identification,
+    JointIdentification,
+    Prediction,
+)
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 __all__ = [
@@ -19,6 +24,7 @@ __all__ = [
     "Excitation",
     "Identification",
     "JointIdentification",
+    "Prediction",
     "Log",
     "RobotIdentification",
     "RobotJoint",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armcontour._checks import FloatArray
 from armcontour.identification._joint import UNREACHED
 from armcontour.identification.covariance import covariance, inflation, is_white
 from armcontour.identification.fitting import (
@@ -18,7 +19,6 @@ from armcontour.identification.fitting import (
     State,
     best,
     fit,
-    noise_of,
     simulated,
 )
 from armcontour.identification.profile import LOSS, loss, with_kv
@@ -48,6 +48,17 @@ FOLLOWS = 0.5
 EXPLAINS = 0.99
 # A fit of this part of the samples is not upset by the others.
 LARGE_PART = 0.95
+# Errors of predictions below this do not matter [rad].
+ROUNDED = 1e-8
+# Feed-forward that leaves at most this share of the squared errors explains them.
+FED = 0.5
+# Parts of a log, of which every second one is predicted from the others.
+PARTS = 8
+# Where gains are at the edge of the search, a drive that only delays is enough if it leaves this
+# share of the variance of the tracking error.
+SMALL = 1.6e-3
+# A drive that only delays: as dq = kp (u - q) + du, whatever kp is [1/s].
+DELAYS_ONLY = 50.0
 # Samples that are left out at the begin of a joint in motion, more than the dead time [s].
 MARGIN = 10e-3
 
@@ -65,6 +76,12 @@ class Choice:
     chosen: Fit
     second: Fit | None
     first: Fit | None
+
+    @property
+    def states(self) -> dict[str, State]:
+        """The state of each order: that of the model that is chosen, else of the other one."""
+        fits = {"second": self.second, "first": self.first, self.chosen.state.order: self.chosen}
+        return {order: x.state for order, x in fits.items() if x is not None}
 
 
 def choose(data: Data, model: str, doubt: Callable[[], None]) -> Choice:
@@ -118,10 +135,85 @@ def _beside(data: Data, state: State) -> list[State]:
 
 def _choose(data: Data, model: str, moving: Fit) -> Choice:
     """The same, from a fit that knows nothing of the begin."""
+    if is_white(moving):
+        return _without_feed(data, model, moving)
+    # Feed-forward makes up for any lag, so that a command that is logged late would do as well.
+    longest = max(float(data.t[moving.state.first] - data.t[0]), data.interval)
+    prompt = replace(data, delays=(0.0, longest))
+    order = "first" if model == "first" else "second"
+    fed = best(prompt, _different(first_states(prompt, order, "moving", feed=1.0)))
+    # What feed-forward explains needs no acceleration limit.
+    choice = _without_feed(data, model, moving, limited=fed.sse > FED * moving.sse)
+    if is_white(choice.chosen):
+        return choice
+    return replace(choice, chosen=_predicting(data, model, choice.chosen, fed.state))
+
+
+def _predicting(data: Data, model: str, plain: Fit, fed: State) -> Fit:
+    """The simplest model that predicts what it was not fitted to about as well as the best one.
+
+    Beside the one without velocity feed-forward, that is one with it; and where gains are beyond
+    what the log can tell, a drive that only delays.
+
+    Args:
+        data: The joint.
+        model: "auto", "second" or "first".
+        plain: The fit without feed-forward.
+        fed: The parameters with feed-forward.
+    """
+    data = _as_used(data, plain)
+    data = replace(data, delays=(0.0, max(data.delays[1], data.interval)))
+    if plain.state.delay < 0 and plain.at_edge:
+        plain = fit(data, replace(plain.state, delay=0.0))
+    s = plain.state
+    models = [plain]
+    # A loop that swings is not how drives are tuned: it stands for a delay.
+    if model == "auto" and (plain.at_edge or s.kv < s.kp):
+        delayed = replace(s, order="first", kp=DELAYS_ONLY, kv=math.inf, limit=math.inf, dq0=0.0)
+        models.insert(0, fit(data, replace(delayed, feed=1.0, fixed=("kp", "feed"))))
+    fed = replace(fed, start=s.start, first=s.first, q0=s.q0, dq0=s.dq0)
+    models.append(fit(data, fed))
+    errors = [np.array([np.mean(x**2) for x in unseen_errors(data, x)]) for x in models]
+    mean = [float(x.mean()) for x in errors]
+    k = int(np.argmin(mean))
+    enough = max(mean[k] + float(errors[k].std() / math.sqrt(len(errors[k]))), ROUNDED**2)
+    if "feed" in models[0].state.fixed:
+        lag = data.u[s.first : data.last] - data.y[s.first : data.last]
+        enough = max(enough, SMALL * float(np.var(lag)))
+    return next(x for x, m in zip(models, mean, strict=True) if m <= enough)
+
+
+def unseen_errors(data: Data, found: Fit) -> list[FloatArray]:
+    """Errors of predictions: of every second part of a log, fitted to the other parts [rad].
+
+    Args:
+        data: The joint.
+        found: A fit to all of it, with which the fits begin.
+    """
+    first, last = found.state.first, data.last
+    number = np.zeros(len(data.t), dtype=np.intp)
+    number[first:last] = np.arange(last - first) * PARTS // max(last - first, 1)
+    every = np.full(len(data.t), True) if data.used is None else data.used
+    errors: dict[int, FloatArray] = {}
+    for fold in (0, 1):
+        seen = every & (number % 2 == fold)
+        # Where the log begins need not be in what is seen.
+        fixed = (*found.state.fixed, "q0", "dq0")
+        s = fit(replace(data, used=seen), replace(found.state, fixed=fixed)).state
+        off = data.y[first:last] - simulated(data, s)[0][0] - (s.offset or 0.0)
+        for part in range(1 - fold, PARTS, 2):
+            here = (every & (number == part))[first:last]
+            if here.any():
+                errors[part] = off[here]
+    return [errors[k] for k in sorted(errors)]
+
+
+def _without_feed(data: Data, model: str, moving: Fit, *, limited: bool = True) -> Choice:
+    """The fits without velocity feed-forward, and with an acceleration limit if that may be."""
     if model == "first":
         lag = _best_start(data, "first", moving)
         return Choice(chosen=lag, second=None, first=lag)
-    loop = _best_start(data, "second", moving)
+    loop = _best_start(data, "second", moving, limited)
     if model == "second":
         return Choice(chosen=loop, second=loop, first=None)
     lag = _lag_beside(data, loop)
@@ -149,17 +241,17 @@ def _is_fast(data: Data, loop: Fit) -> bool:
     return loop.state.kv > slow and loss(with_kv(data, loop, slow), loop) > LOSS
 
 
-def _best_start(data: Data, order: str, moving: Fit) -> Fit:
+def _best_start(data: Data, order: str, moving: Fit, limited: bool = True) -> Fit:
     """The fit with nothing believed about the begin, unless that would waste what the log tells.
 
     What came before the log is not known, so what it still moves is left out. That is little of a
     long log; but where the joint is told to go at once, it is much.
     """
-    if order == "second":
+    if order == "second" and limited:
         moving = _with_limit(data, moving)
     short = _shorter(data, moving)
     for how in STARTS[:2]:
-        found = _with_start(data, order, how, moving)
+        found = _with_start(data, order, how, moving, limited)
         if _tells_more(found, short) and _agrees(found, moving):
             return found
     return short
@@ -182,7 +274,7 @@ def _error(found: Fit, name: str) -> float:
     return math.sqrt(variance) if variance >= 0 else math.inf
 
 
-def _with_start(data: Data, order: str, how: str, known: Fit) -> Fit:
+def _with_start(data: Data, order: str, how: str, known: Fit, limited: bool) -> Fit:
     """The best fit with one belief about the begin, with a limit where the log speaks for it."""
     s, begin = known.state, initial(data, order, how)
     states = [replace(begin, kp=s.kp, kv=s.kv, delay=s.delay, limit=s.limit, offset=s.offset)]
@@ -191,7 +283,7 @@ def _with_start(data: Data, order: str, how: str, known: Fit) -> Fit:
     if not settled and liveliest(data)[0] == 0:
         states += first_states(data, order, how)
     found = best(data, _different(states))
-    if order == "first" or settled:
+    if order == "first" or settled or not limited:
         return found
     if math.isfinite(found.state.limit):
         return _better(_unlimited(data, found), found)
@@ -222,7 +314,7 @@ def _with_limit(data: Data, found: Fit) -> Fit:
     """The fit, or the one with a limit if that gains enough."""
     peak = largest_demand(data, found.state)
     states = [replace(found.state, limit=x * peak) for x in TRIED]
-    noise = noise_of(data.y) ** 2
+    noise = data.noise**2
     if found.variance > MISFIT * noise and not is_white(found):
         # Gains that had to make up for a limit are no place to start from.
         begin = found.state

@@ -11,9 +11,9 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import digits
 from armcontour.identification.advice import better_motion, larger_step
-from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand
+from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand, unseen_errors
 from armcontour.identification.correlation import whiteness
-from armcontour.identification.fitting import Data, Fit, State, noise_of
+from armcontour.identification.fitting import Data, Fit, State, noise_of, simulated
 from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
 from armcontour.identification.profile import lowest_limit
@@ -37,12 +37,20 @@ LEAST_BEND = 1e-8
 LARGEST_STEP = math.pi
 # What widens a standard deviation by more than this factor is told.
 SEEN = 1.5
-UNITS = {"kp": "1/s", "kv": "1/s", "dead_time": "s", "acceleration": "rad/s²"}
+# What is said of gains of a drive that only delays.
+ONLY_DELAYS = "The drive is too fast for this log: of it only the dead time is seen."
+UNITS = {
+    "kp": "1/s",
+    "kv": "1/s",
+    "dead_time": "s",
+    "acceleration": "rad/s²",
+    "velocity_feedforward": "1",
+}
 
 
 def why_still(data: Data) -> str:
     """Why nothing can be said of a joint that does not move; empty if it does."""
-    noise = noise_of(data.y)
+    noise = data.noise
     if np.std(data.y) > STILL * noise and np.ptp(data.y) > LEAST_MOTION:
         return ""
     told = float(np.ptp(data.u))
@@ -81,8 +89,8 @@ def _line(t: FloatArray, x: FloatArray) -> FloatArray:
 def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
     """What is said of a joint that does not move, or at a uniform velocity."""
     advice = f"{why} A multisine around the bandwidth of its position loop would tell it."
-    simulated = _line(data.t, data.y)
-    residuals = data.y - simulated
+    straight = _line(data.t, data.y)
+    residuals = data.y - straight
     rms = float(np.sqrt(np.mean(residuals**2)))
     return JointIdentification(
         name=name,
@@ -92,8 +100,8 @@ def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
         dead_time=_unknown("dead_time", advice),
         acceleration=_unknown("acceleration", advice),
         start="rest",
-        t=log.t,
-        simulated=simulated,
+        t=data.t + log.t[0],
+        simulated=straight,
         residuals=residuals,
         noise=rms,
         rms=rms,
@@ -110,24 +118,29 @@ def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
 def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentification:
     """The estimates of a joint, and how good the fit is."""
     found = choice.chosen
-    state = found.state
+    state, data = found.state, replace(data, delays=found.delays)
     probability = whiteness(found.residuals)
     ends = Ends(data, found)
     used = slice(state.first, data.last)
-    measured = data.y[used]
+    errors = np.concatenate(unseen_errors(data, found))
+    rows = np.arange(len(data.t)) if data.rows is None else data.rows
+    own = rows[used] >= 0
+    rows = rows[used][own]
+    residuals = found.residuals[own]
     fits = {"second": choice.second, "first": choice.first}
     demand = largest_demand(data, state) if state.order == "second" else math.nan
     joint = JointIdentification(
         name=name,
         order=state.order,
         kp=_gain(data, found, "kp", ends),
+        velocity_feedforward=None if state.feed is None else _feed(found, ends),
         kv=_gain(data, found, "kv", ends) if state.order == "second" else _no_loop(data, choice),
         dead_time=_delay(data, found, ends),
         acceleration=_limit(data, found, ends, demand),
         start=state.start,
-        t=log.t[used],
-        simulated=measured - found.residuals,
-        residuals=found.residuals,
+        t=log.t[rows],
+        simulated=simulated(data, state)[0][0][own] + (state.offset or 0.0),
+        residuals=residuals,
         noise=math.sqrt(found.variance),
         rms=math.sqrt(found.sse / found.count),
         r_squared=found.r_squared,
@@ -136,10 +149,16 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
         rms_of={k: math.sqrt(v.sse / v.count) for k, v in fits.items() if v is not None},
         largest_demand=demand,
         saturated_time=found.saturated_time,
+        states=choice.states,
+        tracking_rms=float(np.std(counting(data, data.u - data.y, found))),
+        predicted_rms=float(np.std(errors)),
+        predicted_max=float(np.abs(errors - errors.mean()).max()),
     )
     friction = find_friction(data, found) if state.order == "second" else None
     if found.r_squared < FOLLOWS:
         joint = _distrusted(joint, found)
+    elif found.at_edge:
+        joint = _not_sure(joint, found)
     else:
         if not log.set_points:
             joint = _allow_for_unseen(joint, find_shifts(data, found), data)
@@ -232,6 +251,22 @@ def _distrusted(joint: JointIdentification, found: Fit) -> JointIdentification:
     return replace(joint, **changed)
 
 
+def _not_sure(joint: JointIdentification, found: Fit) -> JointIdentification:
+    """The same with nothing determined: a parameter at the edge of the search skews the others."""
+    edge = " and ".join(x.replace("feed", "velocity feed-forward") for x in found.at_edge)
+    advice = f"The best {edge} is at the edge of the search, which skews all other parameters."
+    changed: dict[str, Any] = {
+        x.name: replace(x, determined=False, advice=advice) for x in joint.estimates if x.determined
+    }
+    return replace(joint, **changed)
+
+
+def counting(data: Data, values: FloatArray, found: Fit) -> FloatArray:
+    """The values, of all samples, that the fit of a joint uses."""
+    some = slice(found.state.first, data.last)
+    return values[some] if data.used is None else values[some][data.used[some]]
+
+
 def _at_edge(delay: float) -> str:
     """What is said of a dead time at the edge of the search."""
     return (
@@ -264,6 +299,8 @@ def _estimate(
 
 
 def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
+    if name in found.state.fixed:
+        return _unknown(name, ONLY_DELAYS)
     value, relative = float(getattr(found.state, name)), ends.relative(name)
     interval = ends.interval(name)
     advice = ""
@@ -301,6 +338,17 @@ def _no_loop(data: Data, choice: Choice) -> Estimate:
     return _unknown("kv", reason)
 
 
+def _feed(found: Fit, ends: Ends) -> Estimate:
+    """Velocity feed-forward."""
+    value, name = found.state.feed or 0.0, "velocity_feedforward"
+    if "feed" in found.state.fixed:
+        return _unknown(name, ONLY_DELAYS)
+    sd, advice = ends.sd("feed"), ""
+    if not sd <= DETERMINED or "feed" in found.at_edge:
+        advice = "This log does not tell the velocity feed-forward."
+    return _estimate(name, value, sd, ends.interval("feed"), advice)
+
+
 def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
     value, sd = found.state.delay, ends.sd("delay")
     allowed = max(DETERMINED * abs(value), DETERMINED_DELAY)
@@ -324,6 +372,8 @@ def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
     state, name = found.state, "acceleration"
     if state.order == "first":
         return _unknown(name, "The model is a lag, which has no acceleration limit.")
+    if found.at_edge and "limit" not in state.free:
+        return _unknown(name, "The log does not show the limit.")
     if "limit" not in state.free:
         low = lowest_limit(data, found, demand)
         why = f"The log does not show the limit: it is above {low:.4g} rad/s²."

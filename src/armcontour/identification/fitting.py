@@ -10,27 +10,35 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.errors import ExecutionError
 from armcontour.identification import _joint
-from armcontour.identification.correlation import repeats
+from armcontour.identification.correlation import find_period, repeats
+from armcontour.motion.log import Log
 from armcontour.servo._sensitivity import COLUMNS
+from armcontour.servo.model import MOST_FEEDFORWARD
 
 # Ranges of the search for gains [1/s] and acceleration limits [rad/s²].
 GAINS = (0.05, 5e3)
 LIMITS = (1e-4, 1e7)
+# The same for velocity feed-forward.
+FEEDS = (0.0, MOST_FEEDFORWARD)
 # The iteration ends when a step moves the parameters by less than this share of a standard
 # deviation.
 NEAR = 1e-3
 MOST_ITERATIONS = 60
+# A gap of at most this many intervals is short. Time for which a command is held in a longer one,
+# and after which what follows it counts [s].
+SHORT_GAP, REST, SETTLES = 20.0, 5.0, 1.0
 # Steps with more damping than this are too short to be useful.
 MOST_DAMPING = 1e8
 # A gain changes by no more than this factor in one iteration.
 LARGEST_FACTOR = 3.0
 
 STARTS = ("rest", "held", "moving")
-NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit")
+NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit", "feed")
 _LOGARITHMIC = ("kp", "kv", "limit")
+_BOUNDED = ("delay", "feed", *_LOGARITHMIC)
 # Sum of squares, residuals, their derivatives by the free parameters, and time at the limit.
 Errors = tuple[float, FloatArray, FloatArray, float]
 
@@ -48,6 +56,8 @@ class Data:
         offset: First value of the offset between measured position and command at rest [rad]; None
             if no offset is estimated.
         period: Samples after which commands repeat; 0 if they do not.
+        used: Samples that count, (n,); None is all of them.
+        rows: Their rows of the log, -1 for a sample that is not of the log, (n,).
     """
 
     t: FloatArray
@@ -57,12 +67,61 @@ class Data:
     delays: tuple[float, float]
     offset: float | None = None
     period: int = 0
+    used: BoolArray | None = None
+    rows: IntArray | None = None
+
+    @classmethod
+    def of(cls, log: Log, j: int, linear: bool, delays: tuple[float, float]) -> Data:
+        """The joint j (from 0) of a log.
+
+        Over a short gap the command goes on as between samples. In a longer one it is that at its
+        end, for as long as it takes the joint to come to rest there, and what follows the gap
+        counts after a while only, as the joint need not have been at rest.
+
+        Args:
+            log: The log.
+            j: The joint.
+            linear: Whether set-points are interpolated linearly.
+            delays: Smallest and largest dead time of the search [s].
+        """
+        t, u, y = log.t - log.t[0], log.command[:, j].copy(), log.measured[:, j].copy()
+        ends = log.gaps
+        ends = ends[np.diff(t)[ends] > SHORT_GAP * log.interval]
+        if not len(ends):
+            return cls(t=t, u=u, y=y, linear=linear, delays=delays, period=find_period(u))
+        rows, used = np.arange(len(t)), np.full(len(t), True)
+        lasts = np.append(ends[1:], len(t) - 1)
+        for end, last in zip(ends, lasts, strict=True):
+            t[end + 1 :] += REST + t[end] + log.interval - t[end + 1]
+            after = t[end + 1 : last + 1] - t[end + 1]
+            used[end + 1 : last + 1] = after >= min(SETTLES, after[-1] / 3)
+        places = ends + 1
+        return cls(
+            t=np.insert(t, places, t[ends] + log.interval),
+            u=np.insert(u, places, u[places]),
+            y=np.insert(y, places, y[places]),
+            linear=linear,
+            delays=delays,
+            used=np.insert(used, places, False),
+            rows=np.insert(rows, places, -1),
+        )
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of white noise on a smooth motion [rad], from third differences."""
+        third = np.diff(self.y, n=3)
+        if self.used is not None:
+            third = third[np.lib.stride_tricks.sliding_window_view(self.used, 4).all(axis=1)]
+        return float(np.sqrt(np.mean(third**2) / 20)) if len(third) else 0.0
 
     def part(self, begin: int, end: int, every: int = 1) -> Data:
         """The samples from `begin` to before `end`, every `every`-th one."""
         some = slice(begin, end, every)
         t, u, y = (np.ascontiguousarray(x[some]) for x in (self.t, self.u, self.y))
-        return replace(self, t=t, u=u, y=y, period=self.period if every == 1 else 0)
+        used = None if self.used is None else self.used[some]
+        rows = None if self.rows is None else self.rows[some]
+        period = self.period if every == 1 else 0
+        return replace(self, t=t, u=u, y=y, used=used, rows=rows, period=period)
 
     @property
     def interval(self) -> float:
@@ -91,6 +150,7 @@ class State:
         q0, dq0: State at the first sample [rad, rad/s].
         fixed: Names of parameters that are given.
         offset: Measured position less that of the model [rad], if it is estimated.
+        feed: Velocity feed-forward, if there is any.
     """
 
     order: str
@@ -104,6 +164,12 @@ class State:
     dq0: float
     fixed: tuple[str, ...] = ()
     offset: float | None = None
+    feed: float | None = None
+
+    @property
+    def given(self) -> FloatArray:
+        """What the compiled simulations take, as in `NAMES`."""
+        return np.array([getattr(self, x) or 0.0 for x in NAMES])
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -115,8 +181,7 @@ class State:
                 names.append("dq0")
             if math.isfinite(self.limit):
                 names.append("limit")
-        if self.offset is not None:
-            names.append("offset")
+        names += [x for x in ("feed", "offset") if getattr(self, x) is not None]
         return tuple(x for x in names if x not in self.fixed)
 
 
@@ -127,13 +192,14 @@ class Fit:
     Args:
         state: The parameters.
         sse: Sum of squared residuals [rad²].
-        count: Number of samples.
+        count: Number of samples that count.
         jacobian: Derivatives of the positions by the free parameters, those of `_LOGARITHMIC` by
-            their logarithms, (free, count).
-        residuals: Measured less simulated [rad], (count,).
+            their logarithms, (free, samples).
+        residuals: Measured less simulated [rad], 0 where they do not count, (samples,).
         spread: Sum of the squares of the measured positions about their mean [rad²].
         saturated_time: Time at the acceleration limit [s].
         at_edge: Free parameters that ended at the edge of the search range.
+        delays: The range of dead times [s].
         period: Samples after which the residuals repeat; 0 if they do not.
     """
 
@@ -145,6 +211,7 @@ class Fit:
     spread: float
     saturated_time: float
     at_edge: tuple[str, ...]
+    delays: tuple[float, float]
     period: int
 
     @property
@@ -175,20 +242,10 @@ def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, F
         ExecutionError: An interval of the log is too long to simulate.
     """
     first, last, rest = state.first, data.last, state.start == "rest"
-    given = (data.t, data.u, data.linear, first, last, rest)
+    given = (data.t, data.u, data.linear, first, last, rest, state.given, columns)
     if state.order == "first":
-        out = _joint.first_order(*given, state.kp, state.delay, state.q0, columns)
-        return out, np.zeros(2)
-    found: tuple[FloatArray, FloatArray] = _joint.second_order(
-        *given,
-        state.kp,
-        state.kv,
-        state.delay,
-        state.limit,
-        state.q0,
-        state.dq0,
-        columns,
-    )
+        return _joint.first_order(*given), np.zeros(2)
+    found: tuple[FloatArray, FloatArray] = _joint.second_order(*given)
     if math.isnan(found[1][0]):
         raise ExecutionError(
             f"A joint cannot be simulated over the log with kp = {state.kp:g} and kv = "
@@ -255,15 +312,20 @@ def _step(
 def _fit_at(data: Data, state: State, errors: Errors) -> Fit:
     sse, residuals, jacobian, saturated = errors
     used = data.y[state.first : data.last]
+    count = len(residuals)
+    if data.used is not None:
+        some = data.used[state.first : data.last]
+        used, count = used[some], int(some.sum())
     return Fit(
         state=state,
         sse=sse,
-        count=len(residuals),
+        count=count,
         jacobian=jacobian,
         residuals=residuals,
         spread=float(np.sum((used - used.mean()) ** 2)),
         saturated_time=saturated,
         at_edge=_edges(data, state),
+        delays=data.delays,
         period=data.period if repeats(residuals, data.period) else 0,
     )
 
@@ -283,6 +345,9 @@ def _errors(data: Data, state: State) -> Errors:
         if name != "offset":
             scale = getattr(state, name) if name in _LOGARITHMIC else 1.0
             np.multiply(out[1 + NAMES.index(name)], scale, out=jacobian[k])
+    if data.used is not None:
+        unused = ~data.used[state.first : data.last]
+        residuals[unused], jacobian[:, unused] = 0.0, 0.0
     sse = float(np.sum(residuals * residuals))
     return (sse if math.isfinite(sse) else math.inf), residuals, jacobian, float(seen[1])
 
@@ -303,7 +368,7 @@ def _move(data: Data, state: State, names: tuple[str, ...], step: FloatArray) ->
             most = math.log(LARGEST_FACTOR)
             low, high = _bounds(data, name)
             new[name] = min(max(value * math.exp(min(max(change, -most), most)), low), high)
-        elif name == "delay":
+        elif name in ("delay", "feed"):
             low, high = _bounds(data, name)
             new[name] = min(max(value + change, low), high)
         else:
@@ -313,7 +378,7 @@ def _move(data: Data, state: State, names: tuple[str, ...], step: FloatArray) ->
 
 def _moves(data: Data, state: State, name: str, slope: float) -> bool:
     """Whether a parameter can move in the direction of smaller errors within its search range."""
-    if name not in ("delay", *_LOGARITHMIC):
+    if name not in _BOUNDED:
         return True
     low, high = _bounds(data, name)
     value = getattr(state, name)
@@ -321,14 +386,14 @@ def _moves(data: Data, state: State, name: str, slope: float) -> bool:
 
 
 def _bounds(data: Data, name: str) -> tuple[float, float]:
-    return {"delay": data.delays, "limit": LIMITS}.get(name, GAINS)
+    return {"delay": data.delays, "limit": LIMITS, "feed": FEEDS}.get(name, GAINS)
 
 
 def _edges(data: Data, state: State) -> tuple[str, ...]:
     return tuple(
         name
         for name in state.free
-        if name in ("delay", *_LOGARITHMIC) and getattr(state, name) in _bounds(data, name)
+        if name in _BOUNDED and getattr(state, name) in _bounds(data, name)
     )
 
 

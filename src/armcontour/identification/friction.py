@@ -93,7 +93,6 @@ def _respond(data: Data, found: Fit) -> FloatArray:
     against = np.where(moves, -np.sign(velocity), 0.0)
     # An acceleration acts as a set-point does that asks for it.
     command = np.ascontiguousarray(against / (state.kp * state.kv))
-    out: FloatArray = _joint.second_order(
-        t, command, False, 0, len(t), False, state.kp, state.kv, 0.0, math.inf, 0.0, 0.0, 1
-    )[0]
+    given = np.array([state.kp, state.kv, 0.0, 0.0, 0.0, math.inf, 0.0])
+    out: FloatArray = _joint.second_order(t, command, False, 0, len(t), False, given, 1)[0]
     return np.asarray(out[0])

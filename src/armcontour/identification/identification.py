@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
+from itertools import pairwise
 from typing import overload
 
 import numpy as np
@@ -16,13 +18,14 @@ from armcontour.identification.bodies import GRAVITIES, RobotIdentification, ide
 from armcontour.identification.bodies.checking import arranged
 from armcontour.identification.checking import refuse_fast, refuse_misread
 from armcontour.identification.choosing import EXPLAINS, choose
-from armcontour.identification.correlation import find_period
 from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
 from armcontour.identification.fitting import Data
 from armcontour.identification.results import Identification, JointIdentification
-from armcontour.motion.log import INTERPOLATIONS, Log
+from armcontour.motion.log import INTERPOLATIONS, Log, join
 from armcontour.servo import ServoModel
 
+# What a log has of every sample.
+KEYS = ("t", "command", "measured")
 MODELS = ("auto", "second", "first")
 # Range of the search for dead times [s]: up to LONGEST_DELAY, and down to BELOW_ZERO below zero, so
 # that noise around a dead time of zero is not cut off on one side.
@@ -40,7 +43,7 @@ DRIVE_CYCLE, LONGEST_CYCLE = 2.5e-4, 2e-3
 
 @overload
 def identify(
-    log: Log,
+    log: Log | Sequence[Log],
     *,
     arm: None = None,
     model: str = "auto",
@@ -88,7 +91,7 @@ def identify(
     friction and a payload. What the logs do not tell keeps its nominal value.
 
     Args:
-        log: The log, with set-points and measured positions; with an arm also several logs.
+        log: The log, with set-points and measured positions, or several logs of the same robot.
         arm: The nominal arm, with masses; it gives what is nominal of payload, friction and drive
             inertias.
         servo: With an arm: the nominal servo, of order "second". Its K_v is kept, since a log shows
@@ -112,12 +115,11 @@ def identify(
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
     _checks.choice("model", model, MODELS)
     if arm is None:
-        if not isinstance(log, Log):
-            raise InvalidInput("Several logs are identified together only with an arm: give arm=.")
+        joined = log if isinstance(log, Log) else join(log)
         for name, value in (("servo", servo), ("gravity", gravity), ("drive_cycle", drive_cycle)):
             if value is not None:
                 raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
-        return _identify_servo(log, model, interpolation, longest, progress)
+        return _identify_servo(joined, model, interpolation, longest, progress)
     _checks.refuse_other("identify", arm, Arm, "such as load_arm('ur5e')")
     if model != "auto":
         raise InvalidInput("model is for joints without an arm: leave it out, or leave arm out.")
@@ -226,18 +228,13 @@ def _identify_joint(
         InvalidInput: Command and measurement cannot belong together.
     """
     name = log.joint_names[j]
-    command = np.ascontiguousarray(log.command[:, j])
-    data = Data(
-        t=np.ascontiguousarray(log.t - log.t[0]),
-        u=command,
-        y=np.ascontiguousarray(log.measured[:, j]),
-        linear=linear,
-        delays=delays,
-        period=find_period(command),
-    )
-    why = why_still(data) or why_steady(data)
-    if why:
-        return nothing(data, log, name, why)
+    data = Data.of(log, j, linear, delays)
+    edges = np.concatenate([[0], log.gaps + 1, [len(log.t)]])
+    pieces = [replace(log, **{k: getattr(log, k)[a:b] for k in KEYS}) for a, b in pairwise(edges)]
+    every = [Data.of(x, j, linear, delays) for x in pieces]
+    whys = [why_still(x) or why_steady(x) for x in every]
+    if all(whys):
+        return nothing(every[0], pieces[0], name, whys[0])
     # What was looked at once is not misread.
     doubt = cache(partial(refuse_misread, log, delays[1], j))
     choice = choose(data, model, doubt)

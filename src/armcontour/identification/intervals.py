@@ -63,7 +63,7 @@ class Ends:
             return self._profiled[name]
         value = float(getattr(self._found.state, name))
         share = self._share(name)
-        if name == "delay":
+        if name in ("delay", "feed"):
             return value - share, value + share
         if name == "kv":
             # A log shows the time constant of the velocity loop, 1 / K_v.

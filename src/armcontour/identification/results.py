@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up
 from armcontour.errors import InvalidInput
 from armcontour.identification.correlation import WHITE
+from armcontour.identification.fitting import Data, State, simulated
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
+
+# A servo model predicts at least this share of the variance of each joint's tracking error.
+EXPLAINS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +83,12 @@ class JointIdentification:
         rms_of: Residuals of each of them [rad].
         largest_demand: Largest acceleration that the model would need [rad/s²].
         saturated_time: Time at the acceleration limit [s].
+        states: Parameters by order, of the model that is chosen and of the other order.
+        tracking_rms: RMS of command less measured position, about its mean [rad].
+        predicted_rms: The same of measured less predicted position, in parts of the log that were
+            predicted from the others [rad]; nan if nothing was fitted.
+        predicted_max: The largest of these, off their mean [rad].
+        velocity_feedforward: Velocity feed-forward; None for a model without it.
         notes: Further remarks on the fit, as sentences.
     """
 
@@ -99,6 +110,11 @@ class JointIdentification:
     rms_of: dict[str, float]
     largest_demand: float
     saturated_time: float
+    states: dict[str, State] = field(default_factory=dict)
+    tracking_rms: float = math.nan
+    predicted_rms: float = math.nan
+    predicted_max: float = math.nan
+    velocity_feedforward: Estimate | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -122,7 +138,15 @@ class JointIdentification:
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The estimates of all parameters."""
-        return self.kp, self.kv, self.dead_time, self.acceleration
+        feed = () if self.velocity_feedforward is None else (self.velocity_feedforward,)
+        return self.kp, self.kv, *feed, self.dead_time, self.acceleration
+
+    @property
+    def explained(self) -> float:
+        """Share of the tracking error's variance that the model predicts, where not fitted."""
+        if not self.tracking_rms > 0:
+            return math.nan
+        return 1 - (self.predicted_rms / self.tracking_rms) ** 2
 
     @property
     def white(self) -> bool:
@@ -174,33 +198,127 @@ class Identification:
         """The servo that was identified.
 
         Raises:
-            InvalidInput: A gain or dead time is not determined, or joints are of different order.
+            InvalidInput: It neither predicts more than half of the variance of a joint's tracking
+                error, nor are gains and dead time of that joint determined.
         """
         for joint in self.joints:
-            for x in _needed(joint):
-                if not x.determined:
-                    raise InvalidInput(
-                        f"{self.log.source} does not determine {x.name} of {joint.name}, so there "
-                        f"is no servo model of it: {x.advice[:1].lower()}{x.advice[1:]}"
-                    )
-        orders = {x.order for x in self.joints}
-        if len(orders) > 1:
-            raise InvalidInput(
-                f"The joints of {self.log.source} are of different order: identify them with model "
-                "second, or with first."
-            )
-        return ServoModel(**self._servo_options(orders.pop()))
+            self._refuse_unknown(joint)
+        order = "second" if any(x.order == "second" for x in self.joints) else "first"
+        options: dict[str, list[float]] = {}
+        for joint in self.joints:
+            for name, value in self._options_of(joint, order).items():
+                options.setdefault(name, []).append(value)
+        return ServoModel(interpolation=self.interpolation, order=order, **options)
 
-    def _servo_options(self, order: str) -> dict[str, Any]:
-        given: dict[str, Any] = {
-            "kp": [x.kp.value for x in self.joints],
-            "interpolation": self.interpolation,
-            "dead_time": [_dead_time(x, self.log.source) for x in self.joints],
-            "order": order,
-        }
+    def _refuse_unknown(self, joint: JointIdentification) -> None:
+        """Refuse a joint whose motion the model does not predict.
+
+        Raises:
+            InvalidInput: It is one.
+        """
+        if not joint.states:
+            x = joint.kp
+            raise InvalidInput(
+                f"{self.log.source} does not determine {x.name} of {joint.name}, so there "
+                f"is no servo model of it: {x.advice[:1].lower()}{x.advice[1:]}"
+            )
+        determined = all(x.determined for x in _needed(joint))
+        if not determined and not joint.explained >= EXPLAINS:
+            share = max(joint.explained, 0.0)
+            raise InvalidInput(
+                f"{self.log.source}: the model of {joint.name} predicts {share:.0%} of the "
+                f"variance of its tracking error of {joint.tracking_rms * 1e3:.3g} mrad RMS, and "
+                f"{EXPLAINS:.0%} are needed, so there is no servo model of it. {joint.kp.advice}"
+            )
+
+    def _options_of(self, joint: JointIdentification, order: str) -> dict[str, float]:
+        """The parameters of a servo model of a joint, for an order that all joints have."""
+        state = joint.states[joint.order]
+        if state.order != order and "kp" in state.fixed and self.interpolation == "linear":
+            # A drive that only delays, as one with all feed-forward.
+            return {
+                **{"kp": state.kp, "kv": 4 * state.kp, "dead_time": max(state.delay, 0.0)},
+                **{"velocity_feedforward": 1.0, "acceleration_feedforward": 1.0},
+            }
+        state = joint.states.get(order, state)
+        found = {"kp": state.kp, "velocity_feedforward": state.feed or 0.0}
         if order == "second":
-            given["kv"] = [x.kv.value for x in self.joints]
-        return given
+            found |= {"kv": state.kv, "acceleration_feedforward": 0.0}
+        return found | {"dead_time": _dead_time(joint, state.delay, self.log.source)}
+
+    def predict(self, log: Log) -> Prediction:
+        """What the identified servo does with the commands of a log.
+
+        Args:
+            log: The log, of the same joints; it need not be one that was identified.
+
+        Of a joint of which nothing is known, that is its command.
+
+        Raises:
+            InvalidInput: The log has other joints.
+        """
+        if log.dof != len(self.joints):
+            raise InvalidInput(
+                f"{log.source} has {log.dof} joints, but {self.log.source} has {len(self.joints)}: "
+                "give a log of the same joints."
+            )
+        linear, positions = self.interpolation == "linear", log.command.copy()
+        for j, joint in enumerate(self.joints):
+            if not joint.states:
+                continue
+            data, known = Data.of(log, j, linear, (0.0, 0.0)), joint.states[joint.order]
+            state = replace(known, start="held", first=0, q0=float(data.u[0]), dq0=0.0)
+            state = replace(state, delay=max(known.delay, 0.0))
+            rows = np.arange(len(data.t)) if data.rows is None else data.rows
+            positions[rows[rows >= 0], j] = simulated(data, state)[0][0][rows >= 0]
+        return Prediction(log=log, positions=positions)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """What an identified servo does with the commands of a log.
+
+    Args:
+        log: The log.
+        positions: Predicted positions [rad], (n, dof).
+    """
+
+    log: Log = field(repr=False)
+    positions: FloatArray = field(repr=False)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Measured less predicted positions, about the mean of each joint [rad], (n, dof)."""
+        off = self.log.measured - self.positions
+        return np.asarray(off - off.mean(axis=0))
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of the errors of each joint [rad], (dof,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors**2, axis=0)))
+
+    @property
+    def tracking_rms(self) -> FloatArray:
+        """The same of measured less commanded positions, without a prediction [rad], (dof,)."""
+        return np.asarray(np.std(self.log.measured - self.log.command, axis=0))
+
+    @property
+    def explained(self) -> FloatArray:
+        """Share of the tracking errors' variance that is predicted, (dof,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(1 - (self.rms / self.tracking_rms) ** 2)
+
+    def __str__(self) -> str:
+        """A row for every joint."""
+        rows = [["joint", "tracking error", "predicted to", "at most", "explained"]]
+        most = np.abs(self.errors).max(axis=0)
+        for j, name in enumerate(self.log.joint_names):
+            values = (self.tracking_rms[j], self.rms[j], most[j])
+            share = f"{max(self.explained[j], 0.0):.1%}"
+            rows.append([name, *(f"{x * 1e3:.3g} mrad" for x in values), share])
+        return line_up(f"Prediction of {self.log.source}", rows)
+
+    __repr__ = brief
 
 
 def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
@@ -210,16 +328,16 @@ def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
     return joint.kp, joint.kv, joint.dead_time
 
 
-def _dead_time(joint: JointIdentification, source: str) -> float:
+def _dead_time(joint: JointIdentification, delay: float, source: str) -> float:
     """The dead time of a servo model [s]; zero if the 95 % interval reaches below zero.
 
     Raises:
         InvalidInput: The whole 95 % interval is below zero.
     """
-    if joint.dead_time.high < 0:
+    if joint.dead_time.high < 0 and joint.dead_time.determined:
         raise InvalidInput(
             f"{source}: the dead time of {joint.name} is {joint.dead_time.value * 1e3:.3g} ms, "
             "below zero: commands are logged late, or set-points that were taken for interpolated "
             "are held (interpolation step)."
         )
-    return max(joint.dead_time.value, 0.0)
+    return max(delay, 0.0)

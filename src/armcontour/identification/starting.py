@@ -22,15 +22,17 @@ LIMIT = (0.5, 0.8, 1.0, 1.25)
 # The scan uses at most this many samples, and the fits from its best places this many.
 SCANNED = 2000
 FITTED = 8000
-# Places from which it is fitted.
-PLACES = 6
+# Places from which it is fitted, and iterations of these fits.
+PLACES, ROUGH = 6, 12
 # So many parts of the grid are scanned one after the other by each free thread.
 PARTS = 16
 # Samples over which an acceleration or a velocity is estimated.
 SMOOTHED = 41
 
 
-def first_states(data: Data, order: str, start: str, *, limited: bool = False) -> list[State]:
+def first_states(
+    data: Data, order: str, start: str, *, limited: bool = False, feed: float | None = None
+) -> list[State]:
     """Find start values for the fit of the whole log from a scan of a part of it, best first.
 
     Args:
@@ -38,29 +40,31 @@ def first_states(data: Data, order: str, start: str, *, limited: bool = False) -
         order: "first" or "second".
         start: As in `State`.
         limited: Whether to scan limits too.
+        feed: The first value of velocity feed-forward; None is without.
     """
     begin, end = liveliest(data)
     piece = data.part(begin, end)
     # The kind of start is known only at the start of the log.
     how = start if begin == 0 else "moving"
     thin = piece.part(0, len(piece.t), max(1, math.ceil(len(piece.t) / SCANNED)))
-    seed = initial(thin, order, how)
+    seed = replace(initial(thin, order, how), feed=feed)
     trials = _trials(data.delays, order, _accelerations(piece) if limited else None)
     y, rest = thin.y - (data.offset or 0.0), how == "rest"
     log = (thin.t, thin.u, y, thin.linear, seed.first, thin.last, rest)
+    every = np.array([_with(seed, x).given for x in trials])
 
     def scan(some: slice) -> FloatArray:
-        return np.asarray(_joint.scan(*log, trials[some], seed.q0, seed.dq0))
+        return np.asarray(_joint.scan(*log, every[some]))
 
     sums = np.concatenate(map_in_threads(scan, split_evenly(len(trials), PARTS)))
-    seed = initial(piece, order, how)
+    seed = replace(initial(piece, order, how), feed=feed)
     places = [_with(seed, trials[i]) for i in _spread(trials, sums)]
-    fits = sorted((fit(piece, x) for x in places), key=lambda x: x.sse)
+    fits = sorted((fit(piece, x, most=ROUGH) for x in places), key=lambda x: x.sse)
     whole = initial(data, order, start)
     found: list[State] = []
     for s in (x.state for x in fits[:3]):
         given = replace(whole, kp=s.kp, kv=s.kv, delay=s.delay)
-        found.append(replace(given, limit=s.limit, offset=s.offset))
+        found.append(replace(given, limit=s.limit, offset=s.offset, feed=s.feed))
     return found
 
 

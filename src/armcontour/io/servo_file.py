@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from armcontour._version import __version__
-from armcontour.identification import Estimate, Identification
+from armcontour.identification import Estimate, Identification, Prediction
 from armcontour.io.json_text import to_json
 
 # Attributes of an estimate and of a joint in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined advice".split()
-OF_JOINT = "noise rms r_squared whiteness bic largest_demand saturated_time notes".split()
+OF_JOINT = (
+    "noise rms r_squared whiteness bic largest_demand saturated_time "
+    "tracking_rms predicted_rms predicted_max explained notes"
+).split()
+OF_PREDICTION = "tracking_rms rms explained".split()
 
 
 def servo_yaml(found: Identification) -> str:
@@ -24,6 +30,8 @@ def servo_yaml(found: Identification) -> str:
     lines = [
         f"# Identified from {found.log.source} by armcontour {__version__}: goes into a job file.",
         *(f"# {joint.name}: {_ranges(joint.estimates)}" for joint in found.joints),
+        "# Not explained by the model, RMS, in parts of the log that were predicted from others:",
+        f"#   {_list([1e3 * x.predicted_rms for x in found.joints])} mrad",
         "servo:",
         f"  order: {servo.order}",
         f"  kp: {_list(servo.kp)}    # 1/s",
@@ -32,6 +40,11 @@ def servo_yaml(found: Identification) -> str:
         lines.append(f"  kv: {_list(servo.kv)}    # 1/s")
     lines += [
         f"  dead_time: {_list(servo.dead_time)}    # s",
+        *(
+            f"  {name}: {_list(getattr(servo, name))}"
+            for name in ("velocity_feedforward", "acceleration_feedforward")
+            if getattr(servo, name).any()
+        ),
         f"  interpolation: {servo.interpolation}",
     ]
     limits = [x.acceleration for x in found.joints]
@@ -49,11 +62,14 @@ def servo_yaml(found: Identification) -> str:
     return "\n".join(lines) + "\n"
 
 
-def identification_json(found: Identification, files: Sequence[str] = ()) -> str:
+def identification_json(
+    found: Identification, predictions: Sequence[Prediction] = (), files: Sequence[str] = ()
+) -> str:
     """All results of an identification as JSON, without the samples of the log.
 
     Args:
         found: The identification.
+        predictions: Predictions of other logs.
         files: The files of the result, relative to its folder.
     """
     joints = [
@@ -72,6 +88,15 @@ def identification_json(found: Identification, files: Sequence[str] = ()) -> str
         "determined": found.determined,
         "joints": joints,
     }
+    if predictions:
+        page["predictions"] = [
+            {
+                "log": x.log.source,
+                **{name: getattr(x, name).tolist() for name in OF_PREDICTION},
+                "largest": np.abs(x.errors).max(axis=0).tolist(),
+            }
+            for x in predictions
+        ]
     if files:
         page["files"] = list(files)
     return to_json(page)

@@ -90,6 +90,7 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
     if isinstance(executed, Execution):
         found = _of_execution(executed, taught)
     elif isinstance(executed, Log):
+        executed.refuse_gaps()
         found = Recording(
             t=executed.t, q=executed.measured, command=executed.command, source=executed.source
         )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
 from armcontour._sampling import (
     LARGEST,
@@ -46,9 +46,11 @@ class Log(Value):
             on to the next; otherwise commands are samples, and between them nothing is known.
         source: Where it comes from, for messages.
 
+    A log may have gaps, as of lost packets: nobody knows what was commanded in them.
+
     Raises:
-        InvalidInput: Times that do not increase, or are too near; gaps, angles that
-            wrap, too few samples.
+        InvalidInput: Times that do not increase, or are too near; angles that wrap, too few
+            samples.
     """
 
     t: FloatArray
@@ -126,6 +128,30 @@ class Log(Value):
         """The usual time between two samples [s]."""
         return float(np.median(np.diff(self.t)))
 
+    @property
+    def gaps(self) -> IntArray:
+        """Indices of the samples after which there is a gap, (gaps,)."""
+        return np.flatnonzero(np.diff(self.t) > GAP * self.interval)
+
+    def refuse_gaps(self) -> None:
+        """Refuse a log with gaps.
+
+        Raises:
+            InvalidInput: There is one.
+        """
+        if len(self.gaps):
+            i = int(self.gaps[0])
+            step = float(self.t[i + 1] - self.t[i])
+            raise InvalidInput(
+                f"{self.source} has a gap of {step:g} s at t = {self.t[i]:g} s, where samples "
+                f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
+                "it: use the part before or after it.",
+                index=i,
+                t=float(self.t[i]),
+                needed=step,
+                allowed=GAP * self.interval,
+            )
+
     def between(self, start: float = -math.inf, end: float = math.inf) -> Log:
         """The part of the log from `start` to `end` [s].
 
@@ -156,17 +182,6 @@ class Log(Value):
                 index=i,
                 t=float(self.t[i]),
             )
-        i = int(np.argmax(steps))
-        if steps[i] > GAP * self.interval:
-            raise InvalidInput(
-                f"{self.source} has a gap of {steps[i]:g} s at t = {self.t[i]:g} s, where samples "
-                f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
-                "it: use the part before or after it.",
-                index=i,
-                t=float(self.t[i]),
-                needed=float(steps[i]),
-                allowed=GAP * self.interval,
-            )
 
     def _check_size(self, name: str) -> None:
         found = find_large("q", getattr(self, name))
@@ -196,6 +211,42 @@ class Log(Value):
                 t=float(self.t[i]),
                 joint=j + 1,
             )
+
+
+def join(logs: Sequence[Log]) -> Log:
+    """One log of several, one after the other with a gap between them.
+
+    Args:
+        logs: Logs of the same joints, in the same order.
+
+    Raises:
+        InvalidInput: No log, or logs of other joints or of another interpolation.
+    """
+    if not logs:
+        raise InvalidInput("There is no log to identify from: give at least one.")
+    first = logs[0]
+    if len(logs) == 1:
+        return first
+    for x in logs[1:]:
+        for what in ("joint_names", "interpolation", "set_points"):
+            one, other = getattr(first, what), getattr(x, what)
+            if one != other:
+                raise InvalidInput(
+                    f"{first.source} and {x.source} do not go together: {what} is "
+                    f"{show(str(one))} in one and {show(str(other))} in the other."
+                )
+    apart = 10 * GAP * max(x.interval for x in logs)
+    times, end = [], 0.0
+    for x in logs:
+        times.append(x.t - x.t[0] + end)
+        end = float(times[-1][-1]) + apart
+    return replace(
+        first,
+        t=np.concatenate(times),
+        command=np.concatenate([x.command for x in logs]),
+        measured=np.concatenate([x.measured for x in logs]),
+        source=", ".join(dict.fromkeys(x.source for x in logs)),
+    )
 
 
 def cut(

@@ -30,6 +30,7 @@ SYMBOLS = {
     "kp": "K_p",
     "kv": "K_v",
     "dead_time": "dead time",
+    "velocity_feedforward": "velocity feed-forward",
     "acceleration": "acceleration limit",
     "viscous": "viscous friction",
     "coulomb": "Coulomb friction",

@@ -1,8 +1,9 @@
 """Compiled response of one joint together with its derivatives with respect to the parameters.
 
-A state is an array (2, 7): position and velocity in column 0, and their derivatives with respect to
-`kp, kv, delay, q0, dq0, limit` in columns 1 to 6; an array (2, 1) has no derivatives. The command
-is a straight line `v + r t`. The acceleration is continuous at the events of `_response.py`, and so
+A state is an array (2, 8): position and velocity in column 0, and their derivatives with respect to
+`kp, kv, delay, q0, dq0, limit, feed` in columns 1 to 7; an array (2, 1) has no derivatives. The
+command is a straight line `v + r t`; velocity feed-forward `feed` of a rate w of the set-points is
+the part `feed w / kp` of v. The acceleration is continuous at the events of `_response.py`, and so
 are the derivatives; only the derivative with respect to the delay jumps where the command jumps.
 """
 
@@ -25,8 +26,8 @@ from armcontour.servo._response import (
     transition,
 )
 
-COLUMNS = 7
-KP, KV, DELAY, Q0, DQ0, LIMIT = range(1, COLUMNS)
+COLUMNS = 8
+KP, KV, DELAY, Q0, DQ0, LIMIT, FEED = range(1, COLUMNS)
 
 
 @compiled(inner=True)
@@ -68,26 +69,26 @@ def differentiate_transition(kp: float, kv: float, t: float, out: FloatArray) ->
 
 @compiled(inner=True)
 def move_freely(
-    x: FloatArray, columns: int, f: FloatArray, kp: float, v: float, r: float, t: float
+    x: FloatArray, f: FloatArray, kp: float, v: float, r: float, slopes: FloatArray, t: float
 ) -> None:
     """Advance the state by time t without saturation.
 
     Args:
-        x: State, (2, columns), changed in place.
-        columns: 1, or 7 with derivatives.
+        x: State, (2, 1), or (2, COLUMNS) with derivatives, changed in place.
         f: Factors from `differentiate_transition`, (3, 4).
         kp: Position loop gain [1/s].
         v: Command at the start [rad].
         r: Rate of the command [rad/s].
+        slopes: Derivatives of the command by each parameter, (COLUMNS,).
         t: Time [s].
     """
+    columns = x.shape[1]
     e = x[0, 0] - v + r / kp
     w = x[1, 0] - r
     for j in range(1, columns):
-        # The derivative of the command with respect to the delay is -r.
-        a = x[0, j] + (r if j == DELAY else 0.0)
+        a = x[0, j] - slopes[j]
         b = x[1, j]
-        x[0, j] = f[0, 0] * a + f[0, 1] * b
+        x[0, j] = f[0, 0] * a + f[0, 1] * b + slopes[j]
         x[1, j] = f[0, 2] * a + f[0, 3] * b
     x[0, 0] = v + r * t - r / kp + f[0, 0] * e + f[0, 1] * w
     x[1, 0] = r + f[0, 2] * e + f[0, 3] * w
@@ -97,13 +98,12 @@ def move_freely(
         x[1, KP] += -f[0, 2] * g + f[1, 2] * e + f[1, 3] * w
         x[0, KV] += f[2, 0] * e + f[2, 1] * w
         x[1, KV] += f[2, 2] * e + f[2, 3] * w
-        x[0, DELAY] -= r
 
 
 @compiled(inner=True)
-def _move_saturated(x: FloatArray, columns: int, side: float, t: float) -> None:
+def _move_saturated(x: FloatArray, side: float, t: float) -> None:
     """Advance the derivatives by time t in saturation at the upper (1) or lower (-1) limit."""
-    for j in range(1, columns):
+    for j in range(1, x.shape[1]):
         x[0, j] += t * x[1, j]
     x[0, LIMIT] += side * t * t / 2
     x[1, LIMIT] += side * t
@@ -112,31 +112,27 @@ def _move_saturated(x: FloatArray, columns: int, side: float, t: float) -> None:
 @compiled()
 def move_limited(
     x: FloatArray,
-    columns: int,
     f: FloatArray,
-    kp: float,
-    kv: float,
-    limit: float,
+    servo: Servo,
     v: float,
     r: float,
+    slopes: FloatArray,
     span: float,
     seen: FloatArray,
 ) -> None:
     """Advance the state by time `span` under an acceleration limit.
 
     Args:
-        x: State, (2, columns), changed in place; NaN if time steps make no progress.
-        columns: 1, or 7 with derivatives.
+        x: State, (2, 1) or (2, COLUMNS), changed in place; NaN if time steps make no progress.
         f: Work array, (3, 4).
-        kp: Position loop gain [1/s].
-        kv: Velocity loop gain [1/s].
-        limit: Acceleration limit [rad/s²].
+        servo: Gains, and the limits of the acceleration.
         v: Command at the start [rad].
         r: Rate of the command [rad/s].
+        slopes: Derivatives of the command by each parameter, (COLUMNS,).
         span: Time [s].
         seen: Largest demand [rad/s²] and time in saturation [s] so far, (2,), changed in place.
     """
-    servo = Servo(kp, kv, -limit, limit)
+    columns, kp, kv = x.shape[1], servo.kp, servo.kv
     if not progresses(kp, kv, span):
         x[:, :] = seen[0] = math.nan
         return
@@ -153,10 +149,10 @@ def move_limited(
         p = next_phase(servo, u, x[0, 0], x[1, 0], side, left, span, step)
         if columns > 1:
             if p.side != 0.0:
-                _move_saturated(x, columns, p.side, p.time)
+                _move_saturated(x, p.side, p.time)
             else:
                 differentiate_transition(kp, kv, p.time, f)
-                move_freely(x, columns, f, kp, command, r, p.time)
+                move_freely(x, f, kp, command, r, slopes, p.time)
         x[0, 0], x[1, 0], side = p.q, p.w, p.following
         seen[0] = max(seen[0], -p.lowest, p.highest)
         seen[1] += p.time if p.side != 0.0 else 0.0

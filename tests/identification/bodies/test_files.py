@@ -88,8 +88,8 @@ def test_options_that_cannot_be_used(folder, more, message):
 def test_options_of_robots_need_an_arm(folder):
     with pytest.raises(InvalidInput, match="--gravity goes with --arm"):
         identify_files([folder / "run.csv"], IdentifyOptions(gravity="none"))
-    with pytest.raises(InvalidInput, match="only with --arm"):
-        identify_files([folder / "run.csv"] * 2, IdentifyOptions())
+    with pytest.raises(InvalidInput, match="--predict is for joints without an arm"):
+        identify_files([folder / "run.csv"], IdentifyOptions(arm="ur5e", predict=[folder / "x"]))
 
 
 def test_a_servo_file_without_a_servo(folder):

@@ -242,11 +242,6 @@ def test_options_of_robots_need_an_arm(log, name):
         identify(log, **{name: {"servo": nominal_servo(), "gravity": "none"}.get(name, 1e-4)})
 
 
-def test_several_logs_need_an_arm(log):
-    with pytest.raises(InvalidInput, match="only with an arm"):
-        identify([log, log])
-
-
 def test_at_rest_nothing_is_told(nominal):
     t = np.arange(0, 3.0, 8e-3)
     still = np.tile(HOME, (len(t), 1))

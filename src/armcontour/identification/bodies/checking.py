@@ -34,6 +34,7 @@ def arranged(log: Log, arm: Arm) -> Log:
     Raises:
         InvalidInput: The log has other joints.
     """
+    log.refuse_gaps()
     names, own = log.joint_names, arm.joint_names
     if log.dof != arm.dof:
         raise InvalidInput(
