@@ -50,7 +50,7 @@ def for_feedforward(plain: FloatArray, period: float, servo: ServoModel) -> Floa
     moves = np.flatnonzero((np.abs(found - plain[-1]) > SETTLED).any(axis=1))
     found = found[: max(len(plain), moves[-1] + 2 if len(moves) else 0)]
     found[-1] = plain[-1]
-    return found
+    return np.asarray(found)
 
 
 def tail_duration(servo: ServoModel) -> float:

@@ -340,9 +340,9 @@ class _Model:
         command, first, second = command_and_rates(taught.q, taught.period, servo.interpolation)
         rates = bends = np.zeros((dof, 0, 4))
         if servo.has_feedforward:
-            own = servo.for_joints(dof)
-            rates = own.velocity_feedforward[:, None, None] * first
-            bends = own.acceleration_feedforward[:, None, None] * second
+            each = servo.for_joints(dof)
+            rates = each.velocity_feedforward[:, None, None] * first
+            bends = each.acceleration_feedforward[:, None, None] * second
         self.drive = Drive(
             command, rates, bends, _inertia(arm, taught, box), straight, lower, upper
         )
