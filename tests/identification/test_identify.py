@@ -92,7 +92,7 @@ def test_a_step_tells_the_position_loop_but_hardly_the_velocity_loop():
     assert joint.kv.low < 150 < joint.kv.high
     assert "multisine" in joint.kv.advice
     assert not joint.acceleration.determined
-    assert "step of more than" in joint.acceleration.advice
+    assert "step" in joint.acceleration.advice
 
 
 def test_a_slow_ramp_tells_the_lag_only():

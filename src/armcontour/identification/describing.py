@@ -10,10 +10,9 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._describing import digits
-from armcontour.identification.advice import better_motion, larger_step
 from armcontour.identification.choosing import FOLLOWS, Choice, largest_demand, unseen_errors
 from armcontour.identification.correlation import whiteness
-from armcontour.identification.fitting import Data, Fit, State, noise_of, simulated
+from armcontour.identification.fitting import Data, Fit, noise_of, simulated
 from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
 from armcontour.identification.profile import lowest_limit
@@ -33,10 +32,14 @@ STILL = 1.5
 LEAST_MOTION = 1e-9
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# A larger step [rad] than this is not proposed.
-LARGEST_STEP = math.pi
 # What widens a standard deviation by more than this factor is told.
 SEEN = 1.5
+# Motions that would tell more.
+MOTION = (
+    "A multisine of 20 s from 0.5 Hz to a few times K_p / 2π Hz, sampled five times faster than "
+    "that, would tell it."
+)
+STEP = "A large step, within one command interval, would show it."
 # What is said of gains of a drive that only delays.
 ONLY_DELAYS = "The drive is too fast for this log: of it only the dead time is seen."
 UNITS = {
@@ -132,10 +135,10 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     joint = JointIdentification(
         name=name,
         order=state.order,
-        kp=_gain(data, found, "kp", ends),
+        kp=_gain(found, "kp", ends),
         velocity_feedforward=None if state.feed is None else _feed(found, ends),
-        kv=_gain(data, found, "kv", ends) if state.order == "second" else _no_loop(data, choice),
-        dead_time=_delay(data, found, ends),
+        kv=_gain(found, "kv", ends) if state.order == "second" else _no_loop(choice),
+        dead_time=_delay(found, ends),
         acceleration=_limit(data, found, ends, demand),
         start=state.start,
         t=log.t[rows],
@@ -298,7 +301,7 @@ def _estimate(
     )
 
 
-def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
+def _gain(found: Fit, name: str, ends: Ends) -> Estimate:
     if name in found.state.fixed:
         return _unknown(name, ONLY_DELAYS)
     value, relative = float(getattr(found.state, name)), ends.relative(name)
@@ -314,19 +317,13 @@ def _gain(data: Data, found: Fit, name: str, ends: Ends) -> Estimate:
             else f"This log tells {symbol} to {digits(relative * 100, 2)} % only, and 10 % are "
             "needed."
         )
-        advice = _with_motion(why, data, found, name, DETERMINED)
+        advice = f"{why} {MOTION}"
         if interval[1] < math.inf and not relative <= TELLS_NOTHING:
             return _unknown(name, advice)
     return _estimate(name, value, value * relative, interval, advice)
 
 
-def _with_motion(why: str, data: Data, found: Fit, name: str, allowed: float) -> str:
-    """Why a parameter is not determined, and a motion that would determine it."""
-    noise = math.sqrt(found.variance)
-    return f"{why} {better_motion(data, found.state, name, noise, allowed)}"
-
-
-def _no_loop(data: Data, choice: Choice) -> Estimate:
+def _no_loop(choice: Choice) -> Estimate:
     """K_v of a first-order lag, which has none."""
     reason = "The model is a lag, which has no K_v."
     if choice.second is not None:
@@ -334,7 +331,7 @@ def _no_loop(data: Data, choice: Choice) -> Estimate:
             "The velocity loop is too fast to matter: a first-order lag fits this log as well (BIC "
             f"{choice.chosen.bic:.1f} against {choice.second.bic:.1f})."
         )
-        reason = _with_motion(why, data, choice.second, "kv", DETERMINED)
+        reason = f"{why} {MOTION}"
     return _unknown("kv", reason)
 
 
@@ -349,7 +346,7 @@ def _feed(found: Fit, ends: Ends) -> Estimate:
     return _estimate(name, value, sd, ends.interval("feed"), advice)
 
 
-def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
+def _delay(found: Fit, ends: Ends) -> Estimate:
     value, sd = found.state.delay, ends.sd("delay")
     allowed = max(DETERMINED * abs(value), DETERMINED_DELAY)
     advice = ""
@@ -362,7 +359,7 @@ def _delay(data: Data, found: Fit, ends: Ends) -> Estimate:
             else f"This log tells the dead time to {digits(sd * 1e3, 2)} ms only, and "
             f"{digits(allowed * 1e3, 2)} ms are needed."
         )
-        advice = _with_motion(why, data, found, "delay", allowed)
+        advice = f"{why} {MOTION}"
         if not sd <= TELLS_NOTHING * max(abs(value), DETERMINED_DELAY):
             return _unknown("dead_time", advice)
     return _estimate("dead_time", value, sd, ends.interval("delay"), advice)
@@ -377,22 +374,14 @@ def _limit(data: Data, found: Fit, ends: Ends, demand: float) -> Estimate:
     if "limit" not in state.free:
         low = lowest_limit(data, found, demand)
         why = f"The log does not show the limit: it is above {low:.4g} rad/s²."
-        return _unknown(name, f"{why} {_larger_step(data, state, low)} that.", low)
+        return _unknown(name, f"{why} {STEP}", low)
     relative, advice = ends.relative("limit"), ""
     if not relative <= DETERMINED or "limit" in found.at_edge:
         advice = (
             f"The joint is at its limit for {found.saturated_time * 1e3:.3g} ms only, which "
-            f"tells it to {digits(relative * 100, 2)} %, and 10 % are needed. "
-            f"{_larger_step(data, state, state.limit)} the limit."
+            f"tells it to {digits(relative * 100, 2)} %, and 10 % are needed. {STEP}"
         )
     return _estimate(name, state.limit, state.limit * relative, ends.interval("limit"), advice)
-
-
-def _larger_step(data: Data, state: State, limit: float) -> str:
-    step = larger_step(data, state, 2 * limit)
-    if not step <= LARGEST_STEP:
-        return "A step as large as there is room for asks for much more than"
-    return f"A step of more than {digits(step, 2)} rad in one command interval asks for twice"
 
 
 def _notes(data: Data, log: Log, joint: JointIdentification, choice: Choice) -> tuple[str, ...]:
