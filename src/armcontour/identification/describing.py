@@ -161,7 +161,10 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     if found.r_squared < FOLLOWS:
         joint = _distrusted(joint, found)
     elif found.at_edge:
-        joint = _not_sure(joint, found)
+        edge = " and ".join(x.replace("feed", "velocity feed-forward") for x in found.at_edge)
+        joint = _not_sure(joint, f"The best {edge} is at the edge of the search")
+    elif joint.dead_time.high < 0 and joint.dead_time.value < -DETERMINED_DELAY:
+        joint = _not_sure(joint, "The best dead time is below zero")
     else:
         if not log.set_points:
             joint = _allow_for_unseen(joint, find_shifts(data, found), data)
@@ -254,10 +257,9 @@ def _distrusted(joint: JointIdentification, found: Fit) -> JointIdentification:
     return replace(joint, **changed)
 
 
-def _not_sure(joint: JointIdentification, found: Fit) -> JointIdentification:
-    """The same with nothing determined: a parameter at the edge of the search skews the others."""
-    edge = " and ".join(x.replace("feed", "velocity feed-forward") for x in found.at_edge)
-    advice = f"The best {edge} is at the edge of the search, which skews all other parameters."
+def _not_sure(joint: JointIdentification, why: str) -> JointIdentification:
+    """The same with nothing determined, as one parameter skews the others."""
+    advice = f"{why}, which skews all other parameters."
     changed: dict[str, Any] = {
         x.name: replace(x, determined=False, advice=advice) for x in joint.estimates if x.determined
     }
