@@ -13,6 +13,7 @@ from armcontour._describing import brief, digits, line_up
 from armcontour.errors import InvalidInput
 from armcontour.identification.correlation import WHITE
 from armcontour.identification.fitting import Data, State, simulated
+from armcontour.identification.starting import initial, known_from
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
 
@@ -252,7 +253,9 @@ class Identification:
         Args:
             log: The log, of the same joints; it need not be one that was identified.
 
-        Of a joint of which nothing is known, that is its command.
+        A prediction begins at rest at the first command, or with the measured position and velocity
+        when the first command reaches the joint, whichever fits the log better. Of a joint of which
+        nothing is known, it is the command.
 
         Raises:
             InvalidInput: The log has other joints.
@@ -267,10 +270,13 @@ class Identification:
             if not joint.states:
                 continue
             data, known = Data.of(log, j, linear, (0.0, 0.0)), joint.states[joint.order]
-            state = replace(known, start="held", first=0, q0=float(data.u[0]), dq0=0.0)
-            state = replace(state, delay=max(known.delay, 0.0))
+            first = known_from(data, max(known.delay, 0.0))
+            begin = initial(data, known.order, "moving", first)
+            q0 = begin.q0 - (known.offset or 0.0)
+            begins = ((0, float(data.u[0]), 0.0), (first, q0, begin.dq0))
+            found = min((_run(data, known, *x) for x in begins), key=lambda x: np.std(data.y - x))
             rows = np.arange(len(data.t)) if data.rows is None else data.rows
-            positions[rows[rows >= 0], j] = simulated(data, state)[0][0][rows >= 0]
+            positions[rows[rows >= 0], j] = found[rows >= 0]
         return Prediction(log=log, positions=positions)
 
 
@@ -319,6 +325,13 @@ class Prediction:
         return line_up(f"Prediction of {self.log.source}", rows)
 
     __repr__ = brief
+
+
+def _run(data: Data, known: State, first: int, q0: float, dq0: float) -> FloatArray:
+    """Positions of a joint that begins at a sample; before it they are those measured [rad]."""
+    state = replace(known, start="moving", first=first, q0=q0, dq0=dq0, limit=math.inf)
+    state = replace(state, delay=max(known.delay, 0.0))
+    return np.concatenate([data.y[:first], simulated(data, state)[0][0]])
 
 
 def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
