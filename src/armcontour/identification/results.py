@@ -220,8 +220,8 @@ class Identification:
         if not joint.states:
             x = joint.kp
             raise InvalidInput(
-                f"{self.log.source} does not determine {x.name} of {joint.name}, so there "
-                f"is no servo model of it: {x.advice[:1].lower()}{x.advice[1:]}"
+                f"{self.log.source} does not determine {x.name} of {joint.name}: "
+                f"{x.advice[:1].lower()}{x.advice[1:]}"
             )
         determined = all(x.determined for x in _needed(joint))
         if not determined and not joint.explained >= EXPLAINS:
@@ -229,7 +229,7 @@ class Identification:
             raise InvalidInput(
                 f"{self.log.source}: the model of {joint.name} predicts {share:.0%} of the "
                 f"variance of its tracking error of {joint.tracking_rms * 1e3:.3g} mrad RMS, and "
-                f"{EXPLAINS:.0%} are needed, so there is no servo model of it. {joint.kp.advice}"
+                f"{EXPLAINS:.0%} are needed. {joint.kp.advice}"
             )
 
     def _options_of(self, joint: JointIdentification, order: str) -> dict[str, float]:
@@ -329,9 +329,9 @@ class Prediction:
 
 def _run(data: Data, known: State, first: int, q0: float, dq0: float) -> FloatArray:
     """Positions of a joint that begins at a sample; before it they are those measured [rad]."""
-    state = replace(known, start="moving", first=first, q0=q0, dq0=dq0, limit=math.inf)
-    state = replace(state, delay=max(known.delay, 0.0))
-    return np.concatenate([data.y[:first], simulated(data, state)[0][0]])
+    state = replace(known, start="moving", first=first, q0=q0, dq0=dq0)
+    late = replace(state, delay=max(known.delay, 0.0))
+    return np.concatenate([data.y[:first], simulated(data, late)[0][0]])
 
 
 def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
