@@ -186,6 +186,7 @@ def read_run_log(
         if TIMES_OF in known and known.keys() - {TIMES_OF} and not _has_commands(known):
             return _read_positions(table, known, joint_names, start, end, unwrap)
     found = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
+    found.refuse_gaps()
     order = _arm_order(found.joint_names, joint_names)
     return Log(
         t=found.t,
@@ -212,10 +213,11 @@ def _read_positions(
     joints = _sorted([joint for role, joint in known if role == "measured"])
     values = _read_values(table, known, [TIMES_OF, *(("measured", x) for x in joints)])
     q = values[:, 1:]
-    # A log refuses gaps, wrapped angles and numbers that no joint has.
+    # A log refuses wrapped angles and numbers that no joint has.
     found = cut(
         values[:, 0], q, q, start, end, joints, source=table.source, unwrap=unwrap
     )  # fmt: skip
+    found.refuse_gaps()
     order = _arm_order(joints, joint_names)
     return Recording(t=found.t, q=found.measured[:, order], source=table.source)
 
