@@ -122,6 +122,23 @@ def test_aliases_and_merges_that_somebody_writes_are_read():
     assert found["d"] == {"x": 1, "y": 2, "z": 1}
 
 
+@pytest.mark.parametrize("loader", [Loader, QuickLoader, AngleLoader])
+def test_keys_override_those_that_they_merge_at_every_depth(loader):
+    text = (
+        "a: &a {x: 1, y: 1, z: 1}\nb: &b {<<: *a, y: 2, z: 2}\nc: &c {<<: *b, z: 3}\n"
+        "d: {<<: [{y: 4}, *c]}\ne: {<<: [*c, {y: 4}], '=': 5}"
+    )
+    found = yaml.load(text, Loader=loader)
+    assert found["c"] == {"x": 1, "y": 2, "z": 3} and found["b"] == {"x": 1, "y": 2, "z": 2}
+    assert found["d"] == {"x": 1, "y": 4, "z": 3}
+    assert found["e"] == {"x": 1, "y": 2, "z": 3, "=": 5}
+
+
+@pytest.mark.parametrize("text", ["a: {<<: 1}", "a: {<<: [{b: 1}, [c]]}"])
+def test_only_mappings_are_merged(text, refuses):
+    refuses(lambda: load(text, "x"), InvalidInput, "takes a mapping or a list of mappings")
+
+
 # Pieces of YAML, of which random texts are made.
 PIECES = [
     *(":-,[]{}#&*'\"%@` \n\n\nab0.~<=/\\é²\x85\t?!|>"),

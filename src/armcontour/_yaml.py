@@ -25,8 +25,9 @@ INT = "tag:yaml.org,2002:int"
 BOOL = "tag:yaml.org,2002:bool"
 STR = "tag:yaml.org,2002:str"
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
-# The key whose value is merged into its mapping.
-MERGE = "<<"
+VALUE = "tag:yaml.org,2002:value"
+# The key whose value is merged into its mapping, and the tag of this key.
+MERGE, MERGE_TAG = "<<", "tag:yaml.org,2002:merge"
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
 DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
@@ -77,6 +78,21 @@ class Loader(yaml.SafeLoader):
                 seen.add((key.tag, key.value))
         return node
 
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        """Put merged keys before the own ones, which override them; PyYAML 6.0.4 does not."""
+        merged, own = [], []
+        for key, value in node.value:
+            if key.tag != MERGE_TAG:
+                own.append((key, value))
+                continue
+            # The first mapping of a list overrides the others.
+            for part in reversed(value.value) if isinstance(value, yaml.SequenceNode) else [value]:
+                if not isinstance(part, yaml.MappingNode):
+                    raise _wrong(part, f"{MERGE} takes a mapping or a list of mappings")
+                self.flatten_mapping(part)
+                merged += part.value
+        node.value = merged + own
+
 
 class QuickLoader(Loader):
     """The same with libyaml's parser below, which makes it six times as fast."""
@@ -126,9 +142,9 @@ def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
-# PyYAML reads numbers as in YAML 1.1, and dates; a date in a title must stay text.
+# PyYAML reads numbers as in YAML 1.1, and dates and "="; these must stay text in a title.
 Loader.yaml_implicit_resolvers = {
-    first: [x for x in resolvers if x[0] not in (FLOAT, INT, TIMESTAMP)]
+    first: [x for x in resolvers if x[0] not in (FLOAT, INT, TIMESTAMP, VALUE)]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 Loader.add_implicit_resolver(INT, WHOLE, list("-+0123456789"))
