@@ -92,9 +92,11 @@ def test_places_are_those_of_the_motion(seed):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_what_one_step_leaves_out_is_measured_at_its_highest_place(seed):
+def test_missed_is_exact_where_one_step_passes_a_long_stretch(seed):
     random = np.random.default_rng(seed)
     path = ac.Path.polyline(np.cumsum(random.uniform(0, [0.003, 0.002], (6, 2)), axis=0))
+    if seed % 2:
+        path = ac.round_corners(path, tolerance=random.uniform(1e-5, 2e-4))
     tool = np.array([path(0.0), path(path.length)])
     tool[:, 1] += random.uniform(-1e-4, 1e-4, 2)
     tool = np.insert(tool, 1, tool[0] + random.uniform(0.3, 0.7) * (tool[1] - tool[0]), axis=0)
@@ -104,4 +106,5 @@ def test_what_one_step_leaves_out_is_measured_at_its_highest_place(seed):
     for a, b in zip(tool[:-1], tool[1:], strict=True):
         share = np.clip((path(s) - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
         best = np.minimum(best, np.linalg.norm(path(s) - a - share[:, None] * (b - a), axis=1))
-    assert follow_path(path, tool).missed.max() == pytest.approx(best.max(), abs=s[1])
+    # Between two places of the grid the distance is larger by at most half of their distance.
+    assert -1e-10 <= follow_path(path, tool).missed.max() - best.max() <= s[1] / 2

@@ -14,13 +14,9 @@ from armcontour._kernels import compiled
 EQUAL = 1e-9
 # Stretches of the path that can be followed at a time; what is beyond joins the last one.
 MOST_STRETCHES = 64
-# A stretch of the path that is passed in one step is looked at in so many places if it may be
-# farther from the tool than its ends, as it is longer than LONG steps of the tool or as its ends
-# are nearer to another step.
-PLACES = 64
-LONG = 4.0
-# The farthest place between them is searched for to this share of what is between them.
-FINE = 1e-7
+# Halves of a stretch that wait while it is searched for the place that is the farthest from the
+# tool, and the precision of this distance [m].
+MOST_HALVES, SURE = 64, 1e-10
 
 
 class _Foot(NamedTuple):
@@ -259,40 +255,50 @@ def _step_size(points: FloatArray, i: int) -> float:
 
 
 @compiled(inner=True)
-def _tool_distance(
-    p: FloatArray, x: float, points: FloatArray, sizes: FloatArray, later: FloatArray, i: int
-) -> float:
-    """Distance from a place of the path to the tool's way around its chord i.
+def _tool_distances(
+    ends: FloatArray,
+    points: FloatArray,
+    sizes: FloatArray,
+    later: FloatArray,
+    i: int,
+    until: float,
+    reach: float,
+) -> tuple[float, float, float]:
+    """Distances of two places of the path from the tool's way around its chord i.
 
-    Looked at is twice as much of the way as the chord is far from the place, to both sides, and all
-    of it until the tool is past the place for good.
+    The way is as long as `reach` on both sides of the chord, and all of it until the tool is past
+    `until` for good.
 
     Args:
-        p: The place as a point [m], (3,).
-        x: The place as an arc length [m].
+        ends: The places as points [m], (2, 3).
         points: Tool points, (n, 3).
         sizes: Lengths of the tool's chords [m], (n - 1,).
         later: Lowest place of the tool from each point on [m], (n,).
-        i: The chord at which the tool passes the place first.
+        i: The chord at which the tool passes the places first.
+        until: A place as an arc length [m].
+        reach: Length of the way on each side [m].
+
+    Returns:
+        Both distances [m], and a bound of the distances of all points between `ends` on a line:
+        from each chord, one of the ends is the farthest.
     """
-    first2 = _chord_distance2(p, points[i], points[i + 1])
-    first = best = math.sqrt(first2)
+    a = b = most = math.inf
     for step in (1, -1):
-        j, way = i + step, 0.0
-        # A chord is nearer than an earlier one by no more than the way from there to its end.
-        spare = first - best
-        while 0 <= j <= len(points) - 2:
-            returns = step > 0 and later[j] < x
-            if not returns and way * way > 4 * first2:
+        j, way, spare = i, 0.0, 0.0
+        while 0 <= j < len(sizes):
+            returns = step > 0 and later[j] < until
+            if j != i and not returns and way > reach:
                 break
+            # A chord is nearer than an earlier one by no more than the way from there to its end.
             spare -= sizes[j]
             if spare <= EQUAL:
-                distance = math.sqrt(_chord_distance2(p, points[j], points[j + 1]))
-                best = min(best, distance)
-                spare = distance - best
-            way = 0.0 if returns else way + sizes[j]
+                x = math.sqrt(_chord_distance2(ends[0], points[j], points[j + 1]))
+                y = math.sqrt(_chord_distance2(ends[1], points[j], points[j + 1]))
+                a, b, most = min(a, x), min(b, y), min(most, max(x, y))
+                spare = min(x - a, y - b, max(x, y) - most)
+            way = 0.0 if j == i or returns else way + sizes[j]
             j += step
-    return best
+    return a, b, most
 
 
 @compiled()
@@ -306,9 +312,9 @@ def measure_missed(
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, of the places passed from each point to the next.
 
-    Looked at are every joint between segments, places between them that may be farther away,
-    and the place of a point, unless another distance is known that is at least the point's own:
-    its place is no further from the tool than that.
+    What the tool passes in one step is cut at joints between segments. A stretch is measured at
+    its ends and halved while a bound exceeds the largest distance found so far. Not measured are
+    stretches between the places of two points if no larger distance is possible there.
 
     Args:
         points: Tool points in order, padded to space [m], (n, 3) with n > 1.
@@ -320,7 +326,8 @@ def measure_missed(
 
     Returns:
         Distances [m] and where they are [m], (n,) each; the first row has what is before the first
-        place, too, the last row what is after the last place. -1 where no place was looked at.
+        place, too, the last row what is after the last place. -1 where no place was measured. The
+        largest distance is at most SURE below the largest of all places.
     """
     n = len(points)
     far, where, sizes, later = np.empty(n), np.empty(n), np.empty(n - 1), np.empty(n)
@@ -328,68 +335,61 @@ def measure_missed(
         far[i], where[i], later[i] = -1.0, 0.0, s[i]
         if i < n - 1:
             sizes[i], later[i] = _step_size(points, i), min(s[i], later[i + 1])
-    p = np.empty(3)
+    ends, halves = np.empty((2, 3)), np.empty((MOST_HALVES, 2))
     worst = -1.0
-    # Joints and long stretches first: most other places need not be looked at then.
-    for now_regular in (False, True):
-        j, reached = 0, s[0]
-        for i in range(n):
-            reached = max(reached, s[i])
-            low = begin if i == 0 else max(reached, begin)
-            high = end if i == n - 1 else min(max(reached, s[i + 1]), end)
-            if low > high:
-                continue
-            while j < len(geometry) - 1 and geometry[j, 11] + geometry[j, 10] < low:
-                j += 1
-            chord = min(i, n - 2)
-            long = LONG * sizes[chord] + EQUAL
-            regular = 0 < i < n - 1 and high - low <= long
-            regular = regular and (high == low or high < geometry[j, 11] + geometry[j, 10])
-            if regular != now_regular or (regular and distance[i] <= worst):
-                continue
-            k, at = j, low
-            while True:
-                g = geometry[k]
-                until = min(high, g[11] + g[10])
-                apart, least = (until - at) / PLACES, max(worst, far[i])
-                # From a straight stretch the chord is the farthest at one of its ends.
-                most = g[9] * (until - at) ** 2
-                for here in (at, until):
-                    _place(g, here - g[11], p)
-                    most = max(
-                        most,
-                        g[9] * (until - at) ** 2
-                        + math.sqrt(_chord_distance2(p, points[chord], points[chord + 1])),
-                    )
-                parts = PLACES if until - at > long or most > least + EQUAL else 1
-                before, last = -1.0, -1.0
-                for part in range(parts + 1):
-                    here = at + (until - at) * part / parts
-                    _place(g, here - g[11], p)
-                    d = _tool_distance(p, here, points, sizes, later, chord)
-                    # Between two places a peak is higher than both by half of what is between them.
-                    if part > 1 and last >= max(before, d) and last + apart / 2 > least:
-                        left, right, top = here - 2 * apart, here, 0.0
-                        while right - left > FINE * apart:
-                            third = (right - left) / 3
-                            _place(g, left + third - g[11], p)
-                            top = _tool_distance(p, left + third, points, sizes, later, chord)
-                            _place(g, right - third - g[11], p)
-                            other = _tool_distance(p, right - third, points, sizes, later, chord)
-                            if top < other:
-                                left, top = left + third, other
-                            else:
-                                right -= third
-                        if top > far[i]:
-                            far[i], where[i] = top, (left + right) / 2
-                    before, last = last, d
-                    # The end of the step is the place of the next point.
-                    if part == parts and until == high and i < n - 1:
-                        break
-                    if d > far[i]:
-                        far[i], where[i] = d, here
-                if until >= high or k == len(geometry) - 1:
+    # The point with the largest distance first: most other stretches need not be measured then.
+    top = np.argmax(distance)
+    j, reached = 0, s[0]
+    for turn in range(n + 1):
+        i = turn - 1
+        if turn == 0:
+            i, j, reached = top, 0, s[: top + 1].max()
+        elif turn == 1:
+            j, reached = 0, s[0]
+        reached = max(reached, s[i])
+        low = begin if i == 0 else max(reached, begin)
+        high = end if i == n - 1 else min(max(reached, s[i + 1]), end)
+        if low > high or (low == high and i > 0):
+            continue
+        while j < len(geometry) - 1 and geometry[j, 11] + geometry[j, 10] <= low:
+            j += 1
+        chord = min(i, n - 2)
+        for k in range(j, len(geometry)):
+            g = geometry[k]
+            first, last = max(low, g[11]), min(high, g[11] + g[10])
+            if first >= last and k > j:
+                break
+            _place(g, first - g[11], ends[0])
+            _place(g, last - g[11], ends[1])
+            sag = min(g[9] * (last - first) ** 2 / 8, (last - first) / 2)
+            if i < n - 1 and first == s[i] and last == s[i + 1]:
+                bound = sag + max(distance[i], distance[i + 1])
+                if bound <= worst + SURE:
                     break
-                k, at = k + 1, until
-            worst = max(worst, far[i])
+            a2 = _chord_distance2(ends[0], points[chord], points[chord + 1])
+            b2 = _chord_distance2(ends[1], points[chord], points[chord + 1])
+            reach = 2 * (math.sqrt(max(a2, b2)) + sag)
+            halves[0, 0], halves[0, 1], count = first, last, 1
+            while count:
+                count -= 1
+                left, right = halves[count, 0], halves[count, 1]
+                _place(g, left - g[11], ends[0])
+                _place(g, right - g[11], ends[1])
+                a, b, most = _tool_distances(ends, points, sizes, later, chord, last, reach)
+                if a > far[i]:
+                    far[i], where[i] = a, left
+                # The end of the step is the place of the next point.
+                own = i + 1 if right == high and i < n - 1 else i
+                if b > far[own]:
+                    far[own], where[own] = b, right
+                worst = max(worst, a, b)
+                apart = right - left
+                most += min(g[9] * apart * apart / 8, apart / 2)
+                middle = left + apart / 2
+                # A distance changes by no more than its place.
+                most = min(most, (a + b + apart) / 2)
+                if most > worst + SURE and left < middle < right:
+                    halves[count, 0], halves[count, 1] = middle, right
+                    halves[count + 1, 0], halves[count + 1, 1] = left, middle
+                    count += 2
     return far, where
