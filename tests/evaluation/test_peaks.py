@@ -54,6 +54,8 @@ def largest(executed, path, until=np.inf):
 
 
 @example(0.05, 2e-4, 4e-3, 2e-3, 37.354, 898.125, 4e-3, "cubic", "second", "inverse", False)
+@example(0.05, 0.0, 1e-3, 2e-3, 37.8073, 278.392, 4e-3, "linear", "second", "inverse", True)
+@example(0.15, 0.0, 8e-3, 2e-3, 27.4467, 791.382, 4e-3, "cubic", "first", "pole_placement", False)
 @settings(max_examples=15, phases=[Phase.explicit, Phase.generate])
 @given(
     speed=st.sampled_from([0.05, 0.15, 0.5]),

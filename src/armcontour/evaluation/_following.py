@@ -338,7 +338,7 @@ def measure_missed(
     ends, halves = np.empty((2, 3)), np.empty((MOST_HALVES, 2))
     worst = -1.0
     # The point with the largest distance first: most other stretches need not be measured then.
-    top = np.argmax(distance)
+    top = int(np.argmax(distance))
     j, reached = 0, s[0]
     for turn in range(n + 1):
         i = turn - 1

@@ -196,20 +196,22 @@ class Piece:
             which: Indices of samples of the piece that are higher than those beside them, (m,).
             of: Gives values of tool points, from (m, n, dimension) to (m, n).
         """
-        n = len(self.t)
-        around = np.clip(which + np.arange(-1, 2)[:, None], 0, n - 1)
-        before, best, after = np.asarray(of(self.tool[around].swapaxes(0, 1))).T
-        # The top of a parabola is on the side of the higher neighbour.
-        i = np.clip(which - (before > after), 0, n - 2)
+        m = len(which)
+        best = np.asarray(of(self.tool[which][:, None]))[:, 0]
+        # The intervals before and after each sample.
+        i = np.clip(which + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
         fine = self.executed.between(np.unique(i) + self.which.start)
         if fine is None:
-            return np.asarray(best)
+            return best
 
         def measure(t: FloatArray) -> FloatArray:
-            tool = self.executed.arm.forward(fine(t.ravel()))
-            return np.asarray(of(tool.reshape(*t.shape, -1)))
+            both = t.reshape(2, m, -1).swapaxes(0, 1).reshape(m, -1)
+            tool = self.executed.arm.forward(fine(both.ravel()))
+            found = np.asarray(of(tool.reshape(*both.shape, -1)))
+            return found.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
-        return np.asarray(np.maximum(best, climb_smooth(self.t[i], self.t[i + 1], measure)))
+        top = climb_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
+        return np.asarray(np.maximum(best, top))
 
     def _most_missed(
         self, path: Path, work: tuple[float, float], found: Followed, error: ErrorProfile
@@ -237,13 +239,19 @@ class Piece:
         if not self._is_told:
             return most
         rows = np.flatnonzero(guessed)
-        rows = rows[far[rows] + self._bent[rows] > most.max]
-        bounds = (far + self._bent)[rows].tolist()
+        bounds = (far + self._bent)[rows]
+        # Between the places of two samples on one segment, each place is that of a tool point.
+        before, after = found.s[rows], found.s[np.minimum(rows + 1, len(far) - 1)]
+        joints = found.geometry[1:, 11]
+        alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
+        alone &= (before < where[rows]) & (where[rows] < after)
+        bounds[alone] = np.minimum(bounds[alone], error.max)
+        rows, bounds = rows[bounds > most.max], bounds[bounds > most.max].tolist()
         near = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
         # The place from which the tool is the farthest may be as far from the tool's way.
         places = [(error.max, near, error.s_max - self.offset)]
         places += zip(bounds, rows.tolist(), where[rows].tolist(), strict=True)
-        for bound, k, s in sorted(places, reverse=True):
+        for bound, k, s in sorted(places, key=lambda x: -x[0]):
             if bound > most.max * (1 + CLOSE) and work[0] <= s <= work[1]:
                 value, t = self._distance_to_way(path([s])[0], k)
                 # Outside of the piece the tool may come nearer, as the samples there tell.
