@@ -2,10 +2,29 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
-# The newest supported Python on the machine; `make PYTHON=... ` chooses another.
-PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
-	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
+# The newest supported Python on the machine; `make PYTHON=...` chooses another.
+PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3 python; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))' \
 	2>/dev/null && echo $$p && break; done)
+
+# Install the package with the extras $(1) and the tested versions: by uv, or by pip where uv fails.
+# `make PIP=1` uses pip alone.
+TESTED := -q -c constraints.txt
+install = { test -z "$(PIP)" && $(BIN)/python -m uv pip install --python $(BIN)/python $(TESTED) \
+	--build-constraint constraints.txt -e '.[$(1)]'; } || \
+	$(BIN)/python -m pip install --disable-pip-version-check $(TESTED) -e '.[$(1)]'
+
+# Commas separate the arguments of `call`, so that lists need names.
+DEMO_EXTRAS := experiment,drawings,ros,tables,studio
+DOCS_EXTRAS := test,docs
+
+# Run the suite in an environment of its own, $(1), with versions that the options $(2) choose.
+define suite_with
+	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/$(1)
+	$(BIN)/python -m uv pip install -q --python $(VENV)/$(1) $(2) -e '.[test]'
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/armcontour warm
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/python -m pytest -q -n auto --dist loadfile
+endef
 
 # The files of compiled functions, and the list of what they are called with.
 COMPILED := $(shell find src/armcontour -name '_*.py') src/armcontour/_kernels.txt
@@ -18,7 +37,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest check page package docs site links soak bench figures schema kernels vendor clean
+.PHONY: help demo test newest lowest constraints check page package docs site links soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -29,11 +48,17 @@ demo: $(VENV)/base-usual  ## Run the paper's job and cut a plate with a UR5e; pr
 test: $(VENV)/test-all  ## Run the whole test suite, on all cores
 	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
 
-lowest: $(VENV)/bin/python  ## Test two packages with the lowest versions of the dependencies
-	$(BIN)/python -m pip install -q --disable-pip-version-check uv
-	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/lowest
-	$(BIN)/python -m uv pip install -q --python $(VENV)/lowest --resolution lowest-direct -e '.[test]'
-	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/lowest/cache $(VENV)/lowest/bin/python -m pytest -q -n auto tests/geometry tests/timing tests/cli/test_help.py
+newest: $(VENV)/bin/python  ## Run the suite with the newest versions of all dependencies
+	$(call suite_with,newest,--upgrade)
+
+lowest: $(VENV)/bin/python  ## Run the suite with the lowest versions of the dependencies
+	$(call suite_with,lowest,--resolution lowest-direct)
+
+constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt, which `make test` then tests
+	printf '%s\n' hatchling uv | $(BIN)/python -m uv pip compile -q --upgrade --universal --python-version 3.11 \
+		--all-extras --no-header --no-annotate -o $(VENV)/constraints.txt pyproject.toml -
+	{ echo '# The versions with which the suite passed, by make constraints.'; \
+		cat $(VENV)/constraints.txt; } > constraints.txt
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
@@ -51,7 +76,7 @@ page:  ## Check the types of the Studio's page, where node is found
 
 package: $(VENV)/dev  ## Build the source archive and the wheel, and try the wheel in an empty environment
 	rm -rf dist
-	$(BIN)/python -m build --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+	PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m build --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 	$(BIN)/python tools/try_package.py dist
 
 soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
@@ -112,15 +137,17 @@ clean:  ## Remove the environment, the demo's results, and what was built
 	rm -rf $(VENV) demo dist docs/_build docs/reference/pages
 
 $(VENV)/bin/python:
-	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11, 3.12 or 3.13 with its venv module; none was found." >&2; exit 1; }
+	@test -n "$(PYTHON)" || { echo "armcontour needs Python 3.11 to 3.14 with its venv module; none was found." >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt uv || \
+		echo "uv could not be installed: pip takes its place."
 
-$(VENV)/base: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[experiment,drawings,ros,tables,studio]'
+$(VENV)/base: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(call install,$(DEMO_EXTRAS))
 	@touch $@
 
-$(VENV)/test: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test]'
+$(VENV)/test: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(call install,test)
 	@touch $@
 
 # What is compiled at its first use is compiled here, once for each state of the sources.
@@ -132,14 +159,14 @@ $(VENV)/test-all: $(VENV)/test $(COMPILED)
 	$(BIN)/armcontour warm
 	@touch $@
 
-$(VENV)/bench: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[bench]'
+$(VENV)/bench: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(call install,bench)
 	@touch $@
 
-$(VENV)/docs: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[test,docs]'
+$(VENV)/docs: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(call install,$(DOCS_EXTRAS))
 	@touch $@
 
-$(VENV)/dev: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'
+$(VENV)/dev: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(call install,dev)
 	@touch $@

@@ -82,7 +82,9 @@ def try_install(wheel: Path, place: Path) -> None:
     venv.create(place / "env", with_pip=True)
     bin_folder = place / "env" / ("Scripts" if os.name == "nt" else "bin")
     # Bytecode is written at the first use; pip would spend half of its time on that.
-    run(str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile", str(wheel))
+    tested = "-c", str(ROOT / "constraints.txt")
+    pip = (str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile")
+    run(*pip, *tested, str(wheel))
     print(f"Installed in {time.monotonic() - began:.0f} s.")
     began = time.monotonic()
     work = place / "work"

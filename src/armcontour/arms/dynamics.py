@@ -181,10 +181,10 @@ def pinocchio() -> Any:
     """
     try:
         import pinocchio as module
-    except ImportError:
+    except ImportError as error:
         raise InvalidInput(
-            "Robot descriptions and derivatives of torques need the package pin, which is not "
-            "installed (it has no wheels for Windows): install it, or use an arm file."
+            "Robot descriptions and derivatives of torques need the package pin, which cannot be "
+            f"imported ({error}; it has no wheels for Windows): install it, or use an arm file."
         ) from None
     return module
 
