@@ -260,7 +260,7 @@ def test_the_job_holds_the_question() -> None:
     )
     own = ac.place(parse_job(CORNER + asked))
     given = ac.place(parse_job(CORNER), over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
-    # Figures that were not asked for are NaN, which equals nothing.
+    # Figures that are not computed are NaN, which equals nothing.
     assert repr(own.verdicts) == repr(given.verdicts) and own.refined.values == given.refined.values
     assert own.moves.anchor.tolist() == [0, 0, 0] == given.moves.anchor.tolist()
     more = ac.place(parse_job(CORNER + asked), over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))

@@ -359,13 +359,13 @@ def measure_missed(
             first, last = max(low, g[11]), min(high, g[11] + g[10])
             if first >= last and k > j:
                 break
-            _place(g, first - g[11], ends[0])
-            _place(g, last - g[11], ends[1])
             sag = min(g[9] * (last - first) ** 2 / 8, (last - first) / 2)
             if i < n - 1 and first == s[i] and last == s[i + 1]:
                 bound = sag + max(distance[i], distance[i + 1])
                 if bound <= worst + SURE:
                     break
+            _place(g, first - g[11], ends[0])
+            _place(g, last - g[11], ends[1])
             a2 = _chord_distance2(ends[0], points[chord], points[chord + 1])
             b2 = _chord_distance2(ends[1], points[chord], points[chord + 1])
             reach = 2 * (math.sqrt(max(a2, b2)) + sag)
@@ -384,10 +384,9 @@ def measure_missed(
                     far[own], where[own] = b, right
                 worst = max(worst, a, b)
                 apart = right - left
-                most += min(g[9] * apart * apart / 8, apart / 2)
-                middle = left + apart / 2
                 # A distance changes by no more than its place.
-                most = min(most, (a + b + apart) / 2)
+                most = min(most + g[9] * apart**2 / 8, (a + b + apart) / 2)
+                middle = left + apart / 2
                 if most > worst + SURE and left < middle < right:
                     halves[count, 0], halves[count, 1] = middle, right
                     halves[count + 1, 0], halves[count + 1, 1] = left, middle
