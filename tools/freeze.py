@@ -1,0 +1,349 @@
+"""Compare the results of this tree with those of an earlier commit: `python -m tools.freeze`.
+
+Both trees run the same work on this machine with the same environment: all examples, about sixty
+commands, drawings of the tests and drawings with random changes, and `check` on random
+trajectories. Recorded are exit codes, the class and data of errors, and all numbers and keys of
+results; sentences are not. Records of a commit are kept in `.armcontour/freeze`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import hashlib
+import io
+import json
+import os
+import platform
+import re
+import runpy
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+STORE = ROOT / ".armcontour" / "freeze"
+PARTS = 2  # processes that share the work of one tree
+CHANGED, CHECKED = 200, 400  # drawings with random changes, trajectories of either sort together
+CACHES = 3  # states of the sources whose compiled functions are kept
+REFUSED = (2, 3, 4, 5, 6, 8)  # exit codes of errors; the others are answers
+RELATIVE, METRES = 1e-9, 1e-10  # largest differences: relative, and of contour errors [m]
+# Keys of JSON whose values depend on the machine or the day.
+UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+# A result below `run` is an input of later commands of the same group.
+OVER = "--over 'x: -100 mm .. 100 mm, 3' --over 'yaw: 0 deg .. 90 deg, 2' --workers 0"
+GROUPS = [
+    [f"run {{drawings}}/{drawing} --cell {cell} {more} --out out"]
+    for drawing, cell, more in [
+        *[("gasket.dxf", x, "") for x in ("fr3", "panda", "pmk3s", "ur10e", "ur5e")],
+        *[("gasket.dxf", f"{{drawings}}/{x}.yaml", "") for x in ("laser", "gentle")],
+        *[("lettering.svg", x, "") for x in ("fr3", "pmk3s", "ur5e")],
+        *[("pocket.ngc", "ur5e", ""), ("pocket.ngc", "pmk3s", "--flat")],
+        *[("plate.dxf", "ur5e", ""), ("plate.dxf", "panda", "--layer CUT")],
+        *[
+            ("gasket.dxf", "ur5e", x)
+            for x in (
+                "--speed '50 mm/s'",
+                "--tolerance '0.1 mm'",
+                "--layer MARK --corner-shape free --iterations 2 --no-simulation",
+                "--continuity curvature",
+                "--from-s '0.45 m'",
+                "--layer CUT",
+                "--turn '0, 0, 90 deg' --no-simulation",
+                "--at '300 mm, 0 mm, 100 mm'",
+                "--at '3 m, 0 m, 0 m'",
+                "--scale 0.5",
+                "--scale 40",
+                "--units inch",
+                "--contour nothing",
+                "--speed 5",
+            )
+        ],
+    ]
+] + [
+    ["demo --out out"],
+    ["arms"],
+    ["schema"],
+    ["run {library}/paper.yaml --out out"],
+    ["run {library}/plate.yaml --out out"],
+    *([f"init {x} --out cell.yaml"] for x in ("fr3", "panda", "pmk3s", "ur10e", "ur5e")),
+    *([f"show {{drawings}}/{x} --json"] for x in ("gasket.dxf", "lettering.svg", "pocket.ngc")),
+    [f"place {{drawings}}/gasket.dxf --cell ur5e {OVER} --out out"],
+    [f"place {{drawings}}/gasket.dxf --cell pmk3s {OVER} --objective manipulability --out out"],
+    ["learn {library}/paper.yaml --run proposed --simulate 2 --out out"],
+    ["certify {library}/paper.yaml --run optimal --servo '0.02 mm' --out out"],
+    ["certify {library}/paper.yaml --run optimal --servo '1 nm' --out out"],
+    ["certify {library}/paper.yaml --run optimal --total-tolerance '3 mm' --out out"],
+    [
+        "sweep {library}/paper.yaml --run optimal --no-certify --tolerances '1 mm, 5 mm' "
+        "--speeds '0.1 m/s' --out out"
+    ],
+    ["identify {tests}/identification/kuka_kr300/A.csv --json --out out"],
+    [
+        "identify {tests}/identification/kuka_kr300/A.csv "
+        "--predict {tests}/identification/kuka_kr300/B.csv --json"
+    ],
+    [
+        "run {drawings}/gasket.dxf --cell {drawings}/laser.yaml --out out --export csv",
+        "export out cut.script --format urscript --output laser=0",
+        "export out cut --template kuka --reference --period '48 ms' --output laser=17 --force",
+        "export out cut.mod --template abb --reference --period '48 ms' --output laser=doLaser",
+        "export out cut.yaml --format ros-yaml",
+        "export out cut.txt",
+        "check out/taught/planned.csv --arm ur5e --json",
+        "check out/taught/planned.csv --path out/job.yaml --json",
+        "check out/taught/taught.csv --arm ur5e --scene ur5e --json",
+    ],
+]
+
+
+def corpus(folder: Path) -> list[tuple[str, str]]:
+    """Write the inputs that both trees read; returns names and command lines."""
+    from soak.check import _limits, draw
+    from soak.readers import mutated
+    from soak.samples import samples
+
+    found = []
+    drawings = sorted((ROOT / "tests" / "io" / "drawings" / "gcode").rglob("*.ngc"))
+    texts = [(x.suffix, x.read_bytes()) for x in drawings]
+    kinds = (("dxf", ".dxf"), ("svg", ".svg"), ("gcode", ".ngc"), ("csv", ".csv"))
+    for seed in range(CHANGED):
+        rng = np.random.default_rng(seed)
+        kind, ending = kinds[seed % len(kinds)]
+        originals = samples(kind)
+        texts.append((ending, mutated(originals[int(rng.integers(len(originals)))], rng)))
+    for k, (ending, data) in enumerate(texts):
+        (folder / f"drawing{k}{ending}").write_bytes(data)
+        found.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
+    for k in range(CHECKED):
+        case = draw(k // 2, k % 2 == 0)
+        limits = {name: np.ravel(x).tolist() for name, x in _given(_limits(case))}
+        if "speed" in limits:
+            limits["speed"] = limits["speed"][0]
+        (folder / f"limits{k}.yaml").write_text(json.dumps(limits))
+        (folder / f"trajectory{k}.csv").write_text(case.text)
+        line = f"check trajectory{k}.csv --arm {case.arm} --limits limits{k}.yaml --json"
+        found.append((f"trajectory{k}", line))
+    return found
+
+
+def _given(limits: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values of limits that are set."""
+    for name in ("speed", "joint_velocity", "joint_acceleration", "joint_lower", "joint_upper"):
+        if getattr(limits, name) is not None:
+            yield name, getattr(limits, name)
+
+
+def record(tree: Path, folder: Path, part: int) -> None:
+    """Run one part of the work with the package of this process, and write its record."""
+    signal.signal = lambda *_: None  # type: ignore[assignment]
+    warnings.simplefilter("ignore")
+    places = {
+        "drawings": tree / "examples" / "drawings",
+        "library": tree / "src" / "armcontour" / "jobs" / "library",
+        "tests": ROOT / "tests",
+    }
+    found: dict[str, Any] = {}
+    work: list[tuple[str, list[str] | Path]] = [
+        *((x.name, x) for x in sorted((tree / "examples").glob("*.py"))),
+        *((group[0], group) for group in GROUPS),
+        *((name, [line]) for name, line in json.loads((folder / "corpus.json").read_text())),
+    ]
+    for name, item in work[part::PARTS]:
+        place = folder / f"work{part}" if item in GROUPS or isinstance(item, Path) else folder
+        place.mkdir(exist_ok=True)
+        os.chdir(place)
+        if isinstance(item, Path):
+            found[name] = _run_example(item)
+        else:
+            for line in item:
+                found[f"{name}: {line}"] = _run_command(shlex.split(line.format(**places)))
+        if place != folder:
+            found[f"{name}: files"] = {
+                str(x.relative_to(place)): read(x) for x in sorted(place.rglob("*")) if x.is_file()
+            }
+            os.chdir(folder)
+            shutil.rmtree(place)
+    (folder / f"part{part}.json").write_text(json.dumps(found, default=str))
+
+
+def _run_example(file: Path) -> dict[str, Any]:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        runpy.run_path(str(file), run_name="__main__")
+    return {"numbers": NUMBER.findall(printed.getvalue())}
+
+
+def _run_command(arguments: list[str]) -> dict[str, Any]:
+    """Exit code, printed JSON, and the last error."""
+    from armcontour import errors
+    from armcontour.cli import main
+
+    raised: list[BaseException] = []
+    made = errors.ArmContourError.__init__
+
+    def keep(self: Any, *args: Any, **data: Any) -> None:
+        made(self, *args, **data)
+        raised[:] = [self]
+
+    printed, sys.argv = io.StringIO(), ["armcontour", *arguments]
+    errors.ArmContourError.__init__ = keep  # type: ignore[method-assign]
+    code: Any = 0
+    try:
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+            main()
+    except SystemExit as end:
+        code = end.code or 0
+    finally:
+        errors.ArmContourError.__init__ = made  # type: ignore[method-assign]
+    found: dict[str, Any] = {"code": code}
+    with contextlib.suppress(ValueError):
+        found["printed"] = json.loads(printed.getvalue())
+    if code in REFUSED and raised:
+        data = {k: v for k, v in vars(raised[0]).items() if v is not None}
+        found["error"] = {"class": type(raised[0]).__name__, "data": data}
+    return found
+
+
+def read(file: Path) -> Any:
+    """What is compared of a file: JSON as it is, else its columns or numbers, summed up."""
+    if file.suffix == ".json":
+        return json.loads(file.read_text())
+    if file.suffix in (".html", ".npz", ".mcap", ".svg"):
+        return None
+    text = file.read_text(errors="replace")
+    if file.suffix == ".csv":
+        rows = list(csv.reader(x for x in text.splitlines() if not x.startswith("#")))
+        columns = zip(*rows[1:], strict=False)
+        return {"rows": len(rows), **dict(zip(rows[0], map(_sums, columns), strict=False))}
+    return _sums(NUMBER.findall(text))
+
+
+def _sums(texts: Any) -> Any:
+    """Number of values, largest amount and mean amount."""
+    try:
+        values = np.abs(np.array(texts, dtype=float))
+    except ValueError:
+        return sorted(set(texts))
+    return [len(values), *((values.max(), values.mean()) if len(values) else ())]
+
+
+def differences(old: Any, new: Any, at: str = "") -> Iterator[str]:
+    """Where two records differ."""
+    if UNSTABLE.search(at.rpartition("/")[2]):
+        return
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted({*old, *new}):
+            if key in old and key in new:
+                yield from differences(old[key], new[key], f"{at}/{key}")
+            else:
+                yield f"{at}/{key}: only {'before' if key in old else 'now'}"
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for k, pair in enumerate(zip(old, new, strict=True)):
+            yield from differences(*pair, f"{at}/{k}")
+    elif isinstance(old, (int, float)) and isinstance(new, (int, float)):
+        small = METRES if "error" in at else 0.0
+        if not (old == new or abs(old - new) <= max(RELATIVE * max(abs(old), abs(new)), small)):
+            if not (old != old and new != new):
+                yield f"{at}: {old!r} before, {new!r} now"
+    elif old != new and not (_is_sentence(old) and _is_sentence(new)):
+        yield f"{at}: {str(old)[:80]} before, {str(new)[:80]} now"
+
+
+def _is_sentence(value: Any) -> bool:
+    return isinstance(value, str) and " " in value
+
+
+def record_of(tree: Path, name: str, *, again: bool) -> dict[str, Any]:
+    """The record of a tree, from the store if it is there."""
+    file = STORE / f"{name}.json"
+    if file.exists() and not again:
+        return json.loads(file.read_text())  # type: ignore[no-any-return]
+    folder = STORE / "work"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    (folder / "corpus.json").write_text(json.dumps(corpus(folder)))
+    path = os.pathsep.join([str(tree / "src"), str(ROOT)])
+    cache = compiled(tree)
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
+    subprocess.check_call([sys.executable, "-m", "armcontour", "warm"], env=environment)
+    command = [sys.executable, "-m", "tools.freeze", "--record", str(tree), str(folder)]
+    running = [
+        subprocess.Popen([*command, str(part)], cwd=folder, env=environment)
+        for part in range(PARTS)
+    ]
+    if any([process.wait() for process in running]):
+        sys.exit(f"The work of {tree} could not be recorded.")
+    found: dict[str, Any] = {}
+    for part in range(PARTS):
+        found |= json.loads((folder / f"part{part}.json").read_text())
+    file.write_text(json.dumps(found))
+    shutil.rmtree(folder)
+    return found
+
+
+def compiled(tree: Path) -> Path:
+    """Folder of compiled functions of a tree: numba itself misses changes in functions called."""
+    state = hashlib.sha256()
+    for file in sorted((tree / "src").rglob("*.py")):
+        text = file.read_bytes()
+        if b"@compiled" in text:
+            state.update(text)
+    folder = STORE / "cache" / state.hexdigest()[:12]
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.touch()
+    kept = sorted(folder.parent.iterdir(), key=lambda x: x.stat().st_mtime)
+    for old in kept[:-CACHES]:
+        shutil.rmtree(old)
+    return folder
+
+
+def _environment() -> str:
+    """A short name of the processor, Python, the installed versions and this program."""
+    versions = sorted(f"{x.name} {x.version}" for x in distributions() if x.name != "armcontour")
+    text = "\n".join([platform.processor(), sys.version, *versions, Path(__file__).read_text()])
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def main() -> int:
+    """Compare; returns 1 if something differs."""
+    parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
+    parser.add_argument("--against", default="HEAD", help="the earlier commit (default: HEAD)")
+    parser.add_argument("--again", action="store_true", help="record that commit again")
+    parser.add_argument("--record", nargs=3, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.record:
+        tree, folder, part = given.record
+        record(Path(tree), Path(folder), int(part))
+        return 0
+
+    def git(*arguments: str) -> str:
+        return subprocess.check_output(["git", *arguments], cwd=ROOT, text=True).strip()
+
+    commit = git("rev-parse", f"{given.against}^{{commit}}")
+    tree = STORE / "tree"
+    git("worktree", "prune")
+    if not tree.exists():
+        git("worktree", "add", "--detach", str(tree), commit)
+    subprocess.check_call(["git", "checkout", "-q", "--detach", "-f", commit], cwd=tree)
+    old = record_of(tree, f"{commit[:12]}-{_environment()}", again=given.again)
+    new = record_of(ROOT, "now", again=True)
+    found = list(differences(old, new))
+    print(*found, sep="\n")
+    print(f"{len(old)} results before, {len(new)} now; {len(found)} differences.")
+    return int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
