@@ -15,15 +15,18 @@ install = { test -z "$(PIP)" && $(BIN)/python -m uv pip install --python $(BIN)/
 	$(BIN)/python -m pip install --disable-pip-version-check $(TESTED) -e '.[$(1)]'
 
 # Commas separate the arguments of `call`, so that lists need names.
-DEMO_EXTRAS := experiment,drawings,ros,tables,studio
+DEMO_EXTRAS := experiment,drawings,studio
 DOCS_EXTRAS := test,docs
+
+# 150 MB of C++ headers that come with pinocchio and that no program here reads.
+HEADERS = $(VENV)/lib/python3*/site-packages/cmeel.prefix/include/boost
 
 # Run the suite in an environment of its own, $(1), with versions that the options $(2) choose.
 define suite_with
 	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/$(1)
 	$(BIN)/python -m uv pip install -q --python $(VENV)/$(1) $(2) -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/armcontour warm
-	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/python -m pytest -q -n auto --dist loadfile
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/python -m pytest -q -n auto
 endef
 
 # The files of compiled functions, and the list of what they are called with.
@@ -31,13 +34,15 @@ COMPILED := $(shell find src/armcontour -name '_*.py') src/armcontour/_kernels.t
 
 # Where the site is built.
 SITE := docs/_build/html
+# What Sphinx has read. It goes when a page has a warning, which Sphinx would not repeat.
+READ := docs/_build/read
 
 # What developers of the Studio's page need of node: bundles, and types.
 TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test newest lowest constraints check page package docs site links soak bench figures schema kernels vendor clean
+.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures schema kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -46,7 +51,11 @@ demo: $(VENV)/base-usual  ## Run the paper's job and cut a plate with a UR5e; pr
 	$(BIN)/armcontour demo --out demo --force
 
 test: $(VENV)/test-all  ## Run the whole test suite, on all cores
-	$(BIN)/python -m pytest -n auto --dist loadfile --durations 15
+	$(BIN)/python -m pytest -n auto --durations 15
+
+slow: $(VENV)/test-all docs package  ## Run the tests that need time, processes, signals or a browser, and try the wheel
+	$(BIN)/python -m pytest -q -n auto tests/slow docs/site
+	$(BIN)/python tools/try_package.py dist --install
 
 newest: $(VENV)/bin/python  ## Run the suite with the newest versions of all dependencies
 	$(call suite_with,newest,--upgrade)
@@ -74,9 +83,10 @@ page:  ## Check the types of the Studio's page, where node is found
 		echo "The types of the Studio's page were not checked: that needs node with npm, and its registry."; \
 	fi
 
-package: $(VENV)/dev  ## Build the source archive and the wheel, and try the wheel in an empty environment
+package: $(VENV)/dev  ## Build the source archive and the wheel, compare their files, and import the wheel
 	rm -rf dist
-	PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m build --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+	UV_BUILD_CONSTRAINT=$(CURDIR)/constraints.txt PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
+		$(BIN)/python -m build --installer $(if $(PIP),pip,uv) --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 	$(BIN)/python tools/try_package.py dist
 
 soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
@@ -109,19 +119,20 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 bench: $(VENV)/bench  ## Measure speed, and say what became slower than benchmarks/baseline.json
 	$(BIN)/python -m benchmarks
 
-docs: $(VENV)/docs  ## Build the documentation as a site
+docs: $(VENV)/pictures  ## Build the documentation as a site
 	rm -rf $(SITE)
-	$(BIN)/python -m sphinx -b html -E -j auto -W --keep-going -q docs $(SITE)
+	$(BIN)/python -m sphinx -b html -d $(READ) -j auto -W --keep-going -q docs $(SITE) || { rm -rf $(READ); exit 1; }
 	@echo "The documentation is built: file://$(CURDIR)/$(SITE)/index.html"
 
 site: docs $(VENV)/test-all  ## Build the site and test it: its code, links, names, and accessibility in a browser
-	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py
+	$(BIN)/python -m pytest -q -n auto docs/site tests/test_docs_*.py tests/test_examples.py tests/slow/docs
 
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links
 
-figures: $(VENV)/dev  ## Redraw the figures in docs/
+figures: $(VENV)/docs  ## Draw the figures of docs/ and of its gallery
 	$(BIN)/python -m docs.figures
+	$(BIN)/python -m docs.gallery
 
 schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the tables of their keys
 	$(BIN)/python -m docs.reference.job_keys
@@ -144,6 +155,7 @@ $(VENV)/bin/python:
 
 $(VENV)/base: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(call install,$(DEMO_EXTRAS))
+	@rm -rf $(HEADERS)
 	@touch $@
 
 $(VENV)/test: pyproject.toml constraints.txt | $(VENV)/bin/python
@@ -157,6 +169,12 @@ $(VENV)/base-usual: $(VENV)/base $(COMPILED)
 
 $(VENV)/test-all: $(VENV)/test $(COMPILED)
 	$(BIN)/armcontour warm
+	@touch $@
+
+# Pictures are drawn again when their programs change; `make figures` draws them at any time.
+$(VENV)/pictures: $(VENV)/docs $(wildcard docs/figures/*.py docs/gallery/*.py examples/*.py)
+	$(BIN)/python -m docs.figures > /dev/null & drawing=$$!; \
+		$(BIN)/python -m docs.gallery > /dev/null && wait $$drawing
 	@touch $@
 
 $(VENV)/bench: pyproject.toml constraints.txt | $(VENV)/bin/python

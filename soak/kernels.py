@@ -90,7 +90,7 @@ def main() -> int:
         return 0
     given = parser.parse_args()
     wanted = {x: RUNS[x] for x in given.what or RUNS if x in RUNS}
-    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests"]
+    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests", "tests/slow"]
     if tests:
         wanted[TESTS] = tests
     tags: dict[str, set[str]] = {}
@@ -113,7 +113,7 @@ def _record_apart(run: str, arguments: list[str]) -> list[str]:
         command = [sys.executable, "-m", "soak.kernels", "--record", run, str(out), *arguments]
         if run != TESTS:
             command += ["--out", str(Path(name) / "results")]
-        cold = {"NUMBA_CACHE_DIR": str(Path(name) / "cold"), "ARMCONTOUR_RECORDING": "1"}
+        cold = {"NUMBA_CACHE_DIR": str(Path(name) / "cold")}
         subprocess.run(command, check=True, cwd=ROOT, env=os.environ | cold)
         return out.read_text(encoding="utf-8").splitlines()
 

@@ -1,7 +1,8 @@
-"""Try what a release would hand out: `python tools/try_package.py dist`, as `make package` does.
+"""Try the archives of a release: `python tools/try_package.py dist`, as `make package` does.
 
-Source archive and wheel hold the files that git knows, and no others. The wheel is installed in an
-empty environment, where `armcontour demo` has to work outside the repository, without any extra.
+Source archive and wheel must contain exactly the files that git tracks, and the wheel must import.
+With `--install`, as in `make slow`, the wheel is installed in an empty environment, where
+`armcontour demo` has to work outside the repository, without any extra.
 """
 
 from __future__ import annotations
@@ -46,7 +47,10 @@ def main() -> None:
     else:
         print("There is no git here: the files of the archives were not compared with its own.")
     with tempfile.TemporaryDirectory() as place:
-        try_install(wheel.resolve(), Path(place))
+        if "--install" in sys.argv:
+            try_install(wheel.resolve(), Path(place))
+        else:
+            try_import(wheel.resolve(), Path(place))
 
 
 def try_sources(archive: Path, known: set[str]) -> None:
@@ -76,6 +80,18 @@ def compare(archive: Path, found: set[str], expected: set[str]) -> None:
     print(f"{archive.name}: {len(found)} files, {archive.stat().st_size / 1e6:.1f} MB")
 
 
+def try_import(wheel: Path, place: Path) -> None:
+    """Import all public names from a wheel, next to the libraries of this environment."""
+    with zipfile.ZipFile(wheel) as opened:
+        opened.extractall(place)
+    code = (
+        "import sys, armcontour as ac; names = [getattr(ac, x) for x in ac.__all__]; "
+        "print(len(names), 'public names of', ac.__file__)"
+    )
+    print(run(sys.executable, "-c", code, cwd=place, PYTHONPATH=str(place)))
+    run(sys.executable, "-m", "armcontour", "arms", cwd=place, PYTHONPATH=str(place))
+
+
 def try_install(wheel: Path, place: Path) -> None:
     """Install a wheel in an empty environment, and run the demo there."""
     began = time.monotonic()
@@ -103,10 +119,10 @@ def try_install(wheel: Path, place: Path) -> None:
     print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
 
 
-def run(*command: str, cwd: Path | None = None) -> str:
+def run(*command: str, cwd: Path | None = None, **more: str) -> str:
     """What a command prints; one that fails ends the program with what it said."""
     # The installed package is tried, not that of the repository.
-    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"}
+    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | more
     done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
     if done.returncode:
         sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -1,4 +1,7 @@
-"""Write the gallery: `python -m docs.gallery [NAME ...]` runs the examples and draws them."""
+"""Draw the gallery: `python -m docs.gallery [--pages] [NAME ...]` runs the examples.
+
+With `--pages` the pages are written too, with what the examples print.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,9 @@ from docs.gallery import pages, pictures
 
 
 def main(names: list[str]) -> int:
-    """Write the pages of the named examples, or of all, and the first page."""
+    """Draw the named examples, or all; returns an exit code."""
+    writes_pages = "--pages" in names
+    names = [x for x in names if x != "--pages"]
     unknown = sorted(set(names) - set(pages.SHOWN))
     if unknown:
         print(f"There is no example {unknown[0]}: they are {', '.join(pages.SHOWN)}.")
@@ -26,9 +31,11 @@ def main(names: list[str]) -> int:
         # A path from the folder of the figures.
         print(style.save(figure, f"../{pages.FOLDER.name}/{name}").name)
         plt.close(figure)
-        text = pages.page_of(name, printed.getvalue())
-        (pages.FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
-    (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")
+        if writes_pages:
+            text = pages.page_of(name, printed.getvalue())
+            (pages.FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
+    if writes_pages:
+        (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")
     return 0
 
 

@@ -86,8 +86,8 @@ INTRODUCTION = """\
 # Gallery
 
 Every example of [examples/](../../examples) with its picture, its code and what it prints.
-`make test` runs them all and compares what they print with what stands here;
-`python -m docs.gallery` writes these pages, and draws each picture from its example's own results.
+`make docs` draws each picture from the results of its example; the repository has no copies of the pictures.
+`make slow` compares these pages with what the examples print; `python -m docs.gallery --pages` writes them.
 """
 
 

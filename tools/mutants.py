@@ -1,0 +1,202 @@
+"""Measure what share of random faults the suite finds: `python -m tools.mutants`.
+
+Each mutant is one small change of planning, geometry, servo or readers, chosen by the seed. The
+tests of its package run first, then those of packages above it; the first failure kills the mutant.
+`--tests` names the tests of another commit, and `--only` a list of mutants, such as those that
+have survived: so two suites are compared without running both on all mutants.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+SOURCES = ROOT / "src" / "armcontour"
+LONGEST = 600  # a mutant whose tests take longer does not end [s]
+# Tests by package, the nearest first.
+TESTS = {
+    "timing": ("timing", "oracle", "properties", "golden", "certification"),
+    "geometry": ("geometry", "program", "tracing", "oracle", "properties", "golden", "io/drawings"),
+    "servo": ("servo", "execution", "compensation", "oracle", "golden", "evaluation", "learning"),
+    "io/drawings": ("io/drawings", "oracle", "properties"),
+    "io/robots": ("io/robots", "arms", "clearance", "jobs"),
+}
+SWAPS: dict[type[ast.AST], str] = {
+    **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"},
+    **{ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "=="},
+    **{ast.And: "or", ast.Or: "and"},
+}
+NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all"}
+NAMES |= {"sin": "cos", "cos": "sin", "floor": "ceil", "ceil": "floor", "all": "any"}
+
+
+class Mutant(NamedTuple):
+    """A change of one place of a file."""
+
+    package: str
+    file: str
+    line: int
+    begin: int
+    end: int
+    text: str
+
+
+def mutants_of(package: str, file: Path) -> list[Mutant]:
+    """All changes that can be made in a file."""
+    source = file.read_text(encoding="utf-8")
+    rows = source.splitlines()
+    found = []
+
+    def add(line: int, begin: int, end: int, text: str) -> None:
+        name = str(file.relative_to(SOURCES))
+        found.append(Mutant(package, name, line, begin, end, text))
+
+    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> None:
+        text = SWAPS.get(type(operator))
+        if text and left.end_lineno == right.lineno and rows[right.lineno - 1].isascii():
+            begin, end = left.end_col_offset or 0, right.col_offset
+            gap = rows[right.lineno - 1][begin:end]
+            if not set(gap) & set("()#"):
+                add(right.lineno, begin, end, f" {text} ")
+
+    bodies = [x for x in ast.walk(ast.parse(source)) if isinstance(x, ast.FunctionDef)]
+    for node in [x for body in bodies for part in body.body for x in ast.walk(part)]:
+        if isinstance(node, ast.BinOp):
+            between(node.left, node.right, node.op)
+        elif isinstance(node, ast.Compare):
+            between(node.left, node.comparators[0], node.ops[0])
+        elif isinstance(node, ast.BoolOp):
+            between(node.values[0], node.values[1], node.op)
+        elif isinstance(node, ast.Call):
+            name = node.func
+            last = name.attr if isinstance(name, ast.Attribute) else getattr(name, "id", "")
+            if last in NAMES and name.end_col_offset:
+                end = name.end_col_offset
+                add(name.end_lineno or 0, end - len(last), end, NAMES[last])
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            end = node.end_col_offset or 0
+            if rows[node.lineno - 1][node.col_offset : end].replace(".", "").isdigit():
+                add(node.lineno, node.col_offset, end, f"({node.value!r} + 1)")
+    return sorted(set(found))
+
+
+def draw(count: int, seed: int) -> list[Mutant]:
+    """Random mutants, the same number of every package."""
+    chance, found = random.Random(seed), []
+    for package in TESTS:
+        files = sorted((SOURCES / package).rglob("*.py"))
+        all_of = [x for file in files for x in mutants_of(package, file)]
+        found += chance.sample(all_of, count // len(TESTS))
+    return found
+
+
+def importers(file: str) -> set[str]:
+    """Modules whose compiled functions may contain some of a file: it, and all that import it."""
+    texts = {
+        ".".join(["armcontour", *x.relative_to(SOURCES).with_suffix("").parts]): x.read_text(
+            "utf-8"
+        )
+        for x in SOURCES.rglob("*.py")
+    }
+    texts = {name: text for name, text in texts.items() if "@compiled" in text}
+    found = {".".join(["armcontour", *Path(file).with_suffix("").parts])} & {*texts}
+    while True:
+        more = {
+            name
+            for name, text in texts.items()
+            if name not in found and any(f"from {x} import" in text for x in found)
+        }
+        if not more:
+            return found
+        found |= more
+
+
+class Slot:
+    """A copy of the sources in which one mutant after the other is tried.
+
+    Args:
+        place: Its folder. Compiled functions belong to a path, so that the folder has to stay.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self.sources, self.clean, self.cache = (place / x for x in ("src", "clean", "cache"))
+        shutil.rmtree(self.sources, ignore_errors=True)
+        shutil.copytree(ROOT / "src", self.sources, ignore=shutil.ignore_patterns("__pycache__"))
+        self.clean.mkdir(exist_ok=True)
+        self._run([sys.executable, "-m", "armcontour", "warm"], ROOT, self.clean)
+
+    def is_killed(self, mutant: Mutant, tests: Path) -> bool:
+        """Whether a test fails with the mutant."""
+        shutil.rmtree(self.cache, ignore_errors=True)
+        shutil.copytree(self.clean, self.cache)
+        for module in importers(mutant.file):
+            for kept in self.cache.rglob(f"{module.rpartition('.')[2]}.*"):
+                kept.unlink()
+        file = self.sources / "armcontour" / mutant.file
+        text = file.read_text(encoding="utf-8")
+        rows = text.splitlines(keepends=True)
+        row = rows[mutant.line - 1]
+        rows[mutant.line - 1] = row[: mutant.begin] + mutant.text + row[mutant.end :]
+        file.write_text("".join(rows), encoding="utf-8")
+        folders = [str(tests / x) for x in TESTS[mutant.package]]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *folders]
+        try:
+            return self._run(command, tests.parent, self.cache) != 0
+        except subprocess.TimeoutExpired:
+            return True
+        finally:
+            file.write_text(text, encoding="utf-8")
+
+    def _run(self, command: list[str], folder: Path, cache: Path) -> int:
+        path = os.pathsep.join([str(self.sources), str(folder)])
+        environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
+        ended = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, timeout=LONGEST
+        )
+        return ended.returncode
+
+
+def main() -> None:
+    """Try the mutants, and print and write which survive."""
+    parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--tests", type=Path, default=ROOT / "tests", help="the tests to judge")
+    parser.add_argument("--only", type=Path, help="a file of mutants that --out has written")
+    parser.add_argument("--out", type=Path, required=True, help="file for those that survive")
+    parser.add_argument("--slots", type=int, default=2, help="how many at a time")
+    given = parser.parse_args()
+    if given.only:
+        left = [Mutant(*x) for x in json.loads(given.only.read_text())]
+    else:
+        left = draw(given.count, given.seed)
+    total, survivors = len(left), list[Mutant]()
+
+    def work(k: int) -> None:
+        slot = Slot(ROOT / ".armcontour" / "mutants" / str(k))
+        while left:
+            mutant = left.pop(0)
+            killed = slot.is_killed(mutant, given.tests.resolve())
+            if not killed:
+                survivors.append(mutant)
+            where = f"{mutant.file}:{mutant.line}: {mutant.text.strip()}"
+            print("killed  " if killed else "survives", where, flush=True)
+
+    with ThreadPoolExecutor(given.slots) as pool:
+        list(pool.map(work, range(given.slots)))
+    given.out.write_text(json.dumps(survivors))
+    print(f"{total - len(survivors)} of {total} killed")
+
+
+if __name__ == "__main__":
+    main()
