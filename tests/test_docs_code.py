@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import jsonschema
 import numpy as np
 import pytest
@@ -49,6 +50,8 @@ PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})
 BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
 # Pages that a reader does from begin to end, and that say what their blocks print.
 DONE = ["docs/start/first_result.md", *(x for x in PAGES if x.startswith("docs/tutorials/"))]
+# Those that the suite does; tests/slow does the others.
+QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
 # Files of a page that is done are read when it is.
 YAML = [x for x in BLOCKS if x.language == "yaml" and not ("file" in x.marks and x.page in DONE)]
@@ -102,17 +105,21 @@ def write_log(file: Path, t: Any, u: Any) -> None:
     np.savetxt(file, table, fmt="%.9f", delimiter=",", header=head, comments="")
 
 
-@pytest.mark.parametrize("page", DONE)
-def test_a_page_is_done(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def do_page(page: str) -> None:
+    """Do a page in the current folder, and compare what is printed."""
     for block, printed in read_page(PAGES[page]):
         within = float(block.marks.get("within", "0 %").removesuffix(" %")) / 100
         assert agree(block.text, printed, within=within), f"{block} is, as printed:\n{printed}"
 
 
-@pytest.mark.parametrize(
-    ("expected", "printed", "same"),
-    [
+@pytest.mark.parametrize("page", QUICK)
+def test_a_page_is_done(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    do_page(page)
+
+
+def test_outputs_agree_by_the_stated_rule() -> None:
+    for expected, printed, same in [
         ("a 1.50 s", "a  1.51 s\n", True),
         ("a 1.50 s", "a 1.52 s", False),
         ("3 contours", "4 contours", False),
@@ -125,10 +132,8 @@ def test_a_page_is_done(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("│ a │ 1.0 │", "┏━━┓\n a  1.0", True),
         ("a", "a b", False),
         ("a b", "a", False),
-    ],
-)
-def test_outputs_agree_by_the_stated_rule(expected: str, printed: str, same: bool) -> None:
-    assert agree(expected, printed) is same
+    ]:
+        assert agree(expected, printed) is same, expected
 
 
 @pytest.mark.parametrize("page", PYTHON)
@@ -171,10 +176,15 @@ WHOLE = [
 MENTIONED = sorted({(page, x) for page, x in spans() if x.startswith(("armcontour ", "--"))})
 
 
-@pytest.mark.parametrize(("page", "line"), WHOLE)
-def test_a_command_line_parses(page: str, line: str) -> None:
-    _, name, *arguments = shlex.split(line)
-    GROUP.commands[name].make_context(name, arguments)
+def test_command_lines_parse() -> None:
+    wrong = []
+    for page, line in WHOLE:
+        _, name, *arguments = shlex.split(line)
+        try:
+            GROUP.commands[name].make_context(name, arguments)
+        except (click.ClickException, KeyError) as error:
+            wrong.append(f"{page}: {line}: {error}")
+    assert not wrong
 
 
 # Pages whose own file is what their first command runs.
@@ -190,20 +200,28 @@ def test_the_first_command_of_a_page_works(page: str, folder: Callable[[str], Pa
     assert code == 0, errors
 
 
-@pytest.mark.parametrize(("page", "words"), MENTIONED)
-def test_a_command_or_option_that_is_mentioned_exists(page: str, words: str) -> None:
-    known = set().union(*map(options_of, GROUP.commands.values()))
-    first, *arguments = shlex.split(words)
-    if first == "armcontour":
-        known = options_of(GROUP.commands[arguments[0]])
-    else:
-        arguments = [first]
-    assert {x for x in arguments if x.startswith("--")} <= known
+def test_commands_and_options_that_are_mentioned_exist() -> None:
+    all_options = set().union(*map(options_of, GROUP.commands.values()))
+    wrong = []
+    for page, words in MENTIONED:
+        first, *arguments = shlex.split(words)
+        is_command = first == "armcontour"
+        known = options_of(GROUP.commands[arguments[0]]) if is_command else all_options
+        given = {x for x in (arguments if is_command else [first]) if x.startswith("--")}
+        wrong += [f"{page}: {x}" for x in given - known]
+    assert not wrong
 
 
-@pytest.mark.parametrize("block", YAML, ids=str)
-def test_yaml_is_what_its_reader_takes(block: Block, folder: Callable[[str], Path]) -> None:
-    here = folder(block.page)
+@pytest.mark.parametrize("page", sorted({x.page for x in YAML}))
+def test_yaml_is_what_its_reader_takes(page: str, folder: Callable[[str], Path]) -> None:
+    here = folder(page)
+    for block in YAML:
+        if block.page == page:
+            read_yaml(block, here)
+
+
+def read_yaml(block: Block, here: Path) -> None:
+    """Read a block by the reader that it is for."""
     data = yaml.safe_load(block.text)
     if set(SCHEMA["required"]) <= set(data):
         if {"points", "segments", "spline", "file"} & set(data["path"]):
@@ -224,9 +242,9 @@ def test_yaml_is_what_its_reader_takes(block: Block, folder: Callable[[str], Pat
 DRAWINGS = [x for x in BLOCKS if Path(x.marks.get("file", "")).suffix in READERS]
 
 
-@pytest.mark.parametrize("block", DRAWINGS, ids=str)
-def test_a_drawing_is_read(block: Block, folder: Callable[[str], Path]) -> None:
-    assert ac.read_path(folder(block.page) / block.marks["file"]).contours
+def test_drawings_are_read(folder: Callable[[str], Path]) -> None:
+    for block in DRAWINGS:
+        assert ac.read_path(folder(block.page) / block.marks["file"]).contours, str(block)
 
 
 def test_every_block_is_run_or_read_or_says_why_not() -> None:

@@ -12,8 +12,6 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-import pytest
-
 import armcontour as ac
 
 SECTIONS = ("Args", "Attributes", "Raises")
@@ -90,35 +88,31 @@ def sections(doc: str) -> dict[str, dict[str, str]]:
 
 DOCUMENTED = documented()
 BY_NAME = {x.__name__: x for x in vars(ac).values() if inspect.isclass(x)}
-every = pytest.mark.parametrize("name", DOCUMENTED)
 
 
-@every
-def test_the_summary_is_one_sentence_on_one_line(name: str) -> None:
-    doc = DOCUMENTED[name].__doc__
-    assert doc, "no docstring"
-    lines = inspect.cleandoc(doc).splitlines()
-    assert lines[0].endswith("."), lines[0]
-    assert len(lines[0].split()) > 1 and "ikewise" not in lines[0], lines[0]
-    assert len(lines) == 1 or not lines[1], "no empty line after the summary"
-
-
-@every
-def test_the_parameters_are_those_of_the_docstring(name: str) -> None:
+def faults(name: str) -> Iterator[str]:
+    """What is wrong with a docstring."""
     of = DOCUMENTED[name]
-    found = sections(of.__doc__)
+    if not of.__doc__:
+        yield "no docstring"
+        return
+    lines = inspect.cleandoc(of.__doc__).splitlines()
+    if not lines[0].endswith(".") or len(lines[0].split()) < 2 or "ikewise" in lines[0]:
+        yield f"the summary is no sentence: {lines[0]}"
+    if len(lines) > 1 and lines[1]:
+        yield "no empty line after the summary"
+    found, taken = sections(of.__doc__), parameters(of)
     listed = set(found.get("Args", {}))
-    taken = parameters(of)
     if dataclasses.is_dataclass(of):
         # A result's fields may be listed as attributes.
         listed |= set(found.get("Attributes", {})) & taken
-    assert sorted(taken - listed - inherited(name)) == [], "parameters without a description"
-    assert sorted(listed - taken) == [], "descriptions without a parameter"
-
-
-@every
-def test_every_description_is_text_with_a_full_stop(name: str) -> None:
-    for section, entries in sections(DOCUMENTED[name].__doc__).items():
+    yield from (f"{x} has no description" for x in taken - listed - inherited(name))
+    yield from (f"{x} is no parameter" for x in listed - taken)
+    for section, entries in found.items():
         for key, text in entries.items():
-            assert text.strip().endswith("."), f"{section}: {key}: {text}"
-            assert len(text.split()) > 1 and "ikewise" not in text, f"{section}: {key}: {text}"
+            if not text.strip().endswith(".") or len(text.split()) < 2 or "ikewise" in text:
+                yield f"{section}: {key}: {text}"
+
+
+def test_public_docstrings_have_a_summary_and_all_parameters():
+    assert [f"{name}: {x}" for name in DOCUMENTED for x in faults(name)] == []

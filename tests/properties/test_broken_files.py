@@ -7,7 +7,7 @@ import pytest
 from soak.readers import KINDS, mutated, read
 from soak.samples import samples
 
-BATCH = 200
+BATCH = 80
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -19,9 +19,9 @@ def test_a_broken_file_is_read_or_refused_by_name(kind):
     assert {x.result for x in outcomes} == {"read", "refused"}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_files_are_broken(kind):
-    (first, *_) = samples(kind)
-    changed = [mutated(first, np.random.default_rng(seed)) for seed in range(20)]
-    # A digit may become itself.
-    assert sum(x != first for x in changed) >= 12
+def test_files_are_broken():
+    for kind in KINDS:
+        (first, *_) = samples(kind)
+        changed = [mutated(first, np.random.default_rng(seed)) for seed in range(20)]
+        # A digit may become itself.
+        assert sum(x != first for x in changed) >= 12, kind

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
@@ -15,7 +15,6 @@ from armcontour.motion import LapLaw
 
 LIMIT = 0.72
 # These tests are quick, and take a multiple of the examples of the profile.
-EXAMPLES = settings().max_examples
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -51,7 +50,6 @@ gains = st.floats(1.0, 200.0)
 periods = st.sampled_from([1e-4, 1e-3, 4e-3, 0.03, 0.2])
 
 
-@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-1e-3, 1e-3)), min_size=1, max_size=12),
     periods,
@@ -64,7 +62,6 @@ def test_any_set_points_come_to_rest(arm, q, period, kp, kv, interpolation):
     run(arm, np.array(q), period, kp, kv, 5.0, interpolation)
 
 
-@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.sampled_from([-1, 0, 1]), min_size=2, max_size=10),
     periods,
@@ -78,7 +75,6 @@ def test_steps_to_the_very_limit(arm, signs, period, kp, kv, share):
     run(arm, np.stack([q, -q], axis=1), period, kp, kv, LIMIT, "step")
 
 
-@settings(max_examples=2 * EXAMPLES)
 @given(
     st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=6),
     st.sampled_from([1e-4, 1e-3, 4e-3]),
@@ -106,7 +102,6 @@ def test_plans_at_the_very_limit(arm, signs, period, share, gain, lap):
     np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
 
 
-@settings(max_examples=4 * EXAMPLES)
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-1e-3, 1e-3)), min_size=2, max_size=12),
     st.sampled_from([1e-3, 4e-3, 0.03]),

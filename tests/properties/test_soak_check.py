@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from soak.check import FORWARD, REACH, draw, judge, load
 
-COUNT = 60
+COUNT = 40
 
 
 @pytest.mark.parametrize("violating", [True, False])
