@@ -1,0 +1,10 @@
+"""The tutorials, done as a reader does them."""
+
+import pytest
+from tests.test_docs_code import DONE, QUICK, do_page
+
+
+@pytest.mark.parametrize("page", [x for x in DONE if x not in QUICK])
+def test_a_page_is_done(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    do_page(page)

@@ -1,0 +1,22 @@
+"""More random problems than the suite has, each judged in the same way."""
+
+import pytest
+from soak.judge import run
+from tests.properties.test_numbers import FIELDS, HOSTILE, check_field, write_files
+from tests.properties.test_rounding import check_polylines
+
+
+@pytest.mark.parametrize("seed", range(1001, 1005))
+def test_random_polylines(seed):
+    check_polylines(seed, 2500)
+
+
+@pytest.mark.parametrize("first", range(600, 2000, 200))
+def test_random_problems_are_planned_within_their_limits(first):
+    outcomes = [run(seed) for seed in range(first, first + 200)]
+    assert [f"seed {x.seed} ({x.kind}) {x.result}: {x.note}" for x in outcomes if x.failed] == []
+
+
+def test_every_hostile_number_in_every_field(tmp_path):
+    write_files(tmp_path)
+    assert [x for place in FIELDS for x in check_field(place, HOSTILE, tmp_path)] == []
