@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from importlib.util import find_spec
 from typing import Any
 
@@ -106,20 +105,6 @@ POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))  # m
 ASSIGNED_VELOCITY = 0.15  # m/s
 CORNER_ERROR = 5e-3  # m
 CENTRIPETAL_ACCELERATION = 0.09  # m/s²
-
-
-@pytest.fixture
-def soon() -> Iterator[None]:
-    """Ends a test that takes longer than any hostile text may keep a reader."""
-
-    def late(*_: object) -> None:
-        raise AssertionError("no end in 10 s")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, 10.0)
-    yield
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Frames and rotations: scipy's rotations as the oracle, the algebra of frames, and refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -30,19 +28,18 @@ def unit(v):
     return np.asarray(v) / np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("angle", SMALL + LARGE)
-def test_exp_and_log_at_every_angle(angle):
-    vectors = angle * np.array([unit(a) for a in AXES])
-    matrices = exp(vectors)
-    np.testing.assert_allclose(matrices, Rotation.from_rotvec(vectors).as_matrix(), atol=1e-15)
-    found = log(matrices)
-    if angle > np.pi - 1e-7:  # either sign of the axis is the same turn, to rounding
-        found *= np.where(np.sum(found * vectors, axis=1, keepdims=True) < 0, -1, 1)
-    np.testing.assert_allclose(found, vectors, atol=4e-15)
-    assert (np.linalg.norm(found, axis=1) <= np.pi * (1 + 1e-15)).all()
-
-
-def test_a_small_turn_keeps_its_digits():
+def test_exp_and_log_at_every_angle():
+    for angle in (*SMALL, *LARGE):
+        vectors = angle * np.array([unit(a) for a in AXES])
+        matrices = exp(vectors)
+        wanted = Rotation.from_rotvec(vectors).as_matrix()
+        np.testing.assert_allclose(matrices, wanted, atol=1e-15, err_msg=angle)
+        found = log(matrices)
+        if angle > np.pi - 1e-7:  # either sign of the axis is the same turn, to rounding
+            found *= np.where(np.sum(found * vectors, axis=1, keepdims=True) < 0, -1, 1)
+        np.testing.assert_allclose(found, vectors, atol=4e-15, err_msg=angle)
+        assert (np.linalg.norm(found, axis=1) <= np.pi * (1 + 1e-15)).all(), angle
+    # A small turn keeps its digits.
     vector = 1e-9 * unit([1.0, 2.0, 3.0])
     np.testing.assert_allclose(log(exp(vector)), vector, rtol=1e-12)
 
@@ -80,50 +77,46 @@ def test_perpendicular_vectors_are_at_right_angles_and_hardly_shorter():
     assert np.linalg.norm(found, axis=1).min() == pytest.approx(np.sqrt(2 / 3))
 
 
-@pytest.mark.parametrize("turn", [0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi])
-def test_the_shortest_rotation_turns_one_direction_into_the_other(turn):
+def test_the_shortest_rotation_turns_one_direction_into_the_other():
     random = np.random.default_rng(4)
     first = random.normal(size=(50, 3))
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     across = np.cross(first, random.normal(size=(50, 3)))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    second = np.cos(turn) * first + np.sin(turn) * across
-    found = shortest(first, second)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), turn, atol=1e-14)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", exp(found), first), second, atol=1e-12)
-    assert (np.abs(np.sum(found * first, axis=1)) < 1e-12).all()  # nothing about the direction
+    for turn in (0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi):
+        second = np.cos(turn) * first + np.sin(turn) * across
+        found = shortest(first, second)
+        np.testing.assert_allclose(np.linalg.norm(found, axis=1), turn, atol=1e-14, err_msg=turn)
+        turned = np.einsum("nij,nj->ni", exp(found), first)
+        np.testing.assert_allclose(turned, second, atol=1e-12, err_msg=turn)
+        # Nothing about the direction.
+        assert (np.abs(np.sum(found * first, axis=1)) < 1e-12).all(), turn
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        TURNED,
-        TURNED.as_matrix(),
-        TURNED.as_matrix().tolist(),
-        TURNED.as_quat(),
-        -TURNED.as_quat(),
-        TURNED.as_quat() * (1 + 5e-7),
-        TURNED.as_matrix() + 1e-8,
-    ],
-)
-def test_one_rotation_in_every_form(given):
-    found = rotations("it", given)
-    assert found.shape == (3, 3)
-    np.testing.assert_allclose(found, TURNED.as_matrix(), atol=1e-7)
-    np.testing.assert_allclose(found.T @ found, np.eye(3), atol=1e-15)
-
-
-@pytest.mark.parametrize("count", [1, 3, 4, 7])
-def test_many_rotations_in_every_form(count):
+def test_rotations_in_every_form():
+    matrix, quaternion = TURNED.as_matrix(), TURNED.as_quat()
+    for given in (
+        *(TURNED, matrix, matrix.tolist(), quaternion, -quaternion),
+        *(quaternion * (1 + 5e-7), matrix + 1e-8),
+    ):
+        found = rotations("it", given)
+        assert found.shape == (3, 3)
+        np.testing.assert_allclose(found, matrix, atol=1e-7)
+        np.testing.assert_allclose(found.T @ found, np.eye(3), atol=1e-15)
     # Of three or four, the arrays look like one of another form.
-    turns = Rotation.random(count, rng=np.random.default_rng(5))
-    for given in (turns, turns.as_matrix(), turns.as_quat()):
-        np.testing.assert_allclose(rotations("it", given), turns.as_matrix(), atol=1e-15)
+    for count in (1, 3, 4, 7):
+        turns = Rotation.random(count, rng=np.random.default_rng(5))
+        for given in (turns, turns.as_matrix(), turns.as_quat()):
+            np.testing.assert_allclose(rotations("it", given), turns.as_matrix(), atol=1e-15)
+    last = Rotation.concatenate([turns[:3], Rotation.identity()])
+    np.testing.assert_allclose(rotations("x", last.as_quat()), last.as_matrix(), atol=1e-15)
+    # A quaternion of four digits is scaled.
+    found = rotations("tool", [0.2588, 0.0, 0.0, 0.9659])
+    np.testing.assert_allclose(found, from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
+def test_other_arrays_are_refused(refuses):
+    for given, words in (
         (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is no rotation", "right-handed")),
         (np.eye(3) * 1.1, ("no rotation",)),
         (np.eye(3) * 1e200, ("must be between", "1e+200")),
@@ -139,10 +132,17 @@ def test_many_rotations_in_every_form(count):
         (np.full((3, 3), np.nan), ("finite",)),
         ("up", ("must be numbers",)),
         ([[1, 2], [3]], ("must be numbers",)),
-    ],
-)
-def test_what_is_no_rotation_is_refused(given, words, refuses):
-    refuses(lambda: rotations("it", given), ac.InvalidInput, *words)
+    ):
+        refuses(lambda given=given: rotations("it", given), ac.InvalidInput, *words)
+    for arguments, words in (
+        ({"position": [0, 0]}, ("position of a frame", "3 coordinates", "not 2")),
+        ({"position": [0, 0, np.inf]}, ("position of a frame", "finite")),
+        ({"rotation": [np.eye(3), np.eye(3)]}, ("one rotation",)),
+        ({"rotation": np.eye(3) * 2}, ("rotation of a frame", "no rotation")),
+    ):
+        refuses(lambda arguments=arguments: Frame(**arguments), ac.InvalidInput, *words)
+    for angles in ([1.0, 2.0], 1.0, [[1.0, 2.0]]):
+        refuses(lambda angles=angles: from_rpy(angles), ac.InvalidInput, "three angles")
 
 
 def test_roll_pitch_and_yaw_are_about_fixed_axes():
@@ -153,11 +153,6 @@ def test_roll_pitch_and_yaw_are_about_fixed_axes():
     frame = Frame.rpy([1, 2, 3], angles[0])
     np.testing.assert_allclose(frame.rotation, from_rpy(angles[0]), atol=1e-15)
     np.testing.assert_array_equal(frame.position, [1, 2, 3])
-
-
-@pytest.mark.parametrize("angles", [[1.0, 2.0], 1.0, [[1.0, 2.0]]])
-def test_two_angles_are_no_roll_pitch_and_yaw(angles, refuses):
-    refuses(lambda: from_rpy(angles), ac.InvalidInput, "three angles")
 
 
 def test_frames_are_chained_and_turned_round_like_matrices():
@@ -196,19 +191,6 @@ def test_a_frame_keeps_its_own_copy():
             array[0] = 5.0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"position": [0, 0]}, ("position of a frame", "3 coordinates", "not 2")),
-        ({"position": [0, 0, np.inf]}, ("position of a frame", "finite")),
-        ({"rotation": [np.eye(3), np.eye(3)]}, ("one rotation",)),
-        ({"rotation": np.eye(3) * 2}, ("rotation of a frame", "no rotation")),
-    ],
-)
-def test_what_is_no_frame_is_refused(arguments, words, refuses):
-    refuses(lambda: Frame(**arguments), ac.InvalidInput, *words)
-
-
 def test_a_transform_is_no_four_quaternions(refuses):
     transform = np.eye(4)
     transform[:3, :3] = TURNED.as_matrix()
@@ -220,25 +202,13 @@ def test_a_transform_is_no_four_quaternions(refuses):
             lambda: ac.Path.polyline(np.eye(3)).oriented(transform),
         ):
             refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "give Frame")
-    four = Rotation.random(4, rng=np.random.default_rng(0))
-    np.testing.assert_allclose(rotations("x", four.as_quat()), four.as_matrix(), atol=1e-15)
-    last = Rotation.concatenate([four[:3], Rotation.identity()])
-    np.testing.assert_allclose(rotations("x", last.as_quat()), last.as_matrix(), atol=1e-15)
 
 
-def test_a_quaternion_of_four_digits_is_scaled() -> None:
-    np.testing.assert_allclose(
-        rotations("tool", [0.2588, 0.0, 0.0, 0.9659]), from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4
-    )
-
-
-def test_degrees_given_for_radians_are_warned_of_with_what_was_meant() -> None:
+def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():
     with pytest.warns(UserWarning, match=r"180 rad is more than a whole turn: for degrees") as told:
         Frame.rpy((0, 0, 0), (180, 0, 90))
     assert str(told[0].message).endswith("give np.radians([180.0, 0.0, 90.0]).")
     assert len(told) == 1 and told[0].filename == __file__
-
-
-@pytest.mark.parametrize("angle", [2 * np.pi, -6.2832, 6.28])
-def test_a_whole_turn_is_no_mistake(angle: float) -> None:
-    assert np.allclose(Frame.rpy((0, 0, 0), (0, 0, angle)).rotation, np.eye(3), atol=4e-3)
+    # A whole turn is no mistake.
+    for angle in (2 * np.pi, -6.2832, 6.28):
+        assert np.allclose(Frame.rpy((0, 0, 0), (0, 0, angle)).rotation, np.eye(3), atol=4e-3)

@@ -1,7 +1,5 @@
 """Parts of wholes, numbered."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from armcontour._parts import number_parts

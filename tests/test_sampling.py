@@ -12,7 +12,7 @@ def test_columns_go_on_straight_lines_and_stay_beyond_their_ends():
     np.testing.assert_array_equal(found, expected)
 
 
-def test_parts_of_long_motions_have_the_values_of_the_whole() -> None:
+def test_parts_of_long_motions_have_the_values_of_the_whole():
     rng = np.random.default_rng(0)
     for _ in range(300):
         t = np.sort(rng.uniform(0, 1, rng.integers(1, 30)))

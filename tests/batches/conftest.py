@@ -1,11 +1,5 @@
 """A small job and plans over it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path as FilePath
-from typing import Any
-
 import pytest
 
 JOB = """\
@@ -21,7 +15,7 @@ runs: {only: {compensation: {method: none}}}
 
 
 @pytest.fixture(scope="session")
-def jobs(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+def jobs(tmp_path_factory):
     """A folder with the small job."""
     folder = tmp_path_factory.mktemp("jobs")
     (folder / "bend.yaml").write_text(JOB)
@@ -29,10 +23,10 @@ def jobs(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 
 @pytest.fixture
-def planned(jobs: FilePath) -> Callable[..., dict[str, Any]]:
+def planned(jobs):
     """A plan over the small job, as data."""
 
-    def plan(over: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    def plan(over=None, **more):
         return {"job": str(jobs / "bend.yaml"), "over": over or {}, **more}
 
     return plan

@@ -1,29 +1,25 @@
 """One browser and one server for all tests of the page; what no page may do fails its test."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
-from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import pytest
-from soak.studio_page import PATIENCE, Server, Studio, browsing, find_browser, serving, write_job
+from soak.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
-from armcontour.jobs.study import RunResult
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    pass
 
-Open: TypeAlias = Callable[..., Studio]
+Open = Callable[..., Studio]
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     if find_spec("playwright") is None:
         pytest.skip("The page is not tested: pip install 'armcontour[browser]' drives a browser.")
     if find_browser() is None:
@@ -36,26 +32,26 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def job(tmp_path_factory):
     """The paper's job with three of its runs, set-points every 4 ms."""
     folder = tmp_path_factory.mktemp("studio")
     return write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
 
 
 @pytest.fixture(scope="module")
-def server(job: Path) -> Iterator[Server]:
+def server(job):
     with serving(job, folder=job.parent) as found:
         yield found
 
 
 @pytest.fixture
-def pages(browser: Browser, server: Server) -> Iterator[Open]:
+def pages(browser, server):
     """Opens pages; none may say anything in the console, or ask anyone else for anything."""
     with ExitStack() as closing:
-        opened: list[Studio] = []
+        opened = []
 
-        def open_page(at: Server = server, **how: object) -> Studio:
-            studio = Studio(browser, at, **how)  # type: ignore[arg-type]
+        def open_page(at=server, **how):
+            studio = Studio(browser, at, **how)
             closing.callback(studio.close)
             opened.append(studio)
             return studio
@@ -66,7 +62,7 @@ def pages(browser: Browser, server: Server) -> Iterator[Open]:
 
 
 @pytest.fixture
-def studio(pages: Open, job: Path) -> Studio:
+def studio(pages, job):
     """A page that shows the job as its file has it, and the run `optimal`."""
     found = pages()
     found.begin()
@@ -78,7 +74,7 @@ def studio(pages: Open, job: Path) -> Studio:
 
 
 @functools.lru_cache(maxsize=32)
-def _run(text: str, run: str, folder: Path) -> RunResult:
+def _run(text, run, folder):
     file = folder / "judged.yaml"
     file.write_text(text)
     job = ac.read_job(file)
@@ -87,6 +83,6 @@ def _run(text: str, run: str, folder: Path) -> RunResult:
 
 
 @pytest.fixture
-def judge(tmp_path: Path) -> Callable[..., RunResult]:
+def judge(tmp_path):
     """What the library makes of the text that a page has."""
     return lambda studio, run="optimal", folder=tmp_path: _run(studio.text, run, folder)

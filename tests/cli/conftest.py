@@ -1,11 +1,7 @@
-"""The command line in this process: a process of its own would take a second to start."""
-
-from __future__ import annotations
+"""The command line in this process; a separate process would take a second to start."""
 
 import signal
 import sys
-from collections.abc import Callable
-from pathlib import Path as FilePath
 from typing import NamedTuple
 
 import pytest
@@ -14,21 +10,18 @@ from armcontour.cli import main
 
 
 class Ended(NamedTuple):
-    """How a command ended: its exit code, what it printed, and its errors."""
+    """Result of a command: its exit code, its output and its errors."""
 
     code: int
     out: str
     errors: str
 
 
-Command = Callable[..., Ended]
-
-
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Run the command line in this process: its exit code, what it printed, and its errors."""
+def command(monkeypatch, capsys):
+    """Run the command line in this process."""
 
-    def call(*arguments: object) -> Ended:
+    def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["armcontour", *map(str, arguments)])
         monkeypatch.setattr(sys, "path", sys.path[:])
         monkeypatch.setattr(signal, "signal", lambda *_: None)
@@ -43,12 +36,46 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.fixture
-def command_in(command: Command, monkeypatch: pytest.MonkeyPatch) -> Command:
+def done(command):
+    """Run a command that has to succeed; returns its output."""
+
+    def call(*arguments):
+        ended = command(*arguments)
+        assert ended.code == 0, ended
+        return ended.out
+
+    return call
+
+
+@pytest.fixture
+def command_in(command, monkeypatch):
     """The same in a folder: `command_in(folder, "run", "job.yaml")`."""
 
-    def call(folder: FilePath, *arguments: object) -> Ended:
+    def call(folder, *arguments):
         with monkeypatch.context() as there:
             there.chdir(folder)
             return command(*arguments)
 
     return call
+
+
+@pytest.fixture
+def refused(command_in):
+    """Find rows `(arguments, words)` that are not refused with this exit code in one sentence."""
+
+    def faults(folder, rows, codes=(2, 3), begin=()):
+        found, before = [], sorted(folder.rglob("*"))
+        for arguments, words in rows:
+            arguments = arguments.split() if isinstance(arguments, str) else arguments
+            ended = command_in(folder, *begin, *arguments)
+            missing = [x for x in words if x not in " ".join(ended.errors.split())]
+            # A command may first report which file it reads.
+            said = [x for x in ended.errors.splitlines() if not x.startswith("reading: ")]
+            sentence = len(said) == 1 and said[0].startswith("Error: ")
+            if ended.code not in codes or missing or not sentence:
+                found.append((arguments, ended, missing))
+            if sorted(folder.rglob("*")) != before:
+                found.append((arguments, "it wrote a file"))
+        return found
+
+    return faults

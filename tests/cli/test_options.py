@@ -1,7 +1,5 @@
 """Options that commands take together, and the quantities in them."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,7 +20,7 @@ class Size:
     layer: Annotated[list[str] | None, typer.Option("--layer", help="Layers.")] = None
 
 
-def test_the_fields_of_a_group_are_options_of_its_command() -> None:
+def test_the_fields_of_a_group_are_options_of_its_command():
     app = typer.Typer()
 
     @app.command()
@@ -35,54 +33,40 @@ def test_the_fields_of_a_group_are_options_of_its_command() -> None:
         typer.echo(f"{name} {size.wide:g} {size.layer} {deep}")
 
     assert list(inspect.signature(draw).parameters) == ["name", "wide", "layer", "deep"]
-
-    def said(*arguments: str) -> str:
-        return CliRunner().invoke(app, arguments).output.strip()
-
-    assert said("a") == "a 1 None False"
-    assert said("a", "--layer", "x", "--wide", "2", "--layer", "y", "--deep") == (
-        "a 2 ['x', 'y'] True"
-    )
+    for line, said in (
+        ("a", "a 1 None False"),
+        ("a --layer x --wide 2 --layer y --deep", "a 2 ['x', 'y'] True"),
+    ):
+        assert CliRunner().invoke(app, line.split()).output.strip() == said
 
 
-def test_a_quantity_has_a_unit_unless_it_is_zero() -> None:
+def test_a_quantity_has_a_unit_unless_it_is_zero():
     assert read_option("--speed", None, Speed) is None
     assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)
     assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
     assert read_option("--memory", "4 GB", Memory) == 4e9
     assert read_option_list("--speeds", "0.1 m/s, 0.2m/s,50 mm/s", Speed) == (0.1, 0.2, 0.05)
     assert read_option_list("--speeds", None, Speed) is None
+    assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)
     (turn,) = read_option_list("--turn", "90 deg", Angle) or ()
     assert turn == pytest.approx(1.5707963267948966, rel=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_other_texts_are_refused_with_the_option():
+    for text, words in (
         ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
         ("0", "^--speed: must be above zero, but is 0 m/s.$"),
         ("1e300 m/s", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
         ("5", "^--speed: '5' has no unit: write one, as in '0.15 m/s'.$"),
-        ("1e300", "^--speed: '1e300' has no unit"),
-        ("-.5", "^--speed: '-.5' has no unit"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),
         ("", "^--speed: '' is not a quantity in m/s"),
-        ("nan", "^--speed: 'nan' is not a quantity in m/s"),
-    ],
-)
-def test_what_is_no_quantity_is_refused_with_its_option(text: str, words: str) -> None:
-    with pytest.raises(InvalidInput, match=words):
-        read_option("--speed", text, Speed)
-    with pytest.raises(InvalidInput, match=words):
-        read_option_list("--speed", f"0.1 m/s, {text}", Speed)
-
-
-def test_a_refused_quantity_is_said_in_the_unit_in_which_it_is_written() -> None:
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            read_option("--speed", text, Speed)
+        with pytest.raises(InvalidInput, match=words):
+            read_option_list("--speed", f"0.1 m/s, {text}", Speed)
+    # The unit is that of the text.
     with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
         read_option("--servo", " -0.5 mm ", Tolerance)
-
-
-def test_a_list_has_as_many_values_as_there_may_be() -> None:
-    assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)
-    with pytest.raises(InvalidInput, match="--at takes 2 or 3 values, such as '1 m, 2 m', not"):
+    with pytest.raises(InvalidInput, match="--at takes 2 or 3 values"):
         read_option_list("--at", "1 m", Length, counts=(2, 3), example="1 m, 2 m")

@@ -1,11 +1,8 @@
 """The command `studio`, up to the server."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,39 +11,27 @@ from armcontour.cli.serving import open_studio
 from armcontour.errors import InvalidInput
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "told"),
-    [
+def test_wrong_files_are_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "part.csv").write_text("x,y\n0,0\n1,0\n")
+    (tmp_path / "job.yaml").write_text("name: a\n")
+    for name, options, words in (
         ("none.yaml", {}, "There is no job file none.yaml"),
         ("none.dxf", {"cell": "ur5e"}, "There is no drawing none.dxf"),
         ("part.csv", {}, "part.csv is a drawing: .*--cell"),
         ("job.yaml", {"cell": "ur5e"}, "job.yaml is a job"),
         (None, {"cell": "ur5e"}, "--cell goes with a drawing"),
-    ],
-)
-def test_what_cannot_be_opened_is_refused_before_anything_starts(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    name: str | None,
-    options: dict[str, Any],
-    told: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "part.csv").write_text("x,y\n0,0\n1,0\n")
-    (tmp_path / "job.yaml").write_text("name: a\n")
-    with pytest.raises(InvalidInput, match=told):
-        open_studio(None if name is None else Path(name), StudioOptions(**options))
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            open_studio(None if name is None else Path(name), StudioOptions(**options))
     assert capsys.readouterr().out == ""
 
 
-def test_the_address_is_printed_and_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
     from armcontour.studio import server
 
     (tmp_path / "job.yaml").write_text("[")
-    opened: list[str] = []
+    opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setattr(server, "listen", lambda port, listen=server.listen: listen(0))
     with pytest.raises(InvalidInput, match="job.yaml"):
@@ -57,25 +42,22 @@ def test_the_address_is_printed_and_opened(
     assert opened == [address] and "Ctrl+C" in printed[1]
 
 
-@pytest.mark.parametrize("arguments", [[], ["job.yaml"], ["part.svg", "--cell", "ur5e"]])
-def test_nothing_that_computes_is_loaded_before_the_address_is_printed(
-    tmp_path: Path, arguments: list[str]
-) -> None:
-    (tmp_path / "job.yaml").write_text("name: a\n")
+ADDRESS = """
+import sys
+sys.argv = ['armcontour', 'studio', '--no-open', 'part.svg', '--cell', 'ur5e']
+from armcontour.cli import console, serving
+heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.io.keys'}
+def tell(text):
+    print(*(heavy & set(sys.modules)))
+    raise KeyboardInterrupt
+serving.say_at_once = tell
+from armcontour.cli import main
+main()
+"""
+
+
+def test_nothing_that_computes_is_loaded_before_the_address_is_printed(tmp_path):
     (tmp_path / "part.svg").write_text("<svg/>")
-    code = (
-        "import sys\n"
-        f"sys.argv = ['armcontour', 'studio', '--no-open', *{arguments!r}]\n"
-        "from armcontour.cli import console, serving\n"
-        "heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.io.keys'}\n"
-        "def tell(text):\n"
-        "    print(*(heavy & set(sys.modules)))\n"
-        "    raise KeyboardInterrupt\n"
-        "serving.say_at_once = tell\n"
-        "from armcontour.cli import main\n"
-        "main()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, cwd=tmp_path, text=True, timeout=60
-    )
+    line = [sys.executable, "-c", ADDRESS]
+    done = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
     assert done.stdout == "\n", (done.stdout, done.stderr)

@@ -1,9 +1,6 @@
 """`armcontour init`: built-in cells as files, in which drawings run."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path as FilePath
 
 import pytest
 from typer.testing import CliRunner
@@ -16,18 +13,15 @@ from armcontour.io.cell import cell_names
 DRAWING = "G21 G90 F1500\nG0 X5 Y5\nG1 X30 Y5\nG1 X30 Y20\nG1 X5 Y12\n"
 
 
-def call(*arguments: str) -> tuple[int, str]:
+def call(*arguments):
     done = CliRunner().invoke(app, arguments)
     assert done.exception is None or isinstance(done.exception, InvalidInput | SystemExit)
     said = done.output if done.exit_code == 0 else str(done.exception)
     return done.exit_code, " ".join(said.split())
 
 
-# The Panda takes some seconds: its configurations are searched over seven joints.
 @pytest.mark.parametrize("cell", cell_names())
-def test_a_written_cell_runs_a_drawing(
-    cell: str, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, said = call("init", cell)
     assert code == 0 and f"--cell {cell}.yaml" in said
@@ -40,9 +34,7 @@ def test_a_written_cell_runs_a_drawing(
     assert 0 < run["duration"] < 10
 
 
-def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "-o", "shop.yaml")[0] == 0
     written = (tmp_path / "shop.yaml").read_text()

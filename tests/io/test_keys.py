@@ -1,18 +1,27 @@
-"""Keys of files, made from dataclasses."""
+"""Keys of files from dataclasses, their quantities in SI units, and data as JSON."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+import json
+from dataclasses import asdict, dataclass, field
+from importlib import resources
+from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 import pytest
-from pydantic import create_model
+import yaml
+from tests.io.tables import refusals
 
 from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
+from armcontour._yaml import load
 from armcontour.errors import InvalidInput
-from armcontour.io import keys
+from armcontour.io.cell import cell_data, cell_names, cell_text, read_cell
+from armcontour.io.job_file import job_of
+from armcontour.io.job_model import CellModel, JobModel
+from armcontour.io.json_text import plain, to_json
 from armcontour.io.keys import Given, Keys, descriptions, read_keys, schema_of
+from armcontour.io.si_data import in_si, quantity_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +37,7 @@ class Wheel:
     speed: Speed | None = None
     slip: Ratio = 0.0
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         if self.slip >= 1:
             raise InvalidInput("A wheel must not slip wholly.")
 
@@ -52,11 +61,11 @@ class Driven(Wheel):
     wheels: tuple[Wheel, ...] = ()
 
 
-def read(data: Any) -> Any:
+def read(data):
     return read_keys(Keys(Driven), data, "cart.yaml")
 
 
-def test_a_mapping_of_keys_becomes_the_dataclass() -> None:
+def test_a_mapping_of_keys_becomes_the_dataclass():
     found = read({"gains": "25 1/s", "slip": "10 %", "wheels": [{"speed": "50 mm/s"}]})
     assert isinstance(found, Driven)
     assert (found.gains, found.slip, found.mode, found.teeth) == (25.0, 0.1, "soft", 12)
@@ -64,41 +73,33 @@ def test_a_mapping_of_keys_becomes_the_dataclass() -> None:
     assert read({"gains": [1, "2 1/s"]}).gains == [1.0, 2.0]
     # Where the default is made anew, null is that default.
     np.testing.assert_array_equal(read({"gains": 1, "axis": None}).axis, np.zeros(3))
-
-
-def test_what_is_given_is_told_from_defaults() -> None:
+    # What is given is told from defaults, in the order of the fields.
     given = read_keys(Given(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
-    assert given == {"speed": None, "slip": 0.5}
-    assert list(given) == ["speed", "slip"], "the order is that of the fields"
+    assert list(given.items()) == [("speed", None), ("slip", 0.5)]
     assert read_keys(Given(Driven), {}, "cart.yaml") == {}
     assert read_keys(Given(Driven, null=True), {"gains": None}, "cart.yaml") == {"gains": None}
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        ({}, "the key gains is missing"),
-        ({"gains": None}, "gains: must be a number in 1/s or text with a unit, not None"),
-        ({"gains": 0}, "gains: must be above zero, but is 0 1/s"),
-        ({"gains": 1, "mode": "medium"}, "mode: must be soft or hard, not 'medium'"),
-        ({"gains": 1, "teeth": 2}, "teeth: must be at least 3, but is 2"),
-        ({"gains": 1, "teeth": True}, "teeth: must be a whole number, not True"),
-        ({"gains": 1, "wheels": {}}, "wheels: must be a list, not {}"),
-        ({"gains": 1, "sped": 1}, r"unknown key sped: did you mean speed\?$"),
-        (
-            {"gains": 1, "wheels": [{"speedd": 1}]},
-            r"key wheels \(item 1\).speedd: did you mean speed",
-        ),
-        ({"gains": 1, "wheels": [{}, {"slip": 2}]}, r"wheels \(item 2\): A wheel must not slip"),
-        ([], r"the file: must be a mapping of keys, not \[\]"),
-    ],
-)
-def test_what_does_not_fit_is_refused_with_its_place(data: Any, words: str) -> None:
-    with pytest.raises(InvalidInput, match=f"^cart.yaml: .*{words}"):
-        read(data)
+BAD = """
+{} => the key gains is missing
+{gains: null} => gains: must be a number in 1/s or text with a unit, not None
+{gains: 0} => gains: must be above zero, but is 0 1/s
+{gains: 1, mode: medium} => mode: must be soft or hard, not 'medium'
+{gains: 1, teeth: 2} => teeth: must be at least 3, but is 2
+{gains: 1, teeth: true} => teeth: must be a whole number, not True
+{gains: 1, wheels: {}} => wheels: must be a list, not {}
+{gains: 1, sped: 1} => unknown key sped: did you mean speed?
+{gains: 1, wheels: [{speedd: 1}]} => key wheels (item 1).speedd: did you mean speed
+{gains: 1, wheels: [{}, {slip: 2}]} => wheels (item 2): A wheel must not slip
+[] => the file: must be a mapping of keys, not []
+"""
 
 
-def test_docstrings_describe_keys_in_the_words_of_files() -> None:
+def test_what_does_not_fit_is_refused_with_its_place():
+    refusals(lambda x: read(yaml.safe_load(x)), BAD, "cart.yaml: ")
+
+
+def test_docstrings_describe_keys_in_the_words_of_files():
     found = descriptions(Driven)
     assert found["speed"] == "Speed of the rim [m/s]; null is that of the cart."
     assert found["gains"] == "Gains of the drive [1/s]."
@@ -113,45 +114,94 @@ def test_docstrings_describe_keys_in_the_words_of_files() -> None:
     assert keys["speed"]["anyOf"][0]["anyOf"][0] == {"type": "number", "exclusiveMinimum": 0}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Light:
-    """A light.
-
-    Args:
-        watts: Its power.
-    """
-
-    watts: Annotated[int, AtLeast(3)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cart:
-    """A cart.
-
-    Args:
-        front: Its front wheel.
-        lamp: Its light.
-    """
-
-    front: Wheel | None = None
-    lamp: Light | None = None
+PAPER = resources.files("armcontour.jobs") / "library" / "paper.yaml"
+MORE = """
+name: more
+arm: {name: ur5e, payload: {mass: 2 kg, center: [1 mm, 0, 5 cm]}, tool: {position: [0, 0, 120 mm]}}
+path: {file: a.dxf, chord_tolerance: 20 um, layers: {cut: {speed: 50 mm/s, tolerance: 0.1 mm}}}
+limits: {joint_velocity: [90 deg/s, 90 deg/s, 1, 2, 3, 4], joint_jerk: null, tool_jerk: 40 m/s^3}
+process: {lead_in: {shape: arc, length: 5 mm}, dwell: 20 ms, begin: [1 mm, 2 mm]}
+servo: {kp: [25 1/s, 25, 25, 25, 25, 25], order: first, dead_time: 4 ms}
+plant: {dead_time: 5 ms}
+certificate: {tolerance: 0.1 mm, box: {gains: 10 %, payload: 1 kg}}
+memory: 3 GB
+runs: {one: {timing: {reserve: 5 %}, smoothing: [10 ms, 20 ms], corners: sharp}}
+"""
+TEXTS = {
+    "paper": PAPER.read_text(encoding="utf-8"),
+    "more": MORE,
+    **{x: cell_text(x) for x in cell_names()},
+}
 
 
-def test_what_checks_mappings_inside_is_built_when_a_file_has_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    built: list[str] = []
+def texts_with_units(data):
+    """All texts that begin with a number and have a unit."""
+    if isinstance(data, dict | list):
+        inner = data.values() if isinstance(data, dict) else data
+        return [y for x in inner for y in texts_with_units(x)]
+    word = data.split(" ")[0] if isinstance(data, str) and " " in data else ""
+    return [data] if word.lstrip("-").replace(".", "", 1).isdigit() else []
 
-    def create(name: str, *args: Any, **fields: Any) -> Any:
-        built.append(name)
-        return create_model(name, *args, **fields)
 
-    monkeypatch.setattr(keys, "create_model", create)
-    mark = Keys(Cart)
-    found = read_keys(mark, {"front": {"slip": "10 %"}}, "cart.yaml")
-    assert found.front.slip == 0.1 and "Cart" in built and "Light" not in built
-    # Its sentences, and its schema, are those of the whole file.
-    with pytest.raises(InvalidInput, match=r"lamp\.watts: must be at least 3"):
-        read_keys(mark, {"lamp": {"watts": 2}}, "cart.yaml")
-    assert "watts" in schema_of(mark)["$defs"]["Light"]["properties"]
-    assert read_keys(mark, {"lamp": {"watts": 5}}, "cart.yaml").lamp == Light(watts=5)
+def test_readers_make_the_same_of_it():
+    for name, text in TEXTS.items():
+        data = load(text, name)
+        found = in_si(data, CellModel)
+        assert texts_with_units(data) and texts_with_units(found) == []
+        models = [read_keys(Keys(CellModel), x, name) for x in (data, found)]
+        assert plain(asdict(models[0])) == plain(asdict(models[1]))
+        assert in_si(found, CellModel) == found
+    # What is no such quantity stays.
+    data = {"limits": {"speed": "5 mm", "unknown": "5 mm"}, "corners": "sharp", "none": [1]}
+    assert in_si(data, CellModel) == data
+
+
+def test_a_key_has_its_quantity():
+    units = {
+        "limits.speed": "m/s",
+        "limits.joint_velocity": "rad/s",
+        "runs.any.corners.tolerance": "m",
+        "runs.any.timing.reserve": "1",
+        "runs.any.timing.method": None,
+        "plant.dead_time": "s",
+        "process.lead_in.length": "m",
+        "process.by_layer.any.dwell": "s",
+        "arm.payload.mass": "kg",
+        "path.layers.any.speed": "m/s",
+        "memory": "byte",
+        "limits.spede": None,
+    }
+    found = {x: quantity_of(CellModel, x.split(".")) for x in units}
+    assert {x: y and y.unit for x, y in found.items()} == units
+
+
+def test_a_drawing_in_a_cell_is_data_of_a_job(tmp_path):
+    drawing = tmp_path / "line.csv"
+    drawing.write_text("x [mm],y [mm]\n300,200\n330,200\n")
+    data, source, folder = cell_data("pmk3s", drawing)
+    job = job_of(read_keys(Keys(JobModel), data, source), folder, None, False)
+    want = read_cell("pmk3s", drawing)
+    assert (job.name, job.title) == (want.name, want.title) == ("line", job.title)
+    assert job.program.length == want.program.length
+    assert [x.name for x in job.runs] == [x.name for x in want.runs]
+
+
+def test_arrays_are_lists_and_numbers_that_are_not_finite_null():
+    data = {
+        "array": np.array([[1.0, np.nan], [np.inf, 2.0]]),
+        "numbers": [np.float64(0.1), np.int64(3), np.bool_(True), None],
+        "tuple": (1, "two", -np.inf),
+        "view": MappingProxyType({1: "one"}).values(),
+        "nested": MappingProxyType({2: {"x": np.float32(0.5)}}),
+    }
+    assert json.loads(to_json(data)) == {
+        "array": [[1.0, None], [None, 2.0]],
+        "numbers": [0.1, 3, True, None],
+        "tuple": [1, "two", None],
+        "view": ["one"],
+        "nested": {"2": {"x": 0.5}},
+    }
+    assert to_json({"a": 1}) == '{\n  "a": 1\n}\n'
+    # What is no data is an error.
+    with pytest.raises(TypeError):
+        plain({"x": object()})

@@ -1,15 +1,20 @@
-"""The keys `scene`, `arm.shapes`, `arm.tool.shapes` of a job file."""
+"""Obstacles in job files, files of obstacles (URDF, scenes of MoveIt in both dialects), meshes."""
 
-from pathlib import Path
+import struct
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.io.tables import refusals, rows
 
-import armcontour as ac
 from armcontour.arms.chain import link_poses
 from armcontour.errors import InvalidInput
+from armcontour.io import mesh_file
 from armcontour.io.cell import cell_names, read_cell
 from armcontour.io.job_file import parse_job
+from armcontour.io.mesh_file import read_mesh
+from armcontour.io.scene_files import read_scene_file, upright
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 
 JOB = """
@@ -23,25 +28,14 @@ servo: {{kp: 25 1/s, kv: 150 1/s}}
 runs: {{plain: {{}}}}
 {scene}
 """
-TETRAHEDRON = """v 0 0 0
-v 100 0 0
-v 0 100 0
-v 0 0 100
-f 1 3 2
-f 1 2 4
-f 1 4 3
-f 2 3 4
-"""
+TETRAHEDRON = "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
-def job(scene: str = "", arm: str = "ur5e", folder: Path | None = None) -> ac.Job:
+def job(scene="", arm="ur5e", folder=None):
     return parse_job(JOB.format(arm=arm, scene=scene), folder=folder)
 
 
-def test_every_kind_of_obstacle_is_read(tmp_path: Path) -> None:
-    (tmp_path / "clamp.obj").write_text(TETRAHEDRON)
-    found = job(
-        """
+SCENE = """
 scene:
   boxes: [{name: vise, size: [100 mm, 0.2, 5 cm], at: [0.4, 0, 10 mm], rpy: [0, 0, 90 deg]}]
   cylinders: [{name: post, radius: 20 mm, length: 0.5, margin: 1 cm, allow: [tool, wrist_3_link]}]
@@ -50,51 +44,43 @@ scene:
   halfspaces: [{name: table}, {name: wall, at: [0, 1, 0], normal: [0, -2, 0]}]
   meshes: [{name: clamp, file: clamp.obj, unit: mm}]
   margins: {environment: 8 mm}
-""",
-        folder=tmp_path,
-    ).scene
-    assert found is not None
-    by_name = {x.name: x for x in found.obstacles}
+"""
+
+
+def test_every_kind_of_obstacle_is_read(tmp_path):
+    (tmp_path / "clamp.obj").write_text(TETRAHEDRON)
+    found = job(SCENE, folder=tmp_path).scene
     kinds = [Box, Cylinder, Sphere, Capsule, HalfSpace, HalfSpace, Mesh]
     assert [type(x.shape) for x in found.obstacles] == kinds
-    vise, wall = by_name["vise"], by_name["wall"]
-    assert isinstance(vise.shape, Box)
+    vise, post, _, hose, _, wall, clamp = found.obstacles
     np.testing.assert_allclose(vise.shape.size, [0.1, 0.2, 0.05])
     np.testing.assert_allclose(vise.place.position, [0.4, 0, 0.01])
     np.testing.assert_allclose(vise.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(wall.place.rotation[:, 2], [0, -1, 0], atol=1e-15)
-    assert by_name["post"].margin == 0.01
-    assert by_name["post"].allow == ("tool", "wrist_3_link")
-    assert by_name["hose"].fixed_to == "part" and vise.fixed_to == "base"
-    clamp = by_name["clamp"].shape
-    assert isinstance(clamp, Mesh) and clamp.size == pytest.approx(0.1)
+    assert post.margin == 0.01 and post.allow == ("tool", "wrist_3_link")
+    assert hose.fixed_to == "part" and vise.fixed_to == "base"
+    assert clamp.name == "clamp" and clamp.shape.size == pytest.approx(0.1)
     assert (found.margins.environment, found.margins.own) == (0.008, 0.002)
 
 
-def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path: Path) -> None:
+def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
-    before, after = JOB.split("path:")[0], JOB.split("limits:")[1]
     sheet = "{name: sheet, size: [0.1, 0.1, 0.01], at: [0.05, 0, 0], fixed_to: part}"
-    cell = tmp_path / "cell.yaml"
-    cell.write_text(
-        before.format(arm="ur5e")
-        + "path: {frame: {position: [0.4, 0, 0.1], rpy: [0, 0, 90 deg]}, "
-        + "orientation: {axis: [0, 0, -1]}}\nlimits:"
-        + after.format(scene=f"scene: {{boxes: [{sheet}]}}")
-    )
-    scene = read_cell(cell, tmp_path / "line.csv").scene
-    assert scene is not None
+    text = JOB.format(arm="ur5e", scene=f"scene: {{boxes: [{sheet}]}}")
+    points = text[text.index("  points:") : text.index("  orientation")]
+    frame = "  frame: {position: [0.4, 0, 0.1], rpy: [0, 0, 90 deg]}\n"
+    (tmp_path / "cell.yaml").write_text(text.replace(points, frame))
+    scene = read_cell(tmp_path / "cell.yaml", tmp_path / "line.csv").scene
     (found,) = scene.obstacles
     np.testing.assert_allclose(found.place.position, [0.4, 0.05, 0.1], atol=1e-15)
     np.testing.assert_allclose(found.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
 
 
-def test_shapes_of_the_tool_are_in_the_frame_of_the_tip() -> None:
+def test_links_of_an_arm_and_its_tool_get_shapes():
     arm = job(
         arm="{name: ur5e, tool: {shapes: {cylinders: "
         "[{name: torch, radius: 1 cm, length: 20 cm, at: [0, 0, 0.1]}]}}}"
     ).arm
-    assert arm.shapes is not None and isinstance(arm, ac.SerialArm)
     torch = arm.shapes.shapes[-1]
     assert torch.tool and torch.link == 6 and torch.name == "torch"
     q = np.array([[0.3, -1.0, 1.2, -0.7, 0.4, 0.9]])
@@ -104,62 +90,47 @@ def test_shapes_of_the_tool_are_in_the_frame_of_the_tip() -> None:
     middle = pose[:, :3] @ torch.place.position + pose[:, 3]
     np.testing.assert_allclose(middle, point[0] + turned[0] @ [0, 0, 0.1], atol=1e-12)
     assert len(arm.shapes.shapes) == 8
-
-
-def test_links_of_an_arm_get_more_shapes() -> None:
     arm = job(
         arm="{name: ur5e, shapes: {spheres: [{name: camera, link: wrist_1_link, radius: 4 cm},"
         "{name: plug, link: base, radius: 2 cm}, {name: hose, link: elbow_joint, radius: 1 cm}]}}"
     ).arm
-    assert arm.shapes is not None
     more = {x.name: x for x in arm.shapes.shapes[-3:]}
     assert [more[x].link for x in ("camera", "plug", "hose")] == [4, 0, 3]
     assert not more["camera"].tool
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"scene": "scene: {boxes: [{name: a, size: [1, 0, 1]}]}"}, ["scene.boxes: a", "size"]),
-        ({"scene": "scene: {spheres: [{name: a, radius: 0}]}"}, ["scene.spheres: a", "radius"]),
-        (
-            {"scene": "scene: {spheres: [{name: a, radius: 1, link: base}]}"},
-            ["scene.spheres: a", "link"],
-        ),
-        (
-            {"scene": "scene: {halfspaces: [{name: w, normal: [0, 0, 0]}]}"},
-            ["scene.halfspaces: w", "length 0"],
-        ),
-        ({"scene": "scene: {meshes: [{name: m, file: no.stl}]}"}, ["scene.meshes: m", "no.stl"]),
-        ({"scene": "scene: {files: [no.urdf]}"}, ["scene.files", "no.urdf"]),
-        ({"scene": "scene: {files: [a.step]}"}, ["a.step", ".urdf"]),
-        (
-            {"scene": "scene: {spheres: [{name: a, radius: 1}, {name: a, radius: 2}]}"},
-            ["Two obstacles", "'a'"],
-        ),
-        (
-            {"arm": "{name: ur5e, tool: {shapes: {spheres: [{name: a, radius: 1, margin: 1}]}}}"},
-            ["arm.tool.shapes.spheres: a", "margin"],
-        ),
-        (
-            {"arm": "{name: ur5e, tool: {shapes: {halfspaces: [{name: a}]}}}"},
-            ["arm.tool.shapes.halfspaces: a", "half-space"],
-        ),
-        (
-            {"arm": "{name: ur5e, shapes: {spheres: [{name: a, radius: 1, link: wrist}]}}"},
-            ["arm.shapes.spheres: a", "wrist_1_link", "'wrist'"],
-        ),
-        ({"arm": "{name: ur5e, srdf: no.srdf}"}, ["no.srdf"]),
-    ],
-)
-def test_a_wrong_body_is_named_in_one_sentence(keys: dict[str, str], words: list[str]) -> None:
-    with pytest.raises(InvalidInput) as caught:
-        assert job(**keys).arm.shapes
-    text = str(caught.value)
-    assert all(x in text for x in words) and text.count(". ") == 0, text
+BAD = """
+scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
+scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
+scene => spheres: [{name: a, radius: 1, link: base}] => scene.spheres: a ... link
+scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... length 0
+scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
+scene => files: [no.urdf] => scene.files ... no.urdf
+scene => files: [a.step] => a.step ... .urdf
+scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
+tool => spheres: [{name: a, radius: 1, margin: 1}] => arm.tool.shapes.spheres: a ... margin
+tool => halfspaces: [{name: a}] => arm.tool.shapes.halfspaces: a ... half-space
+arm => spheres: [{name: a, radius: 1, link: wrist}] => arm.shapes.spheres: a ... wrist_1_link ... 'w
+"""
 
 
-def test_built_in_cells_in_space_stand_on_a_table(tmp_path: Path) -> None:
+def test_a_wrong_body_is_named_in_one_sentence():
+    keys = {
+        "scene": ("scene", "scene: {%s}"),
+        "tool": ("arm", "{name: ur5e, tool: {shapes: {%s}}}"),
+        "arm": ("arm", "{name: ur5e, shapes: {%s}}"),
+    }
+
+    def shapes(row):
+        key, text = keys[row[0]]
+        return job(**{key: text % row[1]}).arm.shapes
+
+    refusals(shapes, [((x, y), words) for x, y, words in rows(BAD)], without=". ")
+    with pytest.raises(InvalidInput, match="no.srdf"):
+        assert job(arm="{name: ur5e, srdf: no.srdf}").arm.shapes
+
+
+def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
     for name in set(cell_names()) - {"pmk3s"}:
         found = read_cell(name, tmp_path / "line.csv")
@@ -171,3 +142,234 @@ def test_built_in_cells_in_space_stand_on_a_table(tmp_path: Path) -> None:
         assert top[2] == pytest.approx(found.single_path(0.0)[2])
         last = {x.name for x in found.arm.shapes.shapes if x.link == found.arm.dof}
         assert set(part.allow) == {"tool", *last}
+
+
+CELL = """<robot name="cell">
+  <link name="world"/>
+  <link name="table">
+    <collision><origin xyz="0 0 -0.05"/><geometry><box size="2 1 0.1"/></geometry></collision>
+    <collision><origin xyz="0.9 0 -0.5"/><geometry><cylinder radius="0.05" length="0.8"/></geometry>
+    </collision>
+  </link>
+  <link name="door"><collision><geometry><box size="1 0.02 1"/></geometry></collision></link>
+  <joint name="stand" type="fixed"><parent link="world"/><child link="table"/>
+    <origin xyz="0.5 0 0" rpy="0 0 1.5707963267948966"/></joint>
+  <joint name="hinge" type="revolute"><parent link="table"/><child link="door"/>
+    <origin xyz="1 0 0.5"/><axis xyz="0 0 1"/><limit lower="0" upper="1.5" velocity="1"/></joint>
+</robot>"""
+SHAPES = """box
+0.1 0.2 0.3
+{0}
+0 0 0 0
+cylinder
+0.05 0.4
+{0}
+0 0 0 0"""
+# A pose 0.5 m along x, turned by 90 deg about z.
+POSE = "0.5 0 0\n0 0 0.70710678 0.70710678"
+HERE = "0 0 0\n0 0 0 1"
+OLD = (
+    f"(noname)\n* fixture one\n2\n{SHAPES.format(POSE)}\n"
+    f"* ball\n1\nsphere\n0.1\n{HERE}\n0 0 0 0\n.\n"
+)
+NEW = (
+    f"(noname)+\n* fixture one\n{POSE}\n2\n{SHAPES.format(HERE)}\n1\ntop\n0 0 0.1\n0 0 0 1\n"
+    f"* ball\n{HERE}\n1\nsphere\n0.1\n{HERE}\n1 0 0 1\n0\n.\n"
+)
+
+
+def read(folder, text):
+    (folder / "a.scene").write_text(text)
+    return read_scene_file(folder / "a.scene")
+
+
+def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
+    file = tmp_path / "cell.urdf"
+    file.write_text(CELL)
+    found = {x.name: x for x in read_scene_file(file)}
+    places = {"table": (0.5, 0, -0.05), "table 2": (0.5, 0.9, -0.5), "door": (0.5, 1, 0.5)}
+    assert list(found) == list(places)
+    for name, place in places.items():
+        np.testing.assert_allclose(found[name].place.position, place, atol=1e-12)
+    np.testing.assert_allclose(found["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
+    table = [
+        ('<robot name="cell"><link name="world"/></robot>', "no collision elements"),
+        (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
+    ]
+    refusals(lambda x: read_scene_file(file) if file.write_text(x) else None, table)
+
+
+def test_both_dialects_say_the_same(tmp_path):
+    for text in (OLD, NEW):
+        box, cylinder, ball = read(tmp_path, text)
+        assert (box.name, cylinder.name, ball.name) == ("fixture one", "fixture one 2", "ball")
+        assert isinstance(box.shape, Box) and isinstance(cylinder.shape, Cylinder)
+        assert isinstance(ball.shape, Sphere) and ball.shape.radius == 0.1
+        np.testing.assert_allclose(box.shape.size, [0.1, 0.2, 0.3])
+        assert (cylinder.shape.radius, cylinder.shape.length) == (0.05, 0.4)
+        for x in (box, cylinder):
+            np.testing.assert_allclose(x.place.position, [0.5, 0, 0], atol=1e-8)
+            np.testing.assert_allclose(x.place.rotation[:, 0], [0, 1, 0], atol=1e-8)
+    # Poses of an object and of its shapes are joined.
+    text = f"s\n* a\n{POSE}\n1\nbox\n1 1 1\n0.1 0.2 0\n0 0 0 1\n0 0 0 0\n0\n.\n"
+    (found,) = read(tmp_path, text)
+    # The shape's (0.1, 0.2) is turned by 90 deg.
+    np.testing.assert_allclose(found.place.position, [0.5 - 0.2, 0.1, 0], atol=1e-8)
+
+
+def test_planes_are_half_spaces_and_cones_are_held(tmp_path):
+    text = f"""s
+* floor\n1\nplane\n0 0 2 0.4\n{HERE}\n0 0 0 0
+* cone\n1\ncone\n0.1 0.4\n{HERE}\n0 0 0 0
+* wedge\n1\nmesh\n4 4\n{POINTS}\n0 2 1\n0 1 3\n0 3 2\n1 2 3\n{HERE}\n0 0 0 0\n.\n"""
+    floor, cone, wedge = read(tmp_path, text)
+    assert [type(x.shape) for x in (floor, cone, wedge)] == [HalfSpace, Mesh, Mesh]
+    # 2 z + 0.4 = 0.
+    np.testing.assert_allclose(floor.place.position, [0, 0, -0.2])
+    np.testing.assert_allclose(floor.place.rotation[:, 2], [0, 0, 1])
+    assert cone.shape.points[-1].tolist() == [0, 0, 0.2]
+    # All edges of the pyramid's base are outside the circle, and its corners by 0.5 %.
+    base = cone.shape.points[:-1, :2]
+    middles = (base + np.roll(base, 1, axis=0)) / 2
+    assert np.linalg.norm(middles, axis=1).min() == pytest.approx(0.1)
+    assert np.linalg.norm(base, axis=1).max() < 0.1005
+    assert wedge.shape.triangles.tolist()[3] == [1, 2, 3]
+
+
+POINTS = "0 0 0\n1 0 0\n0 1 0\n0 0 1"
+BAD_SCENES = [
+    ("", "ends early: * and the name"),
+    ("name\n", "ends early"),
+    ("name\nbox\n", "line 2: * and the name ... not 'box'"),
+    (NEW.replace("\n.\n", "\n"), "ends early"),
+    (NEW.replace("box", "torus"), "line 6: box, sphere, ... not 'torus'"),
+    (NEW.replace("0.1 0.2 0.3", "0.1 0.2"), "line 7: x and y and z of a box, 3 n ... '0.1 0.2'"),
+    (NEW.replace("0.1 0.2 0.3", "0.1 nan 0.3"), "line 7"),
+    (NEW.replace("0.1 0.2 0.3", "0.1 -1 0.3"), "line 7 ... size of a box"),
+    (NEW.replace("0 0 0.70710678 0.70710678", "0 0 1 1"), "line 4 ... quaternion ... length 1"),
+    (NEW.replace("\n2\nbox", "\n1e9\nbox"), "number of shapes, from 0 to"),
+    (f"s\n* m\n1\nmesh\n3 1\n{HERE}\n.\n", "line 5: 4 to 1,000,000 points"),
+    (f"s\n* m\n1\nmesh\n4 4\n{POINTS}\n0 1 4\n0 1 2\n0 1 3\n0 2 3\n.\n", "from 0 to 3"),
+    (f"s\n* m\n1\nplane\n0 0 0 1\n{HERE}\n0 0 0 0\n.", "line 5: a plane whose normal"),
+]
+
+
+def test_a_scene_of_another_form_is_refused_with_its_line(tmp_path):
+    refusals(lambda text: read(tmp_path, text), BAD_SCENES, "a.scene")
+
+
+@given(*[st.floats(-1, 1)] * 3)
+def test_upright_turns_z_and_nothing_else(x, y, z):
+    size = np.linalg.norm([x, y, z])
+    if size < 1e-6:
+        return
+    turned = upright(np.array([x, y, z]) / size)
+    np.testing.assert_allclose(turned[:, 2] * size, [x, y, z], atol=1e-9)
+    np.testing.assert_allclose(turned.T @ turned, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turned) == pytest.approx(1)
+
+
+# A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.
+CORNERS = np.array([[x, y, z] for x in (0, 0.2) for y in (0, 0.3) for z in (0, 0.4)])
+FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+TRIANGLES = [x for a, b, c, d in FACES for x in ((a, b, c), (a, c, d))]
+
+
+def binary(corners=CORNERS, header=b"made here"):
+    rows = [struct.pack("<12fH", 0, 0, 0, *corners[list(x)].ravel().tolist(), 0) for x in TRIANGLES]
+    return header.ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def ascii_stl(corners=CORNERS):
+    lines = ["solid box"]
+    for x in TRIANGLES:
+        lines += ["facet normal 0 0 0", "outer loop"]
+        lines += [f"  vertex {a:.9g} {b:.9g} {c:.9g}" for a, b, c in corners[list(x)]]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid box"])
+
+
+def obj(corners=CORNERS):
+    vertices = [f"v {a} {b} {c}" for a, b, c in corners]
+    faces = ["f " + " ".join(f"{k + 1}/1/{k + 1}" for k in x) for x in FACES]
+    return "\n".join(["# a box", "o box", *vertices, "vn 0 0 1", "g sides", *faces])
+
+
+def test_a_box_is_read_from_every_format(tmp_path):
+    for name, content in (
+        ("binary.STL", binary()),
+        # Many programs begin binary files as if they were text.
+        ("solid.STL", binary(header=b"solid box")),
+        ("ascii.STL", ascii_stl().encode()),
+        ("box.obj", obj().encode()),
+    ):
+        (tmp_path / name).write_bytes(content)
+        found = read_mesh(tmp_path / name)
+        assert len(found.points) == 8 and len(found.triangles) == 12
+        found_corners = np.array(sorted(np.round(found.points, 7).tolist()))
+        np.testing.assert_allclose(found_corners, np.array(sorted(CORNERS.tolist())), atol=1e-7)
+        # The volume by the divergence theorem: all triangles look outwards, and none is missing.
+        a, b, c = found.points[found.triangles.T]
+        volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+        assert volume == pytest.approx(0.2 * 0.3 * 0.4, rel=1e-6)
+
+
+def test_units_and_scales(tmp_path):
+    large, small = tmp_path / "large.stl", tmp_path / "small.stl"
+    large.write_bytes(binary(CORNERS * 1000))
+    small.write_bytes(binary(CORNERS / 1000))
+    assert read_mesh(large, unit="mm").size == pytest.approx(0.4)
+    assert read_mesh(large, scale=1e-3).size == pytest.approx(0.4)
+    assert read_mesh(large, scale=[1e-3, 1e-3, 2e-3]).size == pytest.approx(0.8)
+    # Whoever says the unit is believed.
+    assert read_mesh(small, unit="m").size == pytest.approx(4e-4)
+    table = [
+        ((large,), "400 m large ... unit: mm ... 0.4 m"),
+        ((small,), "0.0004 m large ... unit: km ... 0.4 m"),
+        ((small, "s"), "unit 's', which is no unit of length"),
+    ]
+    refusals(lambda x: read_mesh(x[0], **({"unit": x[1]} if x[1:] else {})), table)
+
+
+def test_polygons_negative_indices_and_triangles_without_an_area_of_obj(tmp_path):
+    file, begin = tmp_path / "box.obj", obj().split("vn")[0]
+    backwards = "\n".join("f " + " ".join(str(k - 8) for k in x) for x in FACES)
+    for text in (begin + backwards, obj() + "\nf 1 1 2\n"):
+        file.write_text(text)
+        assert len(read_mesh(file).triangles) == 12
+    file.write_text(begin + "f 1 1 2\nf 3 4 3\n")
+    refusals(read_mesh, [(file, "No triangle ... has an area")])
+
+
+BAD_MESHES = [
+    ("a.stl", b"", "ends early"),
+    ("a.stl", binary()[:-1], "ends early ... 12 triangles take 684 bytes, and it has 683"),
+    ("a.stl", b"x" * 80 + bytes(4), "no triangles"),
+    ("a.stl", b"<html>" * 50, "no STL file"),
+    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... no finite"),
+    ("a.stl", ascii_stl().replace("0.400000006", "nan").replace("0.4", "nan").encode(), "line"),
+    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "within a triangle ... 35 corners"),
+    ("a.obj", b"", "no triangles"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 before it"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3 ... at least 3"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ""),
+    ("a.dae", b"<COLLADA/>", ".stl or .obj"),
+]
+
+
+def test_what_is_no_mesh_is_refused_in_a_sentence(tmp_path):
+    def read(row):
+        (tmp_path / row[0]).write_bytes(row[1])
+        return read_mesh(tmp_path / row[0])
+
+    refusals(read, [((name, content), name, words) for name, content, words in BAD_MESHES])
+
+
+def test_missing_files_and_too_many_triangles(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
+    contents = {"a.stl": binary(), "b.stl": ascii_stl().encode(), "a.obj": obj().encode()}
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    many = [(x, "12 triangles, more than the 11") for x in contents]
+    refusals(lambda x: read_mesh(tmp_path / x), [("none.stl", "no mesh ... none.stl"), *many])

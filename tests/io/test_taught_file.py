@@ -1,17 +1,17 @@
-"""The taught data that a robot has executed, compared with its job and with what was learned."""
-
-from __future__ import annotations
+"""Taught data that a robot has executed, and files of lessons, which are exact."""
 
 import dataclasses
+import json
+import zipfile
 
 import numpy as np
 import pytest
 from soak.corner_job import CORNER_JOB
+from tests.io.tables import refusals
 
-from armcontour.errors import InvalidInput
 from armcontour.io import parse_job, write_taught
 from armcontour.io.exports import export
-from armcontour.io.lesson_file import write_lesson
+from armcontour.io.lesson_file import read_lesson, write_lesson
 from armcontour.io.taught_file import LESSON, read_taught
 from armcontour.jobs.learning import plan_run
 from armcontour.learning import LearnedRun, Lesson
@@ -36,16 +36,10 @@ def learned(plan, step=1e-3):
         joint_max=zeros, tool_rms=0.0, tool_max=0.0,
     )  # fmt: skip
     return Lesson(
-        period=taught.period,
-        q=taught.q + step / 3,
-        trajectory=taught.trajectory,
-        method="learning",
-        start_time=-taught.period,
-        runs=(run,),
-        predicted=0.0,
-        bound=0.0,
+        period=taught.period, q=taught.q + step / 3, trajectory=taught.trajectory,
+        method="learning", start_time=-taught.period, runs=(run,), predicted=0.0, bound=0.0,
         noise=0.0,
-    )
+    )  # fmt: skip
 
 
 def put(folder, job, taught, lesson=None):
@@ -57,24 +51,17 @@ def put(folder, job, taught, lesson=None):
 
 
 def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path):
-    assert read_taught(put(tmp_path, job, plan.taught), job, plan) is plan.taught
-
-
-def test_degrees_with_few_digits_will_do(job, plan, tmp_path):
-    file = tmp_path / "taught.csv"
+    file = put(tmp_path, job, plan.taught)
+    assert read_taught(file, job, plan) is plan.taught
+    # Degrees with few digits will do.
     table = np.column_stack([plan.taught.t * 1e3, np.degrees(plan.taught.q)])
     np.savetxt(file, table, "%.4f", ",", header="t [ms],q1 [deg],q2 [deg]", comments="")
     assert read_taught(file, job, plan) is plan.taught
-
-
-def test_an_export_begins_at_zero(job, plan, tmp_path):
+    # An export begins at zero.
     late = dataclasses.replace(plan, taught=changed(plan, by=0.0, start_time=-0.008))
-    file = tmp_path / "export.csv"
-    export(late.taught, file, arm=job.arm)
-    assert read_taught(file, job, late) is late.taught
-
-
-def test_with_a_history_it_is_the_lesson_to_the_last_bit(job, plan, tmp_path):
+    export(late.taught, tmp_path / "export.csv", arm=job.arm)
+    assert read_taught(tmp_path / "export.csv", job, late) is late.taught
+    # With a history it is the lesson, to the last bit.
     lesson = learned(plan)
     found = read_taught(put(tmp_path, job, lesson, lesson), job, plan)
     assert isinstance(found, Lesson) and len(found.runs) == 1
@@ -88,33 +75,102 @@ def changed(plan, where=slice(None), by=1e-6, **fields):
                          | {"q": q} | fields))  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda p: changed(p, (50, 1)), ["joint 2 differs by 1e-06 rad", "t = 0.2 s", "corner"]),
-        (lambda p: changed(p, by=0.0, q=p.taught.q[:-1]), ["set-points of 2 joints, not the"]),
-        (lambda p: changed(p, by=0.0, period=0.005), ["at other times"]),
-    ],
-)
-def test_other_set_points_are_refused(refuses, job, plan, tmp_path, make, words):
-    file = put(tmp_path, job, make(plan))
-    refuses(lambda: read_taught(file, job, plan), InvalidInput, "taught.csv", *words)
-
-
-def test_a_history_of_other_set_points_is_refused(refuses, job, plan, tmp_path):
-    lesson = learned(plan)
-    file = put(tmp_path, job, plan.taught, lesson)
-    refuses(lambda: read_taught(file, job, plan), InvalidInput, "lesson.npz beside it", "joint 1")
-
-
-def test_a_history_of_another_job_is_refused(refuses, job, plan, tmp_path):
-    lesson = learned(plan)
+def test_other_set_points_are_refused(job, plan, tmp_path):
+    still, lesson = changed(plan, by=0.0), learned(plan)
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
-    lesson = dataclasses.replace(lesson, runs=(other,))
-    file = put(tmp_path, job, lesson, lesson)
-    refuses(lambda: read_taught(file, job, plan), InvalidInput, "give the job as it was")
+    other = dataclasses.replace(lesson, runs=(other,))
+    table = [
+        ((changed(plan, (50, 1)),), "taught.csv ... joint 2 differs by 1e-06 rad ... t = 0.2 s"),
+        ((dataclasses.replace(still, q=still.q[:-1]),), "taught.csv ... set-points of 2 joints"),
+        ((changed(plan, by=0.0, period=0.005),), "taught.csv ... at other times"),
+        # Histories of other set-points, and of another job.
+        ((plan.taught, lesson), "lesson.npz beside it ... joint 1"),
+        ((other, other), "give the job as it was"),
+    ]
+    refusals(lambda x: read_taught(put(tmp_path, job, *x), job, plan), table)
+    refusals(lambda x: read_taught(x, job, plan), [(tmp_path, "holds no result")])
 
 
-def test_a_folder_must_be_a_result(refuses, job, plan, tmp_path):
-    put(tmp_path, job, plan.taught)
-    refuses(lambda: read_taught(tmp_path, job, plan), InvalidInput, "holds no result")
+def made(plan, runs=2):
+    """A lesson with numbers of all digits."""
+    random = np.random.default_rng(1)
+    q = random.standard_normal((30, 2)) / 3
+
+    def run(k):
+        return LearnedRun(
+            q=q + k * np.pi, error=random.standard_normal((40, 2)),
+            noise=np.array([1e-5, 2e-5]) / 3, loop_noise=np.array([3e-5, 4e-5]) / 7,
+            joint_rms=random.random(2), joint_max=random.random(2), tool_rms=0.1 / 3,
+            tool_max=0.2 / 3, contour_rms=None if k else 1 / 7, predicted=1 / 9 if k else None,
+            offset=-100 / 3, source="run, 'ü'.csv",
+        )  # fmt: skip
+
+    return Lesson(
+        period=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
+        runs=tuple(run(k) for k in range(runs)), predicted=1 / 3, bound=2 / 3, noise=1e-7 / 3,
+        setbacks=1, reason="because",
+    )  # fmt: skip
+
+
+def same(first, second):
+    for x in dataclasses.fields(first):
+        a, b = getattr(first, x.name), getattr(second, x.name)
+        if x.name == "runs":
+            assert len(a) == len(b)
+            for one, other in zip(a, b, strict=True):
+                same(one, other)
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
+        else:
+            assert a == b and type(a) is type(b), x.name
+
+
+def test_a_lesson_comes_back_to_the_last_bit(plan, tmp_path):
+    lesson = made(plan)
+    write_lesson(tmp_path / "a.npz", lesson)
+    found = read_lesson(tmp_path / "a.npz", plan.trajectory)
+    same(lesson, found)
+    write_lesson(tmp_path / "b.npz", found)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with np.load(tmp_path / "a.npz") as found:
+        np.testing.assert_array_equal(found["q"], lesson.q)
+        np.testing.assert_array_equal(found["run 2: error"], lesson.runs[1].error)
+
+
+def other(first=False, **values):
+    """Change the text of a file, or what it has of the first run."""
+
+    def change(parts):
+        about = json.loads(parts["about.json"])
+        (about["runs"][0] if first else about).update(values)
+        parts["about.json"] = json.dumps(about).encode()
+
+    return change
+
+
+def test_damaged_and_other_files_are_refused(plan, tmp_path):
+    def read(change):
+        file = tmp_path / "a.npz"
+        write_lesson(file, made(plan))
+        with zipfile.ZipFile(file) as source:
+            parts = {x: source.read(x) for x in source.namelist()}
+        change(parts)
+        with zipfile.ZipFile(file, "w") as target:
+            for name, content in parts.items():
+                target.writestr(name, content)
+        return read_lesson(file, plan.trajectory)
+
+    table = [
+        (other(version=99), "version 99 ... reads version 1"),
+        (other(runs=[]), "a.npz ... at least one run"),
+        (other(True, tool_rms="large"), "damaged"),
+        (other(True, tool_rms=float("nan")), "damaged"),
+        (other(True, unknown=1.0), "damaged"),
+        (lambda parts: parts.pop("q.npy"), "damaged"),
+        (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
+        (lambda parts: parts.pop("about.json"), "damaged"),
+    ]
+    refusals(read, table)
+    (tmp_path / "text.npz").write_text("t,q1\n")
+    others = [("no.npz", "There is no file of learning"), ("text.npz", "no file of learning")]
+    refusals(lambda x: read_lesson(tmp_path / x, plan.trajectory), others)

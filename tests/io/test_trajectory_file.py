@@ -1,44 +1,47 @@
-"""Trajectory files and limits files: what they give, and how a bad one is refused."""
-
-from __future__ import annotations
+"""Trajectory files, limits files and logs of a run: what they give, and what is refused."""
 
 import os
 import tracemalloc
-from collections.abc import Callable
-from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from tests.io.tables import refusals, values
 
-import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_trajectory, read_limits, read_trajectory
+from armcontour.io.log_file import read_run_log
+from armcontour.learning import Recording
+from armcontour.motion import Log
 
 ROWS = "\n0,0.1,0.2\n0.5,0.3,0.4\n"
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
+@pytest.fixture
+def read(tmp_path):
+    def from_bytes(content, name="a.csv", **options):
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_trajectory(tmp_path / name, **options)
+
+    return from_bytes
+
+
+def test_names_and_units_of_columns():
+    for header in (
         "t,q1,q2",
         "t [s],joint 1 [rad],joint 2 [rad]",
         "time,q_1,q_2",
         "T (s), Q1 (rad), Q2 (rad)",
         "t_s,q1_rad,q2_rad",
         "t,shoulder [rad],elbow",
-    ],
-)
-def test_names_and_units_of_columns(header: str) -> None:
-    found = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
-    np.testing.assert_array_equal(found.t, [0, 0.5])
-    np.testing.assert_array_equal(found.q, [[0.1, 0.2], [0.3, 0.4]])
-    assert found.dq is None
-    assert found.ddq is None
-    assert not found.q.flags.writeable
+    ):
+        found = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
+        np.testing.assert_array_equal(found.t, [0, 0.5])
+        np.testing.assert_array_equal(found.q, [[0.1, 0.2], [0.3, 0.4]])
+        assert found.dq is None and found.ddq is None
+        assert not found.q.flags.writeable
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t", " , "])
-def test_all_columns_in_any_order_with_comments_and_other_units(separator: str) -> None:
+def test_all_columns_in_any_order_with_comments_and_other_units():
     text = """# from a controller
     ddq 2 [deg/s^2],dq 1 [deg/s],t [ms],q 2 [deg],q1_deg,dq2,ddq1 [rad/s²]
     # the first sample
@@ -46,19 +49,17 @@ def test_all_columns_in_any_order_with_comments_and_other_units(separator: str) 
     180,90,0,45,90,1,2
     180,90,4,45,90,1,2
     """
-    found = parse_trajectory(text.replace(",", separator))
-    np.testing.assert_allclose(found.t, [0, 4e-3])
-    np.testing.assert_allclose(found.q, [[np.pi / 2, np.pi / 4]] * 2)
-    assert found.dq is not None
-    assert found.ddq is not None
-    np.testing.assert_allclose(found.dq, [[np.pi / 2, 1]] * 2)
-    np.testing.assert_allclose(found.ddq, [[2, np.pi]] * 2)
-    assert found.resolution["t"] == pytest.approx(1e-3)
+    for separator in (",", ";", "\t", " , "):
+        found = parse_trajectory(text.replace(",", separator))
+        np.testing.assert_allclose(found.t, [0, 4e-3])
+        np.testing.assert_allclose(found.q, [[np.pi / 2, np.pi / 4]] * 2)
+        np.testing.assert_allclose(found.dq, [[np.pi / 2, 1]] * 2)
+        np.testing.assert_allclose(found.ddq, [[2, np.pi]] * 2)
+        assert found.resolution["t"] == pytest.approx(1e-3)
 
 
-@pytest.mark.parametrize(
-    ("texts", "resolution"),
-    [
+def test_resolution_is_that_of_the_printed_digits():
+    for texts, resolution in (
         (["0.123456", "1.200000", "0.000000"], 1e-6),  # %.6f
         (["1.234567", "0.12", "0"], 1e-6),  # the same, its zeros cut off
         (["1.234560e-01", "1.200000e+00", "0.000000e+00"], 1e-6),  # %.6e: its largest number
@@ -66,99 +67,103 @@ def test_all_columns_in_any_order_with_comments_and_other_units(separator: str) 
         (["0.1", "0.30000000000000004", "-1.2345678901234567"], 1e-16),  # shortest
         (["12", "-7", "0"], 1),
         ([".5", "1.", "+2.25"], 1e-2),
-    ],
-)
-def test_resolution_is_that_of_the_printed_digits(texts: list[str], resolution: float) -> None:
-    rows = "".join(f"{i},{x},0\n" for i, x in enumerate(texts))
-    found = parse_trajectory("t,q1,q2\n" + rows)
-    assert found.resolution["q"] == pytest.approx(resolution, rel=1e-6)
-    in_degrees = parse_trajectory("t,q1 [deg],q2 [deg]\n" + rows)
-    assert in_degrees.resolution["q"] == pytest.approx(np.deg2rad(resolution), rel=1e-6)
+    ):
+        rows = "".join(f"{i},{x},0\n" for i, x in enumerate(texts))
+        found = parse_trajectory("t,q1,q2\n" + rows)
+        assert found.resolution["q"] == pytest.approx(resolution, rel=1e-6), texts
+        in_degrees = parse_trajectory("t,q1 [deg],q2 [deg]\n" + rows)
+        assert in_degrees.resolution["q"] == pytest.approx(np.deg2rad(resolution), rel=1e-6), texts
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "log.csv is empty"),
-        ("# nothing\n", "log.csv is empty"),
-        ("t,q1,q2\n", "no samples"),
-        ("0,0.1,0.2\n1,0.1,0.2\n", "line 1: the first line must name the columns"),
-        ("# a\nt,q2,tau1\n0,1,2\n", "line 2: the column q1 is missing.*'tau1' are not known"),
-        ("t,q1,q1_deg\n0,1,2\n", "line 1: the columns 'q1' and 'q1_deg' hold the same"),
-        ("q1,q2\n0,1\n", "line 1: the column t is missing"),
-        ("t,dq1\n0,1\n", "line 1: the column q1 is missing"),
-        ("t\n0\n", "line 1: the column q1 is missing"),
-        ("t,q1,q3\n0,1,2\n", "line 1: the column q2 is missing"),
-        ("t,q1,q2,dq1\n0,1,2,3\n", "line 1: the column dq2 is missing"),
-        ("t,q0,q1\n0,1,2\n", "joints count from 1"),
-        ("t,q\n0,1\n", "the column q1 is missing.*'q' are not known"),
-        ("t [m],q1\n0,1\n", r"the unit 'm' of the column 't \[m\]' is not one that converts to s"),
-        ("t,q1 [rad/s]\n0,1\n", "is not one that converts to rad"),
-        ("t,q1,dq1 [1/s]\n0,1,2\n", "is not one that converts to rad/s"),
-        ("t,q1 []\n0,1\n", "is not one that converts to rad"),
-        ("t,q1\n0,1\n1\n", "line 3: 1 values, but 2 columns"),
-        ("t,q1\n0,1\n1,2,3\n", "line 3: 3 values, but 2 columns"),
-        ("t,q1\n0,1\n\n1,x\n", "line 4: 'x' in the column 'q1' is not a finite number"),
-        ("t,q1\n0,1\n1,nan\n", "line 3: 'nan' in the column 'q1'"),
-        ("t,q1\n0,1\n1,\n", "line 3: '' in the column 'q1'"),
-        ("t,q1\n0,1\n# a\n0,2\n", "line 4: times must increase, but 0 does not come after 0"),
-        ("t,q1\n0,1\n1,1_0\n", "line 3: '1_0' in the column 'q1' is not a finite number"),
-        ("t,q1\n0,1\n\u0663,1\n", "line 3: '\u0663' in the column 't' is not a finite number"),
-        ("t,q1\n0,1\n1,Infinity\n", "line 3: 'Infinity' in the column 'q1'"),
-        ("t,q1\n0,1\n1,1e999\n", "line 3: '1e999' in the column 'q1'"),
-        ("t,q1\n0,1\n1,0x10\n", "line 3: '0x10' in the column 'q1'"),
-        (f"t,q1\n0,1\n1,{'1' * 140_000}\n", "line 3: '1111.*[.]{3} in the column 'q1'"),
-        (f't,q1\n0,1\n1,"{"1" * 140_000}"\n', "line 3: .* in the column 'q1' is not a finite"),
-        ('t,q1\n0,"1\n1,2\n', "line 2: '\"1' in the column 'q1' is not a finite number"),
-        ("t,q1\n0,1\n1,1e308\n", "line 3: '1e308' in the column 'q1' is .* above 10000 rad"),
-        ("t,q1 [deg]\n0,1\n1,1e6\n", "line 3: '1e6' in the column 'q1 .deg.' is 1.75e.04 rad"),
-        ("t,q1,dq1\n0,1,-2e9\n", "line 2: '-2e9' in the column 'dq1'.*1e.09 rad/s"),
-        ("t,q1,ddq1\n0,1,2e12\n", "line 2: '2e12' in the column 'ddq1'.*1e.12 rad/s"),
-        ("t,q1\n0,1\n5e-324,1\n1e-323,1\n", "line 3: .*at least 1 ns.*5e-324 comes only"),
-        ("t,q1\n0,1\n1e300,1\n", "line 3: '1e300' in the column 't' is .*within 1e.10 s"),
-        ("t,q1\n1e9,1\n1000000000.0000005,1\n", "line 3: .*by more than their own rounding"),
-    ],
-)
-def test_anything_else_is_refused_with_its_line(text: str, words: str) -> None:
-    with pytest.raises(InvalidInput, match=words) as caught:
-        parse_trajectory(text, source="log.csv")
-    assert str(caught.value).startswith("log.csv")
-    assert "\n" not in str(caught.value)
+# Lines end at /.
+BAD = f"""
+=> log.csv is empty
+# nothing/ => log.csv is empty
+t,q1,q2/ => no samples
+0,0.1,0.2/1,0.1,0.2/ => line 1: the first line must name the columns
+# a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not known
+t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' hold the same
+q1,q2/0,1/ => line 1: the column t is missing
+t,dq1/0,1/ => line 1: the column q1 is missing
+t/0/ => line 1: the column q1 is missing
+t,q1,q3/0,1,2/ => line 1: the column q2 is missing
+t,q1,q2,dq1/0,1,2,3/ => line 1: the column dq2 is missing
+t,q0,q1/0,1,2/ => joints count from 1
+t,q/0,1/ => the column q1 is missing ... 'q' are not known
+t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
+t,q1 [rad:s]/0,1/ => is not one that converts to rad
+t,q1,dq1 [1:s]/0,1,2/ => is not one that converts to rad/s
+t,q1 []/0,1/ => is not one that converts to rad
+t,q1/0,1/1/ => line 3: 1 values, but 2 columns
+t,q1/0,1/1,2,3/ => line 3: 3 values, but 2 columns
+t,q1/0,1//1,x/ => line 4: 'x' in the column 'q1' is not a finite number
+t,q1/0,1/# a/0,2/ => line 4: times must increase, but 0 does not come after 0
+t,q1/0,1/1,{"1" * 140_000}/ => line 3: '1111 ... in the column 'q1'
+t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: ... in the column 'q1' is not a finite
+t,q1/0,"1/1,2/ => line 2: '"1' in the column 'q1' is not a finite number
+t,q1/0,1/1,1e308/ => line 3: '1e308' in the column 'q1' is ... above 10000 rad
+t,q1 [deg]/0,1/1,1e6/ => line 3: '1e6' in the column 'q1 [deg]' is 1.75e+04 rad
+t,q1,dq1/0,1,-2e9/ => line 2: '-2e9' in the column 'dq1' ... 1e+09 rad/s
+t,q1,ddq1/0,1,2e12/ => line 2: '2e12' in the column 'ddq1' ... 1e+12 rad/s
+t,q1/0,1/5e-324,1/1e-323,1/ => line 3: ... at least 1 ns ... 5e-324 comes only
+t,q1/0,1/1e300,1/ => line 3: '1e300' in the column 't' is ... within 1e+10 s
+t,q1/1e9,1/1000000000.0000005,1/ => line 3: ... by more than their own rounding
+"""
 
 
-def test_a_file_that_is_not_there_or_no_text(tmp_path: FilePath) -> None:
-    with pytest.raises(InvalidInput, match="There is no trajectory file .*none.csv"):
-        read_trajectory(tmp_path / "none.csv")
+def test_anything_else_is_refused_with_its_line():
+    def parse(text):
+        return parse_trajectory(text.replace("/", "\n").replace(":", "/"), source="log.csv")
+
+    refusals(parse, BAD, "log.csv")
+    tokens = ("nan", "", "1_0", "\u0663", "Infinity", "1e999", "0x10")
+    words = "log.csv, line 3: '{}' in the column 'q1' is not a finite number"
+    refusals(parse, [(f"t,q1/0,1/1,{x}/", words.format(x)) for x in tokens])
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
     os.mkfifo(tmp_path / "pipe.csv")
-    for place in (tmp_path / "pipe.csv", "/dev/zero"):
-        with pytest.raises(InvalidInput, match="is not a regular file"):
-            read_trajectory(place)
-    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InvalidInput, match="not UTF-8"):
-        read_trajectory(tmp_path / "binary.csv")
+    places = [
+        ("none.csv", "There is no trajectory file ... none.csv"),
+        ("pipe.csv", "is not a regular file"),
+        ("/dev/zero", "is not a regular file"),
+    ]
+    refusals(lambda x: read_trajectory(tmp_path / x), places)
+    lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    # Some stand for other files.
+    contents = [
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"t,q1\n0,\xff\0\n", "UTF-8"),
+        (lfs, "git lfs pull"),
+        (b"#ROSBAG V2.0\n\x45\xff\0", "rosbags-convert"),
+    ]
+    refusals(read, contents)
+    refusals(lambda x: read(x, "a.bag"), contents[2:])
+    text = "t,q1\n0,1\n1,1\n"
+    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
+        read(text, topic="/joint_states")
+    with pytest.raises(InvalidInput, match="no columns to name"):
+        read(text, "a.yaml", columns="t,q1")
 
 
-def test_usual_steps_and_large_times_are_read() -> None:
-    """Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell."""
+def test_usual_steps_and_large_times_are_read():
+    # Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell.
     fast = parse_trajectory("t,q1\n1.000000001,1\n1.000000002,1\n1.000000003,1\n")
     np.testing.assert_allclose(np.diff(fast.t), 1e-9, rtol=1e-6)
     late = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
     np.testing.assert_allclose(np.diff(late.t), 1e-3, rtol=1e-3)
-    quoted = parse_trajectory('"t","q1, [deg]"\n"0","1"\n"1","2"\n'.replace(", [deg]", " [deg]"))
+    quoted = parse_trajectory('"t","q1 [deg]"\n"0","1"\n"1","2"\n')
     np.testing.assert_allclose(np.rad2deg(quoted.q[:, 0]), [1, 2])
-
-
-def test_a_bad_number_is_found_after_many_good_lines() -> None:
-    """Lines are converted by the thousand; the message still names the one."""
-    lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(40_000))]
-    assert len(parse_trajectory("\n".join(lines)).t) == 40_000
-    lines[30_001] = "30000,0.5,0_5"
-    with pytest.raises(InvalidInput, match="line 30002: '0_5' in the column 'q2'") as caught:
+    # Lines are converted by the thousand; the message still names the one.
+    lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(4000))]
+    assert len(parse_trajectory("\n".join(lines)).t) == 4000
+    lines[3001] = "3000,0.5,0_5"
+    with pytest.raises(InvalidInput, match="line 3002: '0_5' in the column 'q2'") as caught:
         parse_trajectory("\n".join(lines))
-    assert caught.value.index == 30_000
+    assert caught.value.index == 3000
 
 
-def test_a_trajectory_survives_its_file(tmp_path: FilePath, mac: ac.Trajectory) -> None:
+def test_a_trajectory_survives_its_file(tmp_path, mac):
     samples = mac.sample(4e-3)
     table = np.column_stack([samples.t, samples.q, samples.dq, samples.ddq])
     file = tmp_path / "mac.csv"
@@ -169,145 +174,157 @@ def test_a_trajectory_survives_its_file(tmp_path: FilePath, mac: ac.Trajectory) 
         assert found.resolution[name] == pytest.approx(1e-9)
 
 
-def test_limits_with_units(tmp_path: FilePath, arm: ac.Arm) -> None:
-    file = tmp_path / "limits.yaml"
-    file.write_text(
-        "speed: 150 mm/s\ntool_acceleration: 2\ncentripetal_acceleration: 0.09 m/s^2\n"
-        "joint_velocity: [90 deg/s, 1.0]\njoint_deceleration: 0.5 rad/s^2\ndeviation: 0.1 mm\n"
-    )
-    limits, deviation, _ = read_limits(file, arm)
-    assert deviation == pytest.approx(1e-4)
-    assert (limits.speed, limits.tool_acceleration) == (0.15, 2)
-    assert limits.joint_velocity is not None
-    assert limits.joint_acceleration is not None
-    assert limits.joint_deceleration is not None
-    np.testing.assert_allclose(limits.joint_velocity, [np.pi / 2, 1])
-    np.testing.assert_array_equal(limits.joint_acceleration, [0.72, 0.72])  # the arm's own
-    np.testing.assert_array_equal(limits.joint_deceleration, [0.5, 0.5])
+LIMITS = """
+speed: 150 mm/s => {0.speed: 0.15}
+tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}
+centripetal_acceleration: 0.09 m/s^2 => {0.centripetal_acceleration: 0.09}
+joint_velocity: [90 deg/s, 1.0] => {0.joint_velocity: [1.5707963267948966, 1]}
+joint_deceleration: 0.5 rad/s^2 => {0.joint_deceleration: [0.5, 0.5]}
+deviation: 0.1 mm => {1: 0.0001}
+"""
+BAD_LIMITS = r"""
+- 1 => must hold a mapping of limits
+{ => not valid YAML
+speeed: 1 => unknown key speeed
+joint_limits: {elbow_joint: {max_velocity: 3}} => of MoveIt ... --joint-limits
+speed: '0.1' => speed: '0.1' has no unit
+speed: -1 => speed: must be above zero
+deviation: 1 s => deviation: must be a quantity in m
+joint_velocity: [1, 2, 3] => 3 values ... 2 joints
+{joint_lower: [-1, -1], joint_upper: [1, 1, 1]} => joint_lower has 2 values ... 3
+joint_acceleration: .nan => joint_acceleration: must be finite
+speed: .inf => speed: must be finite
+speed: 0 => speed: must be above zero
+"""
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("- 1", "must hold a mapping of limits"),
-        ("{", "not valid YAML"),
-        ("speeed: 1", "unknown key speeed"),
-        ("joint_limits: {elbow_joint: {max_velocity: 3}}", "of MoveIt.* --joint-limits"),
-        ("speed: '0.1'", "speed: '0.1' has no unit"),
-        ("speed: -1", "speed: must be above zero"),
-        ("deviation: 1 s", "deviation: must be a quantity in m"),
-        ("joint_velocity: [1, 2, 3]", "3 values.*2 joints"),
-        ("joint_lower: [-1, -1]\njoint_upper: [1, 1, 1]", "joint_lower has 2 values.*3"),
-        ("joint_acceleration: .nan", "joint_acceleration: must be finite"),
-        ("speed: .inf", "speed: must be finite"),
-        ("speed: 0", "speed: must be above zero"),
-    ],
-)
-def test_limits_that_are_none(tmp_path: FilePath, arm: ac.Arm, text: str, words: str) -> None:
-    (tmp_path / "limits.yaml").write_text(text)
-    with pytest.raises(InvalidInput, match=words):
-        read_limits(tmp_path / "limits.yaml", arm)
-    with pytest.raises(InvalidInput, match="There is no limits file"):
-        read_limits(tmp_path / "none.yaml", arm)
+def test_limits_with_units_and_limits_that_are_none(tmp_path, arm):
+    def read(text):
+        (tmp_path / "limits.yaml").write_text(text)
+        return read_limits(tmp_path / "limits.yaml", arm)
+
+    values(read, LIMITS)
+    refusals(read, BAD_LIMITS)
+    none = [(tmp_path / "none.yaml", "There is no limits file")]
+    refusals(lambda x: read_limits(x, arm), none)
 
 
-def test_columns_that_are_not_known_are_left_out() -> None:
-    """Logs of robots have currents, tool poses, states: `check` used to refuse all of it."""
-    rows = "\n0,ready,1,2,\n1,ready,1,2,nan\n"
-    found = parse_trajectory("t,state,q1,q2,i1 [A]" + rows)
+def test_columns_that_are_not_known_or_named_beside_the_file(read):
+    # Logs of robots have currents, tool poses, states.
+    found = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
     np.testing.assert_array_equal(found.q, [[1, 2], [1, 2]])
-    assert found.left_out == ("state", "i1 [A]")
-    assert found.joints == ("q1", "q2")
-
-
-@pytest.mark.parametrize("names", ["t [ms],-,q1 [deg],dq1", " t [ms], - ,q1_deg,dq 1 [rad/s]"])
-@pytest.mark.parametrize("header", ["", "a,b,c,d\n", "# a comment\n"])
-def test_columns_can_be_named_beside_the_file(names: str, header: str) -> None:
-    found = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
-    np.testing.assert_allclose(found.t, [0, 4e-3])
-    np.testing.assert_allclose(found.q, [[np.pi / 2], [np.pi / 4]])
-    assert found.dq is not None
-    np.testing.assert_allclose(found.dq, [[1], [2]])
-    assert found.left_out == ()
-
-
-@pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        ("t,q1", "log.csv, line 1: 3 columns, but names of 2 are given: .* - for each"),
-        ("t,q1,q1", "log.csv, --columns: there are two columns 'q1'"),
-        ("t,q1 [m],-", "log.csv, --columns: the unit 'm'"),
-        ("t,-,-", "log.csv, --columns: the column q1 is missing"),
-        ("1,2,3", "log.csv, --columns: the first line must name"),
-    ],
-)
-def test_wrong_names_beside_the_file(columns: str, words: str) -> None:
-    with pytest.raises(InvalidInput, match=words):
-        parse_trajectory("0,1,2\n1,1,2\n", source="log.csv", columns=columns)
-
-
-def test_what_does_not_go_with_a_kind_of_file(tmp_path: FilePath) -> None:
-    (tmp_path / "a.csv").write_text("t,q1\n0,1\n1,1\n")
-    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
-        read_trajectory(tmp_path / "a.csv", topic="/joint_states")
-    with pytest.raises(InvalidInput, match="no columns to name"):
-        read_trajectory(tmp_path / "a.yaml", columns="t,q1")
-
-
-def test_joints_of_another_arm_are_said_once():
-    names = ("shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3", "flange")
-    titles = [f"{kind} {x} [rad{unit}]" for kind, unit in
-              (("q", ""), ("dq", "/s"), ("ddq", "/s^2")) for x in names]  # fmt: skip
-    text = ",".join(["t [s]", *titles]) + "\n" + ",".join(["0"] * 19) + "\n"
-    with pytest.raises(ac.InvalidInput) as raised:
-        parse_trajectory(text, ("joint 1", "joint 2"))
-    said = str(raised.value)
-    assert "has positions of 6 joints ('shoulder', 'elbow', 'wrist_1'" in said
-    assert "but the arm has 2 ('joint 1', 'joint 2'): give the arm of the file with --arm." in said
-    assert "not known" not in said and "[rad/s]" not in said
-
-
-def test_many_unknown_columns_are_not_all_named():
-    text = ",".join(["t", *(f"x{k}" for k in range(20))]) + "\n" + ",".join(["0"] * 21) + "\n"
-    with pytest.raises(ac.InvalidInput, match="'x7' and 12 more are not known"):
-        parse_trajectory(text, ("joint 1", "joint 2"))
-
-
-def test_a_log_in_latin_1_with_names_of_its_own(tmp_path: FilePath) -> None:
+    assert found.left_out == ("state", "i1 [A]") and found.joints == ("q1", "q2")
+    for names in ("t [ms],-,q1 [deg],dq1", " t [ms], - ,q1_deg,dq 1 [rad/s]"):
+        for header in ("", "a,b,c,d\n", "# a comment\n"):
+            found = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
+            np.testing.assert_allclose(found.t, [0, 4e-3])
+            np.testing.assert_allclose(found.q, [[np.pi / 2], [np.pi / 4]])
+            np.testing.assert_allclose(found.dq, [[1], [2]])
+            assert found.left_out == ()
     text = "Zeit;Achse 1 für Prüfung\n0;0.5\n1;1.5\n"
-    (tmp_path / "KRCIpo.csv").write_bytes(text.encode("latin-1"))
-    found = read_trajectory(tmp_path / "KRCIpo.csv", columns="t,q1")
-    assert found.t.tolist() == [0.0, 1.0]
-    assert found.q.tolist() == [[0.5], [1.5]]
+    found = read(text.encode("latin-1"), "KRCIpo.csv", columns="t,q1")
+    assert found.t.tolist() == [0.0, 1.0] and found.q.tolist() == [[0.5], [1.5]]
 
 
-def test_bytes_of_no_text_are_refused(tmp_path: FilePath, refuses: Callable[..., None]) -> None:
-    (tmp_path / "a.csv").write_bytes(b"t,q1\n0,\xff\0\n")
-    refuses(lambda: read_trajectory(tmp_path / "a.csv"), InvalidInput, "UTF-8")
+BAD_NAMES = """
+t,q1 => log.csv, line 1: 3 columns, but names of 2 are given
+t,q1,q1 => log.csv, --columns: there are two columns 'q1'
+t,q1 [m],- => log.csv, --columns: the unit 'm'
+t,-,- => log.csv, --columns: the column q1 is missing
+1,2,3 => log.csv, --columns: the first line must name
+"""
 
 
-@pytest.mark.parametrize(
-    ("first", "word"),
-    [
-        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "git lfs pull"),
-        (b"#ROSBAG V2.0\n\x45\xff\0", "rosbags-convert"),
-    ],
-)
-def test_files_that_stand_for_others_are_named(
-    tmp_path: FilePath, refuses: Callable[..., None], first: bytes, word: str
-) -> None:
-    for name in ("a.csv", "a.bag"):
-        (tmp_path / name).write_bytes(first)
-        refuses(lambda name=name: read_trajectory(tmp_path / name), InvalidInput, word)
+def test_names_that_do_not_fit():
+    text = "0,1,2\n1,1,2\n"
+    refusals(lambda x: parse_trajectory(text, source="log.csv", columns=x), BAD_NAMES)
+    kinds = {"q {} [rad]": 0, "dq {} [rad/s]": 0, "ddq {} [rad/s^2]": 0}
+    six = [kind.format(x) for kind in kinds for x in ("a", "b", "wrist_1", "c", "d", "e")]
+    table = [
+        (["t [s]", *six], "6 joints ('a', 'b', 'wrist_1' ... the arm has 2 ('joint 1', 'joint 2')"),
+        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not known"),
+    ]
+
+    def parse(titles):
+        zeros = ",".join(["0"] * len(titles))
+        return parse_trajectory(f"{','.join(titles)}\n{zeros}\n", ("joint 1", "joint 2"))
+
+    refusals(parse, table, without="[rad/s]")
 
 
-def test_large_numbers_of_joints_take_no_memory() -> None:
+def test_large_numbers_of_joints_take_no_memory():
     tracemalloc.start()
     try:
         with pytest.raises(InvalidInput):
             parse_trajectory("t,q1,q1000000\n0,1,2\n")
-        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+        assert tracemalloc.get_traced_memory()[1] < 2_000_000
     finally:
         tracemalloc.stop()
     title = f"q{'9' * 5000}"
     assert parse_trajectory(f"t,q1,{title}\n0,1,2\n").left_out == (title,)
+
+
+T = np.arange(60) * 0.008
+Q = np.stack([np.sin(T), 0.1 * T], axis=1)
+U = Q + 0.01
+ARM = ("shoulder_joint", "elbow_joint")
+
+
+def written(tmp_path, titles, *columns):
+    file = tmp_path / "run.csv"
+    np.savetxt(file, np.column_stack(columns), "%.9f", ",", header=titles, comments="")
+    return file
+
+
+def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
+    titles = "t,elbow_joint command,elbow_joint actual,gripper command,gripper actual,"
+    titles += "shoulder_joint command [deg],shoulder_joint actual [deg]"
+    first = np.degrees(np.stack([U[:, 0], Q[:, 0]], axis=1))
+    log = read_run_log(written(tmp_path, titles, T, U[:, 1], Q[:, 1], 0 * T, 0 * T, first), ARM)
+    assert isinstance(log, Log) and log.joint_names == ARM
+    np.testing.assert_allclose(log.command, U, atol=1e-9)
+    np.testing.assert_allclose(log.measured, Q, atol=1e-9)
+    titles = "t,elbow_joint measured,shoulder_joint measured"
+    found = read_run_log(written(tmp_path, titles, T, Q[:, ::-1]), ARM)
+    assert isinstance(found, Recording)
+    np.testing.assert_allclose(found.q, Q, atol=1e-9)
+
+
+def test_joints_with_other_names_stay_in_their_order(tmp_path):
+    columns = (T, U[:, 0], Q[:, 0], U[:, 1], Q[:, 1])
+    file = written(tmp_path, "t,target_q_0,actual_q_0,target_q_1,actual_q_1", *columns)
+    log = read_run_log(file, ARM, start=0.05)
+    assert isinstance(log, Log) and log.t[0] == pytest.approx(0.056)
+    np.testing.assert_allclose(log.measured, Q[T >= 0.05], atol=1e-9)
+    # Positions without commands are a recording.
+    for titles in (
+        "t [ms],actual_q_0,actual_q_1",
+        "time [ms],q1,q2",
+        "t [ms],shoulder_joint measured,elbow q",
+    ):
+        found = read_run_log(written(tmp_path, titles, 1e3 * T, Q), ARM)
+        assert isinstance(found, Recording)
+        assert found.command is None and found.source == "run.csv"
+        np.testing.assert_allclose(found.q, Q, atol=1e-9)
+        np.testing.assert_allclose(found.t, T, atol=1e-12)
+    # Numbers of joints may be of any length.
+    large = "9" * 5000
+    with pytest.raises(InvalidInput):
+        read_run_log(written(tmp_path, f"t,u{large},q{large},u2,q2", *columns), ARM)
+    file = written(tmp_path, "t,u10,q10,u9,q9", T, U[:, 1], Q[:, 1], U[:, 0], Q[:, 0])
+    np.testing.assert_allclose(read_run_log(file, ARM).command, U, atol=1e-9)
+
+
+def test_logs_that_are_refused(tmp_path):
+    table = [
+        (("t,u1,q1,q2", T, U[:, 0], Q), "'q2' ... no command column"),
+        (("t,q1,q2", T[:20], Q[:20]), "20 samples"),
+        (("t,q1,q2", np.where(T > 0.2, T + 9, T), Q), "gap of 9"),
+        (("q1,q2", Q), "the column t is missing"),
+        (("t,q1,q2", T, np.mod(20 * Q, 2 * np.pi)), "wrapped angle"),
+    ]
+    refusals(lambda x: read_run_log(written(tmp_path, *x), ARM), table)
+    # Whole turns are undone on demand.
+    file = written(tmp_path, "t,q1,q2", T, np.mod(20 * Q, 2 * np.pi))
+    found = read_run_log(file, ARM, unwrap=True)
+    np.testing.assert_allclose(np.diff(found.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)

@@ -948,13 +948,7 @@ class Interpreter:
         circle = 2 * math.pi * abs(s - first[0])
         speed = self.speed_of(circle * (turns - 1) + sum(abs(y - x) * t for x, y, t in parts))
         for _ in range(turns - 1):
-            self.add(
-                "arc",
-                turned(first[0], s, 2 * math.pi),
-                circle,
-                line,
-                speed,
-            )
+            self.add("arc", turned(first[0], s, 2 * math.pi), circle, line, speed)
         for middle, begin, angle in parts:
             self.add("arc", turned(middle, begin, angle), angle * abs(begin - middle), line, speed)
 

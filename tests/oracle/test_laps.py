@@ -116,12 +116,7 @@ def test_passes_follow_the_phase_plane(arm, rounded, limits, segment, backwards,
     traced = ac.trace(path, arm, tolerance=1e-11)
     s = np.linspace(0, path.length, 401)
     line = Line(
-        name="line",
-        joint_path=traced,
-        arm=arm,
-        limit=limits.joint_acceleration,
-        s=s,
-        assigned=0.15,
+        name="line", joint_path=traced, arm=arm, limit=limits.joint_acceleration, s=s, assigned=0.15
     )
     run = line.forward(begin)
     last = run.last_within(0.15)

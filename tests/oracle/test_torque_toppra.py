@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +54,7 @@ class Problem:
     limits: ac.Limits
 
 
-def problem(seed: int) -> Problem:
+def problem(seed):
     """Of a UR5e: 3 to 7 joint positions, half of the seeds with Coulomb friction."""
     rng = np.random.default_rng(seed)
     arm = ac.load_arm("ur5e")
@@ -77,7 +76,7 @@ def problem(seed: int) -> Problem:
     return Problem(SerialArm(name="UR5e", chain=chain, limits=limits), points, limits)
 
 
-def model_of(chain: Any) -> Any:
+def model_of(chain):
     """A chain as a model of MuJoCo, without its friction."""
     text = close = ""
     for k in range(len(chain)):
@@ -102,20 +101,20 @@ def model_of(chain: Any) -> Any:
     )
 
 
-def _words(numbers: Any) -> str:
+def _words(numbers):
     return " ".join(repr(float(x)) for x in numbers)
 
 
-def _quat(rotation: np.ndarray) -> str:
+def _quat(rotation):
     return _words(Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]])
 
 
-def inverse_dynamics(chain: Any) -> Any:
+def inverse_dynamics(chain):
     """Torque of one state by MuJoCo, friction apart."""
     model = model_of(chain)
     data = mujoco.MjData(model)
 
-    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    def torque(q, dq, ddq):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         return data.qfrc_inverse.copy()
@@ -123,9 +122,7 @@ def inverse_dynamics(chain: Any) -> Any:
     return torque
 
 
-def largest_ratios(
-    planned: ac.Trajectory, given: Problem, places: int, seed: int = 0
-) -> dict[str, float]:
+def largest_ratios(planned, given, places, seed=0):
     """Torque, by MuJoCo and with friction, and velocity over their limits, at random times.
 
     At rest, friction takes any value up to Coulomb's: the one that helps most.
@@ -149,7 +146,7 @@ def largest_ratios(
     }
 
 
-def peer(given: Problem, intervals: int) -> float:
+def peer(given, intervals):
     """Duration by toppra on that many intervals of a path parameter from 0 to 1."""
     chords = np.linalg.norm(np.diff(given.points, axis=0), axis=1)
     at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
@@ -174,12 +171,12 @@ def peer(given: Problem, intervals: int) -> float:
     return float(instance.compute_trajectory(0, 0).duration)
 
 
-def by_toppra(seed: int, intervals: int = TEN_TIMES_FINER) -> float:
+def by_toppra(seed, intervals=TEN_TIMES_FINER):
     """The reference of a problem."""
     return peer(problem(seed), intervals)
 
 
-def compare(seed: int, reference: float, places: int = 10) -> tuple[float, dict[str, float]]:
+def compare(seed, reference, places=10):
     """Our duration over toppra's, and the largest ratios of our plan."""
     given = problem(seed)
     planned = ac.plan(ac.JointPath.spline(given.points), given.arm, given.limits)
@@ -273,12 +270,12 @@ def test_viscous_friction_is_kept_and_costs_what_it_must(seed):
     assert planned.duration > free.duration
 
 
-def compare_anew(seed: int) -> tuple[float, dict[str, float]]:
+def compare_anew(seed):
     """Compare with a reference that is computed for it."""
     return compare(seed, by_toppra(seed))
 
 
-def main(count: int) -> None:
+def main(count):
     """Run the first so many problems and print what is worst."""
     rows = []
     with ProcessPoolExecutor() as pool:

@@ -18,7 +18,7 @@ SAME = 1e-6
 _KEPT: dict[str, dict[str, float]] = json.loads(FILE.read_text("utf-8")) if FILE.exists() else {}
 
 
-def kept(kind: str, intervals: int, seed: int) -> float:
+def kept(kind, intervals, seed):
     """The duration that toppra found [s].
 
     Args:
@@ -29,7 +29,7 @@ def kept(kind: str, intervals: int, seed: int) -> float:
     return _KEPT[f"{kind} limits, {intervals} intervals"][str(seed)]
 
 
-def _compute(case: tuple[str, int, int]) -> float:
+def _compute(case):
     """The duration by toppra itself."""
     from tests.oracle import test_optimal_toppra, test_torque_toppra
 
@@ -38,7 +38,7 @@ def _compute(case: tuple[str, int, int]) -> float:
     return by[kind](seed, intervals)
 
 
-def main() -> None:
+def main():
     """Compute all that the tests ask for, and compare or write."""
     from tests.oracle import test_optimal_toppra, test_torque_toppra
 

@@ -1,21 +1,18 @@
 """Tables to export: of any number of joints, with events between, on and after the points."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from armcontour import TaughtData, Trajectory
+from armcontour import TaughtData
 from armcontour.io.exports import Table
 from armcontour.motion import TimedEvent
 
 PERIOD = 0.004
 
 
-def event(name: str, value: bool | float | str, t: float) -> TimedEvent:
+def event(name, value, t):
     return TimedEvent(name=name, value=value, t=t, due=t + 0.01, s=0.25, point=(0.1, 0.2))
 
 
@@ -30,34 +27,21 @@ EVENTS = (
 
 
 @pytest.fixture
-def table() -> Callable[..., Table]:
-    def make(dof: int = 6, count: int = 9, *, events: tuple[TimedEvent, ...] = EVENTS) -> Table:
-        q, dq, ddq = np.random.default_rng(dof).normal(scale=2.0, size=(3, count, dof))
-        return Table(
-            name="part 7",
-            joint_names=tuple(f"axis_{i}" for i in range(1, dof + 1)),
-            period=PERIOD,
-            t=np.arange(count) * PERIOD,
-            q=q,
-            dq=dq,
-            ddq=ddq,
-            events=events,
-        )
+def table():
+    def make(dof=6, count=9, *, events=EVENTS):
+        arrays = np.random.default_rng(dof).normal(scale=2.0, size=(3, count, dof))
+        names = tuple(f"axis_{i}" for i in range(1, dof + 1))
+        arrays = dict(zip(("q", "dq", "ddq"), arrays, strict=True), t=np.arange(count) * PERIOD)
+        return Table(name="part 7", joint_names=names, period=PERIOD, events=events, **arrays)
 
     return make
 
 
 @pytest.fixture
-def taught(conventional: Trajectory) -> Callable[..., TaughtData]:
-    def make(
-        q: np.ndarray, *, start_time: float = 0.0, events: tuple[TimedEvent, ...] = EVENTS
-    ) -> TaughtData:
-        return TaughtData(
-            period=PERIOD,
-            q=q,
-            trajectory=dataclasses.replace(conventional, events=events),
-            method="none",
-            start_time=start_time,
-        )
+def taught(conventional):
+    def make(q, *, start_time=0.0, events=EVENTS):
+        plan = dataclasses.replace(conventional, events=events)
+        given = {"period": PERIOD, "method": "none", "start_time": start_time}
+        return TaughtData(q=q, trajectory=plan, **given)
 
     return make

@@ -1,13 +1,15 @@
 """Arms from robot descriptions: the chain in them, what hangs on it, and what is refused."""
 
-from __future__ import annotations
-
+import os
+import re
 import sys
 from importlib import resources
 from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+import yaml
+from tests.io.tables import refusals, rows
 
 import armcontour as ac
 from armcontour.frames import Frame
@@ -26,6 +28,11 @@ def load(tmp_path, *changes, file="robot.urdf", **options):
         text = text.replace(old, new)
     (tmp_path / file).write_text(text)
     return ac.load_arm(tmp_path / file, **({"base": "base_link", "tip": "tcp"} | options))
+
+
+def given(**options):
+    """The arm of the file as it is."""
+    return ac.load_arm(ROBOT, **({"base": "base_link", "tip": "tcp"} | options))
 
 
 def seen_by_mujoco(q, dq, ddq, held):
@@ -55,7 +62,7 @@ def seen_by_mujoco(q, dq, ddq, held):
 
 @pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"right": 0.04}])
 def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
-    arm = ac.load_arm(ROBOT, base="base_link", tip="tcp", locked=locked)
+    arm = given(locked=locked)
     assert (arm.name, arm.joint_names) == ("lifter", TURNING)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
     left = locked.get("left", 0.0)
@@ -67,7 +74,7 @@ def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
 
 
 def test_what_the_description_says_is_what_the_arm_has():
-    arm = ac.load_arm(ROBOT, base="base_link", tip="tcp")
+    arm = given()
     limits = arm.limits
     np.testing.assert_array_equal(limits.joint_velocity, [2, 1.5, 2.5, 4])
     np.testing.assert_array_equal(limits.joint_torque, [80, 70, 40, 15])
@@ -84,104 +91,89 @@ def test_what_the_description_says_is_what_the_arm_has():
 
 
 def test_the_chain_may_end_early_and_begin_late():
-    flange = ac.load_arm(ROBOT, base="base_link", tip="flange")
-    whole = ac.load_arm(ROBOT, base="base_link", tip="tcp")
+    flange, whole = given(tip="flange"), given()
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
     # Where the tip is makes no difference to the drives.
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
     assert np.abs(flange.forward(q) - whole.forward(q)).max() > 0.05
-    short = ac.load_arm(ROBOT, base="upper", tip="tcp")
-    assert short.joint_names == ("elbow", "roll")
-    held = ac.load_arm(ROBOT, base="base_link", tip="upper", locked={"elbow": 0.5, "roll": 0.3})
+    assert given(base="upper").joint_names == ("elbow", "roll")
+    held = given(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
     assert held.joint_names == ("pan", "tilt")
-    q = np.column_stack([q[:, :2], np.full(20, 0.5), np.full(20, 0.3)])
-    still = np.zeros_like(q)
-    expected = whole.dynamics.torque(q, still, still)[:, :2]
-    found = held.dynamics.torque(q[:, :2], still[:, :2], still[:, :2])
+    q[:, 2:] = 0.5, 0.3
+    expected = whole.dynamics.torque(q, 0 * q, 0 * q)[:, :2]
+    found = held.dynamics.torque(q[:, :2], 0 * q[:, :2], 0 * q[:, :2])
     np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def test_a_joint_that_slides_may_be_locked():
-    low = ac.load_arm(ROBOT, tip="tcp", locked={"lift": 0.1})
-    high = ac.load_arm(ROBOT, tip="tcp", locked={"lift": 0.4})
-    q = np.random.default_rng(2).normal(size=(10, 4))
-    np.testing.assert_allclose(high.forward(q) - low.forward(q), np.tile([0, 0, 0.3], (10, 1)))
+    # A joint that slides may be locked.
+    low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
+    np.testing.assert_allclose(high.forward(q) - low.forward(q), np.tile([0, 0, 0.3], (20, 1)))
 
 
 def test_the_tip_is_found_where_there_is_one_end(tmp_path):
-    cut = TEXT.index('<joint name="hinge"'), TEXT.index('<joint name="roll"')
-    text = TEXT[: cut[0]] + TEXT[cut[1] :]
-    cut = text.index('<joint name="left"'), text.index('<joint name="hand_tcp"')
-    text = text[: cut[0]] + text[cut[1] :]
-    for link in ("cover", "left_finger", "right_finger"):
-        start = text.index(f'<link name="{link}">')
-        text = text[:start] + text[text.index("</link>", start) + 7 :]
+    left = r'<joint name="left".*?(?=<joint name="hand_tcp)'
+    cuts = [r'<joint name="hinge".*?(?=<joint name="roll")', left]
+    cuts += [f'<link name="{x}">.*?</link>' for x in ("cover", "left_finger", "right_finger")]
+    text = TEXT
+    for cut in cuts:
+        text, count = re.subn(cut, "", text, flags=re.DOTALL)
+        assert count == 1
     (tmp_path / "one.urdf").write_text(text)
     arm = ac.load_arm(tmp_path / "one.urdf", base="base_link")
     named = ac.load_arm(tmp_path / "one.urdf", base="base_link", tip="tcp")
     np.testing.assert_array_equal(arm.forward(np.ones(4)), named.forward(np.ones(4)))
 
 
-def test_without_any_inertial_only_kinematics_are_known(tmp_path, refuses):
-    text = TEXT
-    while "<inertial>" in text:
-        text = text[: text.index("<inertial>")] + text[text.index("</inertial>") + 11 :]
-    (tmp_path / "bare.urdf").write_text(text)
-    arm = ac.load_arm(tmp_path / "bare.urdf", base="base_link", tip="tcp")
+def test_without_any_inertial_only_kinematics_are_known(tmp_path):
+    text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
+    arm, whole = load(tmp_path, (TEXT, text)), given()
     assert arm.chain.masses is None
-    whole = ac.load_arm(ROBOT, base="base_link", tip="tcp")
     np.testing.assert_array_equal(arm.forward(np.ones(4)), whole.forward(np.ones(4)))
-    refuses(lambda: arm.dynamics, ac.InvalidInput, "masses of the arm lifter")
+    refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
     # Efforts mean nothing then, and must not keep the arm from being planned for.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
     assert any("limits of effort are left out" in note for note in arm.notes)
-
-
-def test_tool_and_work_frames_go_with_it():
+    # Frames of tool and work go with it.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
-    arm = ac.load_arm(ROBOT, base="base_link", tip="tcp", tool=tool, work=Frame())
-    bare = ac.load_arm(ROBOT, base="base_link", tip="tcp")
-    points, rotations = bare.pose(np.ones(4))
-    np.testing.assert_allclose(arm.forward(np.ones(4)), points + rotations @ tool.position)
+    points, rotations = whole.pose(np.ones(4))
+    moved = given(tool=tool, work=Frame()).forward(np.ones(4))
+    np.testing.assert_allclose(moved, points + rotations @ tool.position)
 
 
-NO_MASS = '<mass value="2"/>'
+BAD = """
+link name="cover" => link name="upper" => two links ... upper
+link name="cover" => link => a link without a name
+joint name="elbow" => joint name="tilt" => two joints ... tilt
+<child link="wrist"/> => <child link="lower"/> => on two joints ... elbow and roll
+<parent link="world"/> => <parent link="tcp"/> => loop
+<link name="world"/> => <link name="world"/><link name="lost"/> => in parts ... lost
+<parent link="lower"/> => <parent link="lover"/> => no parent ... 'lover'
+name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
+name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
+name="elbow" type="revolute" => name="elbow" type="floating" => is floating
+<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
+effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
+lower="-2.5" upper="2.5" => => range of joint elbow is empty
+<mass value="2"/> => <mass/> => link lower of ... value of its mass
+<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... axis of length 0
+<axis xyz="0 1 1"/> => <axis xyz="0 1"/> => Joint tilt of ... three numbers ... '0 1'
+<origin xyz="0.4 0 0.02"/> => <origin xyz="0.4 0 a"/> => elbow ... three numbers
+<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping -0.1
+<mimic joint="left" => <mimic joint="right" => right ... mimics no joint
+<mimic joint="left" => <mimic joint="lost" => right ... mimics no joint
+"""
+NO_ROBOTS = """
+solid gripper => is not XML ... line 1
+<mujoco/> => is not a robot description ... <mujoco>
+<robot name="r"/> => without links
+<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot> => xacro
+"""
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ((TEXT, "solid gripper"), ("is not XML", "line 1")),
-        ((TEXT, "<mujoco/>"), ("is not a robot description", "<mujoco>")),
-        ((TEXT, '<robot name="r"/>'), ("without links",)),
-        ((TEXT, '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot>'), ("xacro",)),
-        (('<link name="cover">', '<link name="upper">'), ("two links", "upper")),
-        (('<link name="cover">', "<link>"), ("a link without a name",)),
-        (('joint name="elbow"', 'joint name="tilt"'), ("two joints", "tilt")),
-        (('<child link="wrist"/>', '<child link="lower"/>'), ("on two joints", "elbow and roll")),
-        (('<parent link="world"/>', '<parent link="tcp"/>'), ("loop",)),
-        (('<link name="world"/>', '<link name="world"/><link name="lost"/>'), ("in parts", "lost")),
-        (('<parent link="lower"/>', '<parent link="lover"/>'), ("no parent", "'lover'")),
-        (('name="elbow" type="revolute"', 'name="elbow" type="ball"'), ("elbow", "'ball'")),
-        (('name="elbow" type="revolute"', 'name="elbow" type="prismatic"'),
-         ("elbow", "is prismatic", "locked=")),
-        (('name="elbow" type="revolute"', 'name="elbow" type="floating"'), ("is floating",)),
-        (('<limit lower="-2.5"', '<mimic joint="tilt"/><limit lower="-2.5"'),
-         ("elbow", "mimics another", "locked=")),
-        (('effort="40" velocity="2.5"', 'effort="40" velocity="fast"'),
-         ("velocity", "joint elbow", "'fast'")),
-        (('lower="-2.5" upper="2.5"', ""), ("range of joint elbow is empty",)),
-        ((NO_MASS, "<mass/>"), ("link lower of", "value of its mass")),
-        (('<axis xyz="0 1 1"/>', '<axis xyz="0 0 0"/>'), ("Joint tilt of", "axis of length 0")),
-        (('<axis xyz="0 1 1"/>', '<axis xyz="0 1"/>'), ("Joint tilt of", "three numbers", "'0 1'")),
-        (('<origin xyz="0.4 0 0.02"/>', '<origin xyz="0.4 0 a"/>'), ("elbow", "three numbers")),
-        (('<dynamics damping="0.1"/>', '<dynamics damping="-0.1"/>'), ("elbow", "damping -0.1")),
-        (('<mimic joint="left"', '<mimic joint="right"'), ("right", "mimics no joint")),
-        (('<mimic joint="left"', '<mimic joint="lost"'), ("right", "mimics no joint")),
-    ],
-)  # fmt: skip
-def test_descriptions_of_no_arm_are_refused(tmp_path, change, words, refuses):
-    refuses(lambda: load(tmp_path, change), ac.InvalidInput, "robot.urdf", *words)
+def test_descriptions_of_no_arm_are_refused(tmp_path):
+    table = [((old, new), words) for old, new, words in rows(BAD)]
+    table += [((TEXT, text), words) for text, words in rows(NO_ROBOTS)]
+    refusals(lambda x: load(tmp_path, x), table, "robot.urdf")
+    absent = [(tmp_path / x, f"no robot ... {x}") for x in ("no.urdf", "no.xacro")]
+    refusals(ac.load_arm, absent)
 
 
 LIMITS = """joint_limits:
@@ -191,37 +183,33 @@ LIMITS = """joint_limits:
 
 def test_zero_and_less_count_as_not_given(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
-    for given, lacking in (
-        ('effort="0" velocity="2.5"', "effort"),
-        ('velocity="2.5"', "effort"),
-        ('effort="40" velocity="0"', "velocity"),
-        ('effort="40" velocity="-1"', "velocity"),
-        ('effort="0" velocity="0"', "velocity of elbow and no effort"),
+    for effort, velocity, lacking in (
+        ("0", "2.5", "effort"),
+        ("", "2.5", "effort"),
+        ("40", "0", "velocity"),
+        ("40", "-1", "velocity"),
+        ("0", "0", "velocity of elbow and no effort"),
     ):
-        arm = load(tmp_path, (elbow, given))
+        effort = f'effort="{effort}"' if effort else ""
+        change = (elbow, f'{effort} velocity="{velocity}"')
+        arm = load(tmp_path, change)
         (note,) = (x for x in arm.notes if "count as not given" in x)
         assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
-        for key in ("effort", "velocity"):
-            limit = {"effort": "joint_torque", "velocity": "joint_velocity"}[key]
-            assert (getattr(arm.limits, limit) is None) == (f"no {key}" in note)
-            assert (f"has_{key}_limits and max_{key}" in note) == (f"no {key}" in note)
+        assert (arm.limits.joint_torque is None) == ("no effort" in note)
+        assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
         # Planning needs one of the two, and then says so.
-        assert ("max_effort do as well" in arm.limits_hint) == (arm.limits.joint_torque is None)
+        assert ("max_effort do as well" in arm.limits_hint) == ("no effort" in note)
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
-    arm = load(tmp_path, (elbow, given), joint_limits=tmp_path / "joint_limits.yaml")
+    arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
     np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
     np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
     assert not any("not given" in x for x in arm.notes)
-
-
-def test_joint_limits_of_some_joints_are_not_enough(tmp_path, refuses):
-    (tmp_path / "joint_limits.yaml").write_text(LIMITS)
+    # Those of some joints only are not enough.
     change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
-    refuses(
-        lambda: load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml"),
-        ac.InvalidInput, "joint pan has no joint_torque", "joint_limits",
-    )  # fmt: skip
+    words = "joint pan has no joint_torque ... joint_limits"
+    file = tmp_path / "joint_limits.yaml"
+    refusals(lambda x: load(tmp_path, x, joint_limits=file), [(change, words)])
 
 
 def test_joints_without_a_limit_element(tmp_path):
@@ -234,33 +222,30 @@ def test_joints_without_a_limit_element(tmp_path):
     assert any("no range of elbow" in note for note in arm.notes)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ((NO_MASS, '<mass value="0"/>'), "link lower, which a joint moves, has the mass 0 kg"),
-        ((NO_MASS, '<mass value="-2"/>'), "link lower has the mass -2 kg"),
-        (('iyy="0.02" iyz="0" izz="0.02"', 'iyy="0.02" iyz="0" izz="0.2"'),
-         "no body can have the inertia of the link lower"),
-        (('<mimic joint="left"', '<mimic joint="roll"'),
-         "joint right moves a mass along with joint roll"),
-        (("upper", None), "the link upper has no mass"),
-    ],
-)  # fmt: skip
-def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path, change, words, refuses):
-    if change[1] is None:
-        start = TEXT.index("<inertial>", TEXT.index('<link name="upper">'))
-        change = (TEXT[start : TEXT.index("</inertial>", start) + 11], "")
-    arm, whole = load(tmp_path, change), ac.load_arm(ROBOT, base="base_link", tip="tcp")
-    assert not arm.has_bodies and arm.limits.joint_torque is None
-    assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
-    q = np.random.default_rng(3).normal(size=(20, 4))
-    np.testing.assert_array_equal(arm.forward(q), whole.forward(q))
-    refuses(lambda: arm.dynamics, ac.InvalidInput, "masses of the arm lifter")
+NO_BODIES = """
+<mass value="2"/> => <mass value="0"/> => link lower, which a joint moves, has the mass 0 kg
+<mass value="2"/> => <mass value="-2"/> => link lower has the mass -2 kg
+"0.02" iyz="0" izz="0.02" => "0.02" iyz="0" izz="0.2" => the inertia of the link lower
+<mimic joint="left" => <mimic joint="roll" => joint right moves a mass along with joint roll
+"""
+
+
+def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
+    upper = re.search('<link name="upper">.*?(<inertial>.*?</inertial>)', TEXT, re.DOTALL)[1]
+    table = [*rows(NO_BODIES), (upper, "", "the link upper has no mass")]
+    whole = given()
+    for old, new, words in table:
+        arm = load(tmp_path, (old, new))
+        assert not arm.has_bodies and arm.limits.joint_torque is None
+        assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
+        q = np.random.default_rng(3).normal(size=(20, 4))
+        np.testing.assert_array_equal(arm.forward(q), whole.forward(q))
+        refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
 
 
 def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
-    start = TEXT.index("<inertial>", TEXT.index('<link name="right_finger">'))
-    inertial = TEXT[start : TEXT.index("</inertial>", start) + 11]
+    finger = '<link name="right_finger">.*?(<inertial>.*?</inertial>)'
+    inertial = re.search(finger, TEXT, re.DOTALL)[1]
     mimic = ('<mimic joint="left"', '<mimic joint="roll"')
     arm, bare = load(tmp_path, (inertial, ""), mimic), load(tmp_path, (inertial, ""))
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 20, 4))
@@ -282,29 +267,23 @@ def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path)
         np.testing.assert_array_equal(arm.torque(q, dq, ddq), same.torque(q, dq, ddq))
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"tip": "gripper"}, ("no link 'gripper' to be the tip", "left_finger", "tcp")),
-        ({"base": "floor"}, ("no link 'floor' to be the base", "base_link")),
-        ({"tip": None}, ("4 links that could be the tip", "cover", "tcp", "(in a job, arm: {tip:")),
-        ({"tip": "base_link", "base": "upper"}, ("base upper does not carry the tip base_link",)),
-        ({"tip": "base_link", "base": "base_link"}, ("No joint turns",)),
-        ({"tip": "tcp", "base": "wrist"}, ("No joint turns",)),
-        ({"base": None}, ("lift", "is prismatic", "locked={'lift': ...}")),
-        ({"locked": {"thumb": 0}}, ("no joint 'thumb' to be locked", "hinge")),
-        ({"locked": {"hinge": 2}}, ("hinge", "locked at 2", "-1 to 1")),
-        ({"locked": {"hinge": "open"}}, ("position of hinge", "numbers")),
-        ({"locked": {"hand_tcp": 1}}, ("hand_tcp", "is fixed and cannot be locked")),
-    ],
-)
-def test_choices_that_a_description_does_not_have(tmp_path, options, words, refuses):
-    refuses(lambda: load(tmp_path, **options), ac.InvalidInput, *words)
+CHOICES = """
+{tip: gripper} => no link 'gripper' to be the tip ... left_finger ... tcp
+{base: floor} => no link 'floor' to be the base ... base_link
+{tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
+{tip: base_link, base: upper} => base upper does not carry the tip base_link
+{tip: base_link, base: base_link} => No joint turns
+{tip: tcp, base: wrist} => No joint turns
+{base: null} => lift ... is prismatic ... locked={'lift': ...}
+{locked: {thumb: 0}} => no joint 'thumb' to be locked ... hinge
+{locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
+{locked: {hinge: open}} => position of hinge ... numbers
+{locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
+"""
 
 
-def test_files_that_are_not_there_are_refused(tmp_path, refuses):
-    for name in ("no.urdf", "no.xacro"):
-        refuses(lambda x=name: ac.load_arm(tmp_path / x), ac.InvalidInput, "no robot", name)
+def test_choices_that_a_description_does_not_have(tmp_path):
+    refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
 
 
 XACRO = TEXT.replace(
@@ -319,58 +298,206 @@ def test_xacro_is_expanded(tmp_path):
     (tmp_path / "robot.urdf.xacro").write_text(XACRO)
     file = tmp_path / "robot.urdf.xacro"
     arm = ac.load_arm(file, base="base_link", tip="tcp", trust_xacro=True)
-    whole = ac.load_arm(ROBOT, base="base_link", tip="tcp")
+    whole = given()
     np.testing.assert_allclose(arm.forward(np.ones(4)), whole.forward(np.ones(4)), atol=1e-15)
     assert arm.source.endswith(".xacro")
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ("${lost}", "robot.xacro cannot be expanded by xacro: name 'lost' is not defined"),
-        ("$(arg size)", "robot.xacro is not expanded: it needs a value of its argument 'size'"),
-        ("${1 +}", "robot.xacro cannot be expanded by xacro: invalid syntax"),
-    ],
-)
-def test_xacro_that_cannot_be_expanded_is_refused(tmp_path, wrong, words, refuses):
-    pytest.importorskip("xacro")
-    (tmp_path / "robot.xacro").write_text(XACRO.replace("${reach}", wrong))
-    refuses(
-        lambda: ac.load_arm(
-            tmp_path / "robot.xacro", base="base_link", tip="tcp", trust_xacro=True
-        ),
-        ac.InvalidInput,
-        words,
-    )
-
-
-def test_a_file_of_macros_is_no_robot(tmp_path, refuses):
+def test_xacro_that_makes_no_robot_is_refused(tmp_path, monkeypatch):
     pytest.importorskip("xacro")
     macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
     head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    (tmp_path / "arm_macro.xacro").write_text(f"{head}{macro}</robot>")
-    file = tmp_path / "arm_macro.xacro"
-    refuses(
-        lambda: ac.load_arm(file, trust_xacro=True),
-        ac.InvalidInput, "arm_macro.xacro makes no links", "it only defines macros",
-    )  # fmt: skip
+    table = [
+        (XACRO.replace("${reach}", "${lost}"), "cannot be expanded ... 'lost' is not defined"),
+        (XACRO.replace("${reach}", "$(arg size)"), "it needs a value of its argument 'size'"),
+        (XACRO.replace("${reach}", "${1 +}"), "cannot be expanded by xacro: invalid syntax"),
+        (f"{head}{macro}</robot>", "makes no links ... it only defines macros"),
+    ]
 
+    def read(text):
+        (tmp_path / "robot.xacro").write_text(text)
+        return ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True)
 
-def test_xacro_missing_is_said(tmp_path, monkeypatch, refuses):
-    (tmp_path / "robot.xacro").write_text(XACRO)
+    refusals(read, table, "robot.xacro")
     monkeypatch.setitem(sys.modules, "xacro", None)
-    refuses(
-        lambda: ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True),
-        ac.InvalidInput,
-        "pip install 'armcontour[ros]'",
-    )
+    refusals(read, [(XACRO, "pip install 'armcontour[ros]'")])
 
 
-def test_endings_are_read_in_capitals_too(tmp_path, refuses):
-    (tmp_path / "ROBOT.URDF").write_text(TEXT)
-    assert ac.load_arm(tmp_path / "ROBOT.URDF", base="base_link", tip="tcp").dof == 4
+def test_endings_are_read_in_capitals_too(tmp_path):
+    assert load(tmp_path, file="ROBOT.URDF").dof == 4
     library = resources.files("armcontour.io.robots") / "library"
     (tmp_path / "ARM.YAML").write_bytes((library / "ur5e.yaml").read_bytes())
     assert ac.load_arm(tmp_path / "ARM.YAML").dof == 6
     (tmp_path / "ROBOT.XACRO").write_text(TEXT)
-    refuses(lambda: ac.load_arm(tmp_path / "ROBOT.XACRO"), ac.InvalidInput, "--trust-xacro")
+    refusals(ac.load_arm, [(tmp_path / "ROBOT.XACRO", "--trust-xacro")])
+
+
+def test_xml_that_cannot_be_read_is_refused(tmp_path):
+    entities = "".join(
+        f"<!ENTITY a{i} '{f'&a{i - 1};' * 10}'>" if i else "<!ENTITY a0 'aaaaaaaaaa'>"
+        for i in range(12)
+    )
+    head = '<?xml version="1.0" encoding="{}"?><robot name="r"/>'
+    names = ("utf-7", "zlib_codec", "nowhere", "utf-16")
+    table = [(head.format(x), "is not XML") for x in names]
+    grown = f'<!DOCTYPE robot [{entities}]><robot name="r">&a11;</robot>'
+    table.append((grown, "is not XML ... amplification"))
+
+    def read(text):
+        (tmp_path / "robot.urdf").write_text(text)
+        return ac.load_arm(tmp_path / "robot.urdf")
+
+    refusals(read, table, "robot.urdf")
+    # Other encodings are read.
+    file = tmp_path / "robot.urdf"
+    plain = TEXT[TEXT.index("<robot") :].replace("lifter", "Höhe")
+    for encoding in ("latin-1", "utf-16"):
+        text = f'<?xml version="1.0" encoding="{encoding}"?>' + plain
+        file.write_bytes(text.encode(encoding))
+        assert ac.load_arm(file, base="base_link", tip="tcp").name == "Höhe"
+
+
+def links(count):
+    """A robot with so many links in a row."""
+    body = "".join(
+        f'<link name="l{i}"/><joint name="j{i}" type="revolute"><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for i in range(1, count)
+    )
+    return f'<robot name="r"><link name="l0"/>{body}</robot>'
+
+
+def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(links(1000))
+    assert ac.load_arm(file).dof == 999
+
+    def read(text):
+        file.write_text(text)
+        return ac.load_arm(file)
+
+    table = [
+        (links(1001), "more than the 1000 links"),
+        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than the 200000 elements"),
+        ("<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>", "nested more than 100 deep"),
+    ]
+    refusals(read, table)
+    # Only what a body is is taken from it.
+    deep = "<extra>" * 90 + "</extra>" * 90
+    mass = '<mass value="2"/>'
+    assert mass in TEXT
+    found = load(tmp_path, (mass, mass + deep))
+    np.testing.assert_array_equal(found.chain.masses, given().chain.masses)
+
+
+NAMES = [
+    ("link", "world", "w\x9b2Jd", r"name of a link of ... 'w\x9b2Jd'"),
+    ("joint", "elbow", "&#10;elbow", r"name of a joint of ... '\nelbow'"),
+    ("robot", "lifter", "\u202elifter", r"name of the robot of ... '\u202elifter'"),
+]
+# N stands for what is no number.
+NUMBERS = """
+velocity="2.5" => velocity="N" => must be one finite number
+upper="2.5" => upper="N" => must be one finite number
+<mass value="2"/> => <mass value="N"/> => needs a number as value of its mass
+<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => needs three numbers as its xyz
+"""
+TOO_LARGE = """
+xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... up to 1e+09 ... 1e300
+<axis xyz="0 1 1"/> => <axis xyz="0 1e200 1"/> => tilt ... up to 1e+09
+<mass value="2"/> => <mass value="1e200"/> => its mass ... up to 1e+09
+multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
+"""
+
+
+def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_path):
+    table = [((f'{x} name="{a}"', f'{x} name="{b}"'), words) for x, a, b, words in NAMES]
+    for number in ("1_0", "inf", "nan", "1e999", "١", "0x10"):
+        table += [((old, new.replace("N", number)), words) for old, new, words in rows(NUMBERS)]
+    refusals(lambda x: load(tmp_path, x), table)
+    large = [((old, new), words) for old, new, words in rows(TOO_LARGE)]
+    refusals(lambda x: load(tmp_path, x, locked={"left": 0.03}), large)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_pipes_are_refused(tmp_path):
+    pipes = [(tmp_path / f"pipe.{x}", "is not a regular file") for x in ("urdf", "xacro", "yaml")]
+    for pipe, _ in pipes:
+        os.mkfifo(pipe)
+    refusals(ac.load_arm, pipes)
+    refusals(lambda x: ac.load_arm("ur5e", joint_limits=x), pipes)
+    # Joints that mimic one another in a long row are refused.
+    mimics = "".join(
+        f'<link name="m{i}"/><joint name="m{i}" type="revolute"><parent link="tcp"/>'
+        f'<child link="m{i}"/><mimic joint="m{i + 1}"/></joint>'
+        for i in range(600)
+    )
+    change = ("</robot>", mimics + "</robot>")
+    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... mimics no joint")])
+
+
+# Joints as name, kind, parent link, child link, mimicked joint.
+SIX = [(f"a{k}", "revolute", f"l{k - 1}", f"l{k}", "") for k in range(1, 7)]
+FRAMES = [("b", "fixed", "l0", "base", ""), ("f", "fixed", "l6", "flange", "")]
+TOOL = ("t", "fixed", "flange", "tool0", "")
+SENSOR = ("s", "fixed", "flange", "ft_frame", "")
+SLIDING = [("left", "prismatic", "l6", "lf", ""), ("right", "prismatic", "l6", "rf", "left")]
+HAND = [(f"{x}1", "revolute", "l6", f"{x}_1", "") for x in "uv"]
+HAND += [(f"{x}2", "revolute", f"{x}_1", f"{x}_2", "") for x in "uv"]
+SECOND = [("c1", "revolute", "l0", "k1", ""), ("c2", "revolute", "k1", "k2", "")]
+
+
+def load_joints(tmp_path, joints, **options):
+    links = {"l0": None} | dict.fromkeys(x[3] for x in joints)
+    text = "".join(f'<link name="{x}"/>' for x in links)
+    for name, kind, parent, child, master in joints:
+        mimic = f'<mimic joint="{master}"/>' if master else ""
+        text += (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0 0 0.1"/>{mimic}'
+            '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{text}</robot>')
+    return ac.load_arm(tmp_path / "r.urdf", **options)
+
+
+def test_the_end_of_the_only_chain_is_the_tip(tmp_path):
+    for joints, tip in (
+        ([*SIX, *FRAMES, TOOL, SENSOR], "tool0"),
+        ([*SIX, *FRAMES, SENSOR], "flange"),
+        ([*SIX, *FRAMES], "flange"),
+        ([*SIX, FRAMES[0]], "l6"),
+        ([*SIX, ("h", "fixed", "l6", "hand", ""), ("p", "fixed", "l0", "plate", "")], "hand"),
+        # Two frames without a name of REP 199: the last link itself.
+        ([*SIX, ("x", "fixed", "l6", "x", ""), ("y", "fixed", "l6", "y", "")], "l6"),
+        # Grippers: one that mimics, two fingers side by side, two fingers of two joints.
+        ([*SIX, *FRAMES, *SLIDING], "flange"),
+        ([*SIX, *FRAMES, SLIDING[0], ("right", "prismatic", "l6", "rf", "")], "flange"),
+        ([*SIX, *FRAMES, TOOL, *HAND], "tool0"),
+        # A link that mimics a joint of the arm.
+        ([*SIX, *FRAMES, TOOL, ("m", "revolute", "l1", "rod", "a2")], "tool0"),
+    ):
+        arm = load_joints(tmp_path, joints)
+        assert arm.joint_names == ("a1", "a2", "a3", "a4", "a5", "a6")
+        assert arm.notes[0].startswith(f"r.urdf: the tip is {tip}, at the end of the only chain")
+        assert "(in a job, arm: {tip: LINK})" in arm.notes[0]
+        named = load_joints(tmp_path, joints, tip=tip)
+        assert (named.forward([0.1] * 6) == arm.forward([0.1] * 6)).all()
+        assert not any("the tip is" in note for note in named.notes)
+
+
+def test_of_more_chains_one_must_be_named(tmp_path):
+    words = "2 links that could be the tip ... (in a job, arm: {tip: ... "
+    table = [
+        ([*SIX, *SECOND], words + "k2"),
+        # One more joint beside the last two is no gripper.
+        ([*SIX, ("g", "revolute", "l4", "g", "")], words + "g"),
+        # Legs: none is longer than the way to it.
+        ([*SECOND, ("d1", "revolute", "l0", "m1", ""), ("d2", "revolute", "m1", "m2", "")], "m2"),
+        # A sliding joint at the end, as a SCARA's, is not left out in silence.
+        ([*SIX[:2], ("z", "prismatic", "l2", "z", ""), *FRAMES[:1]], "Joint z ... is prismatic"),
+    ]
+    refusals(lambda x: load_joints(tmp_path, x), table)
+    # A locked joint does not count.
+    arm = load_joints(tmp_path, [*SIX, ("g", "revolute", "l5", "g", "")], locked={"g": 0.5})
+    assert arm.dof == 6

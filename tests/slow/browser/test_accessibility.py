@@ -1,7 +1,5 @@
 """Faults of accessibility, as axe-core finds them, on light and dark pages and on narrow ones."""
 
-from __future__ import annotations
-
 import pytest
 from soak.axe import faults, load_axe
 

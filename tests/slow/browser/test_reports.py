@@ -1,11 +1,7 @@
 """Reports in a real browser: no serious fault of accessibility, nothing cut off at any width."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,11 +13,10 @@ from armcontour.io import parse_job
 from armcontour.report import sections
 from armcontour.report.figure import render_page
 from armcontour.report.identification import render_identification
-from armcontour.report.section import Section
 from armcontour.report.sections.batch import Axis, BatchView
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    pass
 from soak.axe import faults, load_axe
 
 pytestmark = pytest.mark.browser
@@ -42,7 +37,7 @@ scene: {halfspaces: [{name: table, at: [0, 0, -0.1]}]}
 """
 
 
-def parts() -> ac.Job:
+def parts():
     """A job of two contours, one of them with a corner."""
     bend = ac.Path.polyline([[0, 0, 0], [0.02, 0, 0], [0.02, 0.02, 0]]).pointing([0, 0, -1])
     line = ac.Path.polyline([[0.04, 0, 0], [0.05, 0.01, 0]]).pointing([0, 0, -1])
@@ -50,11 +45,11 @@ def parts() -> ac.Job:
     return dataclasses.replace(parse_job(PARTS), path=ac.Program(moves=contours))
 
 
-def bend() -> ac.Job:
+def bend():
     return parse_job(CORNER_JOB)
 
 
-def bends() -> BatchView:
+def bends():
     speeds, errors = np.array([0.01, 0.02, 0.04]), np.array([1e-3, 2e-3, np.nan])
     return BatchView(
         name="bends",
@@ -71,7 +66,7 @@ def bends() -> BatchView:
     )
 
 
-def every_kind() -> str:
+def every_kind():
     """A page with sections of all kinds of reports."""
     study = ac.run(parts())
     over = {"x": (-0.01, 0.01, 2), "y": (-0.01, 0.01, 2)}
@@ -95,7 +90,7 @@ def every_kind() -> str:
     )
 
 
-def identified() -> str:
+def identified():
     t = np.linspace(0.0, 1.0, 501)
     command = 0.1 * np.sin(2 * t[:, None]) ** 2
     measured = command + 1e-5 * np.random.default_rng(0).standard_normal(command.shape)
@@ -124,12 +119,12 @@ CUT_OFF = """() => {
 
 
 @contextmanager
-def opened(browser: Browser, text: str, folder: Path, width: int) -> Iterator[Page]:
+def opened(browser, text, folder, width):
     """A page whose figures are drawn, and that has had no trouble."""
     file = folder / "report.html"
     file.write_text(text, encoding="utf-8")
     page = browser.new_page(viewport={"width": width, "height": 900})
-    troubles: list[str] = []
+    troubles = []
     page.on("pageerror", lambda x: troubles.append(str(x)))
     page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
     page.on("request", lambda x: None if x.url == file.as_uri() else troubles.append(x.url))
@@ -170,7 +165,7 @@ COVERED = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((pl
 RATIO = "() => document.querySelector('#paths .js-plotly-plot').layout.scene.aspectratio.x"
 
 
-def of_paths(section: Section | None) -> str:
+def of_paths(section):
     """A page with one section."""
     assert section is not None
     return render_page(

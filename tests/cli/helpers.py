@@ -1,0 +1,8 @@
+"""Helpers of the tests of the command line."""
+
+import json
+
+
+def summary(folder):
+    """The summary of a result."""
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -1,0 +1,227 @@
+"""Printed vertices of files are tangent again, and curvature is continuous if required."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import svgpathtools
+
+import armcontour as ac
+from armcontour.io.drawings.mending import half_a_place
+
+HEAD = "G21 G90 G17 F6000 G64 P0.1\n"
+
+
+def gcode(parts, start, heading, decimals, by_radius):
+    """Lines and tangent arcs, (0, length) or (signed radius, angle), from x + iy [mm]."""
+
+    def words(letters, *values):
+        return " ".join(f"{a}{x:.{decimals}f}" for a, x in zip(letters, values, strict=True))
+
+    here, text = start, f"{HEAD}G0 {words('XY', start.real, start.imag)}\n"
+    for radius, size in parts:
+        code, how, along = "G1", "", np.exp(1j * heading)
+        to_center = 1j * radius * along
+        if radius:
+            code = "G3" if radius > 0 else "G2"
+            how = words("IJ", to_center.real, to_center.imag)
+            how = words("R", abs(radius)) if by_radius else how
+            heading += np.sign(radius) * size
+            here += to_center - 1j * radius * np.exp(1j * heading)
+        else:
+            here += size * along
+        text += f"{code} {words('XY', here.real, here.imag)} {how}\n"
+    return text + "M2\n"
+
+
+def rectangle(decimals, by_radius=False):
+    """A rectangle 80 x 50 with corners of 8, turned by 23 degrees."""
+    turn, corner = np.radians(23), (8, np.pi / 2)
+    parts = [(0, 64), corner, (0, 34), corner] * 2
+    return gcode(parts, 8 * np.exp(1j * turn) + 300 + 100j, turn, decimals, by_radius)
+
+
+def arcs(decimals, by_radius=False):
+    """Ten tangent arcs."""
+    rng = np.random.default_rng(1)
+    parts = [(rng.uniform(5, 20) * rng.choice([-1, 1]), rng.uniform(0.4, 1.6)) for _ in range(10)]
+    return gcode(parts, 300 + 100j, 0.3, decimals, by_radius)
+
+
+def ellipse(decimals, scale=1.0):
+    """An ellipse of four Beziers as SVG; one millimetre is `scale` units."""
+    k, a, b = 0.5522847498, 40, 25
+    c, s = np.cos(0.3), np.sin(0.3)
+
+    def at(x, y):
+        p = np.array([c * x - s * y + 101.23, s * x + c * y + 99.77]) * scale
+        return " ".join(f"{v:.{decimals}f}" for v in p)
+
+    quarters = [[(a, k * b), (k * a, b), (0, b)], [(-k * a, b), (-a, k * b), (-a, 0)]]
+    quarters += [[(-x, -y) for x, y in q] for q in quarters]
+    data = f"M {at(a, 0)} " + " ".join("C " + " ".join(at(*p) for p in q) for q in quarters)
+    size = f'width="200mm" height="200mm" viewBox="0 0 {200 * scale} {200 * scale}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="{data} Z"/></svg>'
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reader(text, ending=".ngc", **options):
+        file = tmp_path / f"part{ending}"
+        file.write_text(text)
+        return ac.read_path(file, **options)
+
+    return reader
+
+
+def duration(program):
+    """Time of the program's one contour, corners rounded within 0.1 mm; it must have no stop."""
+    path = ac.round_corners(program.contours[0].path, tolerance=1e-4)
+    assert len(path.stops) == 0
+    middle = (path.vertices.max(axis=0) + path.vertices.min(axis=0)) / 2
+    frame = ac.Frame(position=(*(np.array([0.33, 0.2]) - middle), 0.0))
+    placed = ac.Program(moves=(ac.Contour(path=path),)).placed(frame)
+    arm = ac.load_arm("pmk3s")
+    limits = ac.Limits(joint_acceleration=3.0, speed=0.1)
+    return ac.plan(ac.trace(placed.contours[0].path, arm), arm, limits=limits).duration
+
+
+def kinks(program):
+    return int((program.path.turns > 1e-9).sum())
+
+
+SHAPES = {
+    "rectangle": (rectangle, ".ngc"),
+    "rectangle by R": (partial(rectangle, by_radius=True), ".ngc"),
+    "arcs": (arcs, ".ngc"),
+    "arcs by R": (partial(arcs, by_radius=True), ".ngc"),
+    "ellipse": (ellipse, ".svg"),
+    "ellipse in small units": (partial(ellipse, scale=0.1), ".svg"),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_printed_curves_have_no_corners(read, shape):
+    draw, ending = SHAPES[shape]
+    for decimals in (2, 3, 4, 5, 6):
+        printed = read(draw(decimals), ending, mend_vertices=0.0)
+        mended = read(draw(decimals), ending)
+        bent = kinks(printed)
+        assert bent > 0 and not printed.notes
+        assert kinks(mended) == 0, decimals
+        if mended.contours[0].closed:
+            end = mended.path(mended.path.length, 1, side="left")
+            assert np.linalg.norm(end - mended.path(0.0, 1)) <= 1e-9, decimals
+        (note,) = mended.notes
+        assert note.startswith((f"Mended {bent}", f"Mended {bent + 1}"))
+        s = np.linspace(0, mended.path.length, 999)
+        most = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
+        assert printed.path.project(mended.path(s)).distance.max() <= min(most, 1e-5), decimals
+
+
+@pytest.mark.parametrize(("shape", "decimals"), [("rectangle", 3), ("arcs", 3), ("ellipse", 2)])
+def test_printed_curves_take_no_longer_than_exact_ones(read, shape, decimals):
+    draw, ending = SHAPES[shape]
+    exact = duration(read(draw(13), ending))
+    assert duration(read(draw(decimals), ending)) <= 1.01 * exact
+
+
+def test_a_program_keeps_its_events_and_its_start(read):
+    text = rectangle(3).replace("G3", "M62 P1\nG3", 1)
+    printed, mended = read(text, mend_vertices=0.0), read(text)
+    assert [type(x) for x in printed.moves] == [type(x) for x in mended.moves]
+    (before,), (after,) = printed.contours, mended.contours
+    assert len(before.events) == len(after.events) > 0
+    for x, y in zip(before.events, after.events, strict=True):
+        np.testing.assert_allclose(after.path(y.s), before.path(x.s), atol=1e-6)
+    np.testing.assert_array_equal(after.path(0.0), before.path(0.0))
+
+
+def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
+    # Exact stop.
+    assert kinks(read(rectangle(3).replace("G64 P0.1", "G61"))) >= 5
+    tight = read(rectangle(2).replace("P0.1", "P0.00001"))
+    assert "1e-05 mm" in tight.notes[0]
+    printed = read(rectangle(2), mend_vertices=0.0).path
+    s = np.linspace(0, tight.path.length, 999)
+    assert printed.project(tight.path(s)).distance.max() <= 1e-8 * 1.001
+    draw = ellipse(2).replace("<path", '<path id="cut"')
+    (name,) = {x.layer for x in read(draw, ".svg").contours}
+    free = read(draw, ".svg").notes[0]
+    tight = read(draw, ".svg", layers={name: ac.Demand(tolerance=1e-8)}).notes[0]
+    assert "1e-05 mm" in tight and "1e-05 mm" not in free
+    assert not read(draw, ".svg", layers={name: ac.Demand(tolerance=0.0)}).notes
+    refuses(lambda: read(arcs(3), mend_vertices=-1e-6), ac.InvalidInput, "mend_vertices")
+
+
+def test_corners_that_printing_cannot_have_made_stay(read):
+    text = "G21 G90 F600\nG0 X0 Y0\nG1 X30.01 Y10.003\nG1 X60.02 Y20.007\nG1 X60.02 Y50\nM2\n"
+    mended = read(text)
+    assert "Mended 1 vertex" in mended.notes[0] and kinks(mended) == 1
+    np.testing.assert_array_equal(mended.path.vertices[-2:] * 1e3, [(60.02, 20.007), (60.02, 50)])
+    # 0.1° over 30 mm is a twentieth of a millimetre, 100 times the last of three decimals.
+    y = 30 * np.tan(np.radians(0.1))
+    text = f"G21 G90 F600\nG0 X0.000 Y0.000\nG1 X30.000\nG1 X60.000 Y{y:.3f}\nM2\n"
+    assert not read(text).notes
+    assert read(text, mend_vertices=5e-5).notes
+
+
+def test_collinear_waypoints_are_mended(read):
+    places = np.linspace(0, 70, 8)
+    rows = [f"{100 + x * np.cos(0.4):.3f},{50 + x * np.sin(0.4):.3f}" for x in places]
+    text = "x [mm],y [mm]\n" + "\n".join(rows) + "\n"
+    assert len(read(text, ".csv", mend_vertices=0.0).path.stops) >= 5
+    assert len(read(text, ".csv").path.stops) == 0
+
+
+def test_bulges_of_dxf_are_mended(tmp_path):
+    document = pytest.importorskip("ezdxf").new(units=4)
+    bulge = np.tan(np.pi / 8)
+    c, s = np.cos(0.4), np.sin(0.4)
+    flat = [(8, 0, 0), (72, 0, bulge), (80, 8, 0), (80, 42, bulge)]
+    flat += [(72, 50, 0), (8, 50, bulge), (0, 42, 0), (0, 8, bulge)]
+    points = [(round(c * x - s * y, 4), round(s * x + c * y, 4), round(b, 6)) for x, y, b in flat]
+    document.modelspace().add_lwpolyline(points, format="xyb", close=True)
+    document.saveas(tmp_path / "a.dxf")
+    assert kinks(ac.read_path(tmp_path / "a.dxf", mend_vertices=0.0)) >= 5
+    mended = ac.read_path(tmp_path / "a.dxf")
+    assert kinks(mended) == 0 and "Mended" in mended.notes[-1]
+
+
+def test_half_of_the_last_decimal_place():
+    table = {"M 1.25,3 -0.500.125 7": 0.5e-3, "M 1.5e-2 2.5e3": 0.5e-3, "1 2 3": 0.5}
+    table |= {" ".join(["0.12"] * 50 + ["0.123456789"]): 0.5e-2, "1.5e400": 0.5, "": 0.5}
+    assert {x: half_a_place([x]) for x in table} == pytest.approx(table, rel=1e-12)
+
+
+def jumps(path):
+    """The largest jump of the curvature, relative to the largest curvature."""
+    n = np.arange(len(path))
+    ends = path.on_segment(n, path.lengths, 2)
+    starts = path.on_segment(n, np.zeros(len(path)), 2)
+    return np.linalg.norm(ends[:-1] - starts[1:], axis=1).max() / np.abs(starts).max()
+
+
+def test_a_curve_of_svg_has_continuous_curvature_within_the_chord_tolerance(read):
+    curve = "M 10 50 C 20 10, 60 10, 80 50 S 90 90, 50 80"
+    page = 'xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100"'
+    text = f'<svg {page}><path d="{curve}"/></svg>'
+    z = [x.point(t) for x in svgpathtools.parse_path(curve) for t in np.linspace(0, 1, 2001)]
+    points = np.column_stack([np.real(z), 100 - np.imag(z)]) * 1e-3
+    for tolerance in (1e-6, 1e-4):
+        path = read(text, ".svg", chord_tolerance=tolerance, continuity="curvature").path
+        assert jumps(path) < 1e-9
+        assert path.project(points).distance.max() <= tolerance + 1.1e-9
+        assert jumps(read(text, ".svg", chord_tolerance=tolerance).path) > 1e-3
+
+
+def test_lines_and_arcs_of_g_code_get_transitions(read, refuses):
+    text = "G21 G90 G17\nF1000\nG0 X0 Y0\nG1 X50\nG3 X50 Y30 J15\nG1 X0\nG3 X0 Y0 J-15\nM30\n"
+    plain, smooth = read(text), read(text, continuity="curvature", scale=2.0)
+    assert jumps(smooth.path) < 1e-11
+    twice = plain.placed(ac.Frame(), scale=2.0).path
+    s = np.linspace(0, smooth.path.length, 9001)
+    # Half of the chord tolerance, times 2 for the scale.
+    assert 0.9e-5 < twice.project(smooth.path(s)).distance.max() < 1e-5 + 1.1e-9
+    assert (smooth.path.speeds == plain.path.speeds[0]).all()
+    refuses(lambda: read(text, continuity="smooth"), ac.InvalidInput, "tangent, curvature")

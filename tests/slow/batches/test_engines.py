@@ -1,0 +1,84 @@
+"""Batches in processes and on a cluster, with real limits, and killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import armcontour as ac
+
+JOB = """\
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 10 ms
+runs: {only: {compensation: {method: none}}}
+"""
+PLACED = "placement: {over: {x: {from: -30 mm, to: 30 mm, places: 3}}, refine: false}\n"
+SPEEDS = {"from": "20 mm/s", "to": "0.1 m/s", "steps": 6}
+POINTS = [[[0.30, 0.20], [0.33, 0.20], [x, 0.23]] for x in (0.33, 0.93)]
+
+
+@pytest.fixture
+def small(tmp_path):
+    (tmp_path / "bend.yaml").write_text(JOB)
+    over = {"limits.speed": SPEEDS, "path.points": POINTS}
+    return {"job": str(tmp_path / "bend.yaml"), "do": "teach", "over": over, "name": "small"}
+
+
+def rows(found):
+    """The rows without columns that may differ."""
+    hidden = "(not reproducible)"
+    return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows()]
+
+
+@pytest.mark.parametrize("work", ["teach", "place"])
+def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
+    distributed = pytest.importorskip("distributed")
+    if work == "place":
+        (tmp_path / "bend.yaml").write_text(JOB + PLACED)
+        axes = [{"from": a, "to": b, "places": 3} for a, b in ((-0.03, 0.03), (0.6, 0.7))]
+        small |= {"do": "place", "over": {"placement.over.x": axes}}
+    want = rows(ac.batch(small, tmp_path / "here", workers=0))
+    assert rows(ac.batch(small, tmp_path / "pool", workers=2)) == want
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        found = ac.batch(small, tmp_path / "dask", cluster=cluster.scheduler_address)
+    assert rows(found) == want
+
+
+def test_bounds_of_time_and_memory_cost_a_job_only(small, tmp_path):
+    quick = small | {"limits": {"time": "10 us"}, "over": {"limits.speed": [0.02, 0.1]}}
+    found = ac.batch(quick, tmp_path / "time", workers=0)
+    assert found.counts == {"timed out": 2}
+    row = next(found.rows())
+    assert row["tries (not reproducible)"] == 3 and "limits.time" in row["sentence"]
+    # A job that was tried in vain has a result, unless it is to be tried again.
+    assert ac.batch(quick, tmp_path / "time", workers=0).counts == {"timed out": 2}
+    longer = quick | {"limits": {"time": "60 s"}}
+    assert ac.batch(longer, tmp_path / "time", workers=0).counts == {"timed out": 2}
+    assert ac.batch(longer, tmp_path / "time", workers=0, retry=True).counts == {"done": 2}
+    tight = small | {"limits": {"memory": "1 MB"}, "over": {"command_interval": "10 us"}}
+    assert ac.batch(tight, tmp_path / "memory", workers=1).counts == {"out of memory": 1}
+
+
+def test_a_killed_batch_continues(small, tmp_path):
+    """`kill -9` of the parent, as the soak does at random moments."""
+    (tmp_path / "plan.yaml").write_text(json.dumps(small))
+    line = [sys.executable, "-c", "from armcontour.cli import main; main()", "batch", "plan.yaml"]
+    own = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)}
+    line += ["--out", "out", "--workers", "1"]
+    with subprocess.Popen(line, cwd=tmp_path, env=os.environ | own) as process:
+        while process.poll() is None and not (tmp_path / "out/plan.json").exists():
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+    found = ac.batch(small, tmp_path / "out", workers=0)
+    assert rows(found) == rows(ac.batch(small, tmp_path / "whole", workers=0))

@@ -1,0 +1,5 @@
+"""The browser, its server and its pages, as for the journeys of the suite."""
+
+from tests.browser.conftest import browser, job, judge, pages, server, studio
+
+__all__ = ["browser", "job", "judge", "pages", "server", "studio"]

@@ -1,0 +1,687 @@
+"""What a person does in the Studio, in a real browser; the page is held to the library."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+from soak.studio import let_loose
+from soak.studio_page import SQUARE, serving, write_job
+from tests.browser.test_journeys import agree
+
+import armcontour as ac
+
+pytestmark = pytest.mark.browser
+DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
+EXACT = 1e-9
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def test_j0_a_page_of_this_browser_can_be_driven(browser):
+    page = browser.new_page()
+    page.set_content("<button onclick=\"this.textContent = 'pressed'\">press</button>")
+    page.get_by_role("button").click()
+    expect(page.get_by_role("button")).to_have_text("pressed")
+    page.close()
+
+
+def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
+    with studio.changing():
+        studio.type("limits.speed", "0.05 m/s")
+    slow, error = studio.figure("duration"), studio.figure("rms")
+    agree(studio, judge(studio))
+    row = studio.slider("limits.speed").locator("input[type=range]")
+    box = row.bounding_box()
+    place = int(row.input_value()) / 1000
+    y = box["y"] + box["height"] / 2
+    seen = set()
+    with studio.changing():
+        studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
+        studio.page.mouse.down()
+        for k in range(1, 6):
+            shown = studio.told("[data-figure=rms]", "value")
+            studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
+            studio.wait_for(f'[data-figure=rms]:not([data-value="{shown}"])')
+            seen.add(studio.figure("rms"))
+        studio.page.mouse.up()
+    assert len(seen) >= 4, "the error of the executed tool is to follow"
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration < slow
+    assert studio.figure("rms") != error
+
+
+def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
+    studio.page.evaluate(
+        """() => {
+            window.asked = [];
+            const send = WebSocket.prototype.send;
+            WebSocket.prototype.send = function (text) {
+                const { op, task } = JSON.parse(text);
+                if (op === "task") window.asked.push(task);
+                return send.call(this, text);
+            };
+        }"""
+    )
+    with studio.grabbing(studio.slider("limits.speed").locator("input[type=range]")) as (x, y):
+        # A pointer that rests on a slider for half of this asks for one.
+        studio.page.wait_for_timeout(1000)
+        studio.page.mouse.move(x + 3, y)
+        studio.page.wait_for_timeout(1000)
+        assert studio.page.evaluate("() => window.asked") == []
+    studio.page.wait_for_function("() => window.asked.length > 0")
+    assert studio.page.evaluate("() => window.asked") == ["sweep"]
+    assert "speed: 0.05 m/s" not in studio.text
+
+
+def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
+    with studio.changing():
+        studio.slider("compensation.method").locator("select").select_option("none")
+    pinned, text = judge(studio), studio.text
+    studio.find("#pin").click()
+    studio.tab("runs")
+    pin = studio.find("#tab-runs tbody tr").last
+    expect(pin).to_contain_text("pin of optimal")
+    with studio.changing():
+        studio.type("servo.kp", "12 1/s")
+    found = judge(studio)
+    agree(studio, found)
+    old, new = (1e3 * x.evaluation.contour_error.rms for x in (pinned, found))
+    assert new > old + 1e-3
+    difference = studio.find("[data-figure=rms] .delta").inner_text()
+    assert float(difference) == pytest.approx(new - old, abs=1e-3)
+    pin.get_by_role("button", name="Compare").click()
+    expect(studio.find("#compare")).to_have_value("pin 1")
+    # The pin is of the shown run: its curve has the name of the pin.
+    studio.tab("charts")
+    expect(studio.find("[data-chart=error] .u-legend")).to_contain_text("Pin 1")
+    studio.tab("runs")
+    expect(pin).to_contain_text(f"{old:.3f}"[:5])
+    with studio.changing():
+        pin.get_by_role("button", name="Swap").click()
+    assert studio.text == text
+    agree(studio, pinned)
+
+
+def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal")
+    original = file.read_bytes()
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        studio.page.keyboard.press("Control+s")
+        expect(studio.find("#messages")).to_contain_text("Saved")
+        assert file.read_bytes() == original, "nothing was changed, and nothing is written anew"
+        with studio.changing():
+            studio.drag(studio.handle("waypoint", 1), (14, -9))
+        studio.find("#diff").click()
+        expect(studio.find("#question pre.diff .added")).to_have_count(1)
+        studio.find("#question").get_by_role("button", name="Save").click()
+        studio.wait("body", dirty="false")
+        assert file.read_text() == studio.text
+        command = ["run", str(file), "--out", str(tmp_path / "out")]
+        subprocess.run([sys.executable, "-m", "armcontour", *command], check=True, timeout=120)
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        written = summary["runs"]["optimal"]
+        assert studio.figure("duration") == pytest.approx(written["duration"], abs=EXACT)
+        rms = written["contour_error"]["rms"]
+        assert studio.figure("rms") == pytest.approx(rms, abs=EXACT)
+        # Another program changes the file: neither side is lost.
+        file.write_bytes(original)
+        with studio.changing():
+            studio.type("limits.speed", "0.12 m/s")
+        studio.page.keyboard.press("Control+s")
+        dialog = studio.find("#question")
+        expect(dialog).to_contain_text("changed")
+        assert file.read_bytes() == original
+        with studio.changing():
+            dialog.get_by_role("button", name="Take the file's").click()
+        assert studio.text.encode() == original
+
+
+def focused(studio):
+    """What the element with the focus is called."""
+    name = studio.find(":focus")
+    return name.get_attribute("aria-label") or name.inner_text() if name.count() else ""
+
+
+def tab_to(studio, name):
+    """Press Tab until an element has the focus."""
+    for _ in range(120):
+        if focused(studio) == name:
+            return
+        studio.page.keyboard.press("Tab")
+    raise AssertionError(f"{name} is not reached by Tab")
+
+
+def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
+    keys = studio.page.keyboard
+    before = studio.figure("duration")
+    tab_to(studio, "Tolerance of corner 2")
+    element = studio.handle("corner", 1)
+    assert "5.000 mm" in element.get_attribute("aria-valuetext")
+    with studio.changing():
+        for _ in range(4):
+            keys.press("ArrowUp")
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration < before
+    assert "9.000 mm" in element.get_attribute("aria-valuetext")
+    tab_to(studio, "speed, slider")
+    slower = studio.figure("duration")
+    with studio.changing():
+        keys.press("PageDown")
+    found = judge(studio)
+    agree(studio, found)
+    assert found.trajectory.duration > slower
+    with studio.changing():
+        keys.press("Control+z")
+    assert studio.figure("duration") == slower
+
+
+def test_j11_a_dropped_drawing_is_placed_by_the_map_and_played(pages, judge):
+    studio = pages()
+    studio.rest()
+    content = (DRAWINGS / "gasket.dxf").read_text()
+    data = studio.page.evaluate_handle(
+        """(text) => {
+            const data = new DataTransfer();
+            data.items.add(new File([text], "gasket.dxf"));
+            return data;
+        }""",
+        content,
+    )
+    with studio.changing():
+        for event in ("dragover", "drop"):
+            studio.page.dispatch_event("main", event, {"dataTransfer": data})
+        dialog = studio.find("#question")
+        dialog.locator("select").select_option("ur5e")
+        dialog.get_by_role("button", name="Open").click()
+    run = studio.find("#run").input_value()
+    first = studio.figure("duration")
+    assert first == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
+    studio.do("place", {"x": "60", "y": "60", "steps": "2"})
+    result = studio.find(".task-result[data-task=place]")
+    expect(result).to_have_attribute("data-state", "done", timeout=300_000)
+    cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
+    assert cells.count() == 4
+    with studio.changing():
+        cells.last.click()
+    moved = studio.figure("duration")
+    assert moved != first
+    assert moved == pytest.approx(judge(studio, run).trajectory.duration, abs=EXACT)
+    studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.find("#playback").get_by_role("button", name="Play").click()
+    studio.wait("#playback", state="playing")
+    time.sleep(0.3)
+    studio.find("#playback").get_by_role("button", name="Pause").click()
+    studio.wait("#view3d", exact="true")
+    t = float(studio.told("#playback", "time"))
+    assert t > 0
+    joints = [float(x) for x in studio.told("#view3d", "joints").split(",")]
+    planned = judge(studio, run).trajectory(t)
+    np.testing.assert_allclose(joints, planned, atol=EXACT)
+
+
+def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_path):
+    (tmp_path / "square.yaml").write_text(SQUARE)
+    with studio.changing():
+        studio.open(tmp_path / "square.yaml")
+    free = judge(studio, "optimal")
+    agree(studio, free)
+    # It lands in the middle of the view, and so on the part.
+    with studio.renewing():
+        studio.find("#add-obstacle").click()
+    studio.wait("body", refused="true")
+    with pytest.raises(ac.Collision) as refused:
+        judge(studio, "optimal")
+    assert studio.refusal == str(refused.value)
+    box = studio.find("g.handle.obstacle")
+    with studio.changing():
+        studio.drag(box, (480, 0))
+    found = judge(studio, "optimal")
+    agree(studio, found)
+    least = studio.figure("clearance")
+    assert least == pytest.approx(found.clearance.least.high, abs=EXACT)
+    with studio.changing():
+        studio.drag(box, (-120, 0))
+    assert studio.figure("clearance") < least
+    with studio.renewing():
+        studio.drag(box, (-360, 0))
+    studio.wait("body", refused="true")
+
+
+def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
+    file = write_job(tmp_path / "job.yaml", "optimal")
+    with serving(file, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        with studio.changing():
+            studio.type("limits.speed", "0.1 m/s")
+        changed, shown = studio.text, studio.figure("duration")
+        time.sleep(0.5)
+        studio.is_cut_off = True
+        server.process.kill()
+        server.process.wait()
+        studio.wait("body", link="lost")
+        expect(studio.find("#link-state")).to_contain_text("does not answer")
+        assert studio.figure("duration") == shown
+        # Nothing is called exact, and nothing can be changed that would be lost.
+        studio.wait("#figures", exact="false")
+        expect(studio.find(".exactness")).to_have_text("not connected")
+        expect(studio.find("#messages")).to_contain_text("nothing can be changed")
+        expect(studio.find("main")).to_have_attribute("inert", "")
+    with serving("--port", str(server.port), file, folder=tmp_path) as again:
+        # The old page has the key of the old server.
+        studio.wait("body", link="refused")
+        fresh = pages(again)
+        fresh.wait("body", link="open")
+        fresh.find("#question").get_by_role("button", name="Take them up").click()
+        fresh.wait("body", dirty="true")
+        fresh.rest()
+        assert fresh.text == changed
+        assert fresh.figure("duration") == shown
+        # The new address may be pasted into the old page.
+        studio.page.evaluate("x => { location.hash = x; }", again.address.partition("#")[2])
+        studio.wait("body", link="open")
+        studio.rest()
+        assert studio.figure("duration") == shown
+        expect(studio.find("main")).not_to_have_attribute("inert", "")
+        assert studio.page.evaluate("location.hash") == ""
+
+
+def test_j14_two_tabs_show_and_change_one_job(studio, pages):
+    other = pages()
+    other.rest()
+    assert other.text == studio.text
+    with studio.changing(), other.changing():
+        studio.type("limits.speed", "0.08 m/s")
+    assert other.text == studio.text
+    assert other.figure("duration") == studio.figure("duration")
+    with studio.changing(), other.changing():
+        other.find("#undo").click()
+    assert "speed: 0.15 m/s" in studio.text
+    assert math.isclose(other.figure("duration"), studio.figure("duration"), abs_tol=0)
+
+
+def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
+    assert not let_loose(studio, 10.0, seed=1)
+
+
+def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_path):
+    asked = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
+    file = tmp_path / "square.yaml"
+    studio.tab("tasks")
+    tick = studio.find("form[data-task=place] input[name=as_job]")
+    expect(tick).to_be_disabled()
+    file.write_text(f"{SQUARE}{asked}")
+    with studio.changing():
+        studio.open(file)
+    expect(tick).to_be_enabled()
+    assert tick.is_checked()
+    steps = studio.find("form[data-task=place] input[name=steps]")
+    expect(steps).to_be_disabled()
+    studio.do("place")
+    result = studio.find(".task-result[data-task=place]")
+    expect(result).to_have_attribute("data-state", "done", timeout=120_000)
+    cells = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
+    assert cells.count() == 2
+    with studio.changing():
+        cells.last.click()
+    # The question goes on with the part.
+    assert asked in studio.text
+    tick.uncheck()
+    expect(steps).to_be_enabled()
+
+
+def take_picture(studio, kind):
+    """Save a picture by the key and the button; returns its name and content."""
+    studio.page.keyboard.press("i")
+    return studio.save_file(studio.find("#question").get_by_role("button", name=kind))
+
+
+def colours_of(studio, png):
+    """Width and height of a picture [px], and how often each colour is in it."""
+    page = studio.page.context.browser.new_page()
+    found = page.evaluate(
+        """async (bytes) => {
+            const blob = new Blob([new Uint8Array(bytes)], { type: "image/png" });
+            const image = await createImageBitmap(blob);
+            const canvas = new OffscreenCanvas(image.width, image.height);
+            const context = canvas.getContext("2d");
+            context.drawImage(image, 0, 0);
+            const data = context.getImageData(0, 0, image.width, image.height).data;
+            const all = {};
+            for (let i = 0; i < data.length; i += 4) {
+                const name = data.subarray(i, i + 3).join();
+                all[name] = (all[name] ?? 0) + 1;
+            }
+            return [[image.width, image.height], all];
+        }""",
+        list(png),
+    )
+    page.close()
+    return found[0], Counter(found[1])
+
+
+def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
+    # The executed tool is drawn, and the legend follows a little later.
+    studio.wait("#view2d", tier="2")
+    times = f"×{studio.told('#view2d', 'magnify')}"
+    expect(studio.find("#legend")).to_contain_text(f"executed tool, error {times}")
+    legend = {x.strip() for x in studio.find("#legend > span").all_inner_texts()}
+    binding = {"assigned speed reached", "joint acceleration", "corner"}
+    binding.add("nothing binds, or another limit")
+    assert binding < legend
+    name, content = take_picture(studio, "Drawing as SVG")
+    assert name == "paper-optimal.svg"
+    svg = ElementTree.fromstring(content)
+    tags = {x.tag.removeprefix(SVG) for x in svg.iter()}
+    assert tags == {"svg", "title", "clipPath", "g", "path", "rect", "text"}
+    # No script, no style sheet, nothing from elsewhere.
+    assert not re.search(rb"href|style=|script|\son\w+=|@import", content)
+    assert re.findall(rb"\w+://[^\"]+", content) == [b"http://www.w3.org/2000/svg"]
+    said = [x.text.replace("\xa0", " ") for x in svg.iter(f"{SVG}text")]
+    assert said[0] == "paper, run optimal"
+    assert "cycle time 5.326 s" in said[1] and "(exact)" in said[1]
+    # The picture's legend is the page's, and its path has a stroke for each limit that is named.
+    assert legend <= set(said)
+    assert any(x.endswith(times) for x in said)
+    widths = Counter(x.get("stroke-width") for x in svg.iter(f"{SVG}path"))
+    assert widths["3.2"] == len(binding)
+    size = [round(float(svg.get(x))) for x in ("width", "height")]
+    box = studio.find("#view2d").bounding_box()
+    assert size[0] == round(box["width"]) and size[1] > box["height"]
+    name, content = take_picture(studio, "Drawing as PNG")
+    assert name == "paper-optimal.png"
+    found, colours = colours_of(studio, content)
+    assert found == [2 * x for x in size]
+    # The ground, and the colours of what binds and of the executed tool.
+    assert colours["255,255,255"] > 0.5 * found[0] * found[1]
+    assert min(colours[x] for x in ("0,158,115", "213,94,0", "0,114,178")) > 100
+    # On a dark page it is dark, or light where that is wished.
+    studio.find("#theme").click()
+    _, dark = colours_of(studio, take_picture(studio, "Drawing as PNG")[1])
+    assert dark["20,23,26"] == max(dark.values()) and "213,94,0" not in dark
+    studio.page.keyboard.press("i")
+    studio.find("#question").get_by_label("in light colours").check()
+    button = studio.find("#question").get_by_role("button", name="Drawing as PNG")
+    assert colours_of(studio, studio.save_file(button)[1])[1] == colours
+    assert studio.told("html", "theme") == "dark"
+    studio.find("#viewbar").get_by_role("button", name="3D").click()
+    studio.wait_for("#view3d[data-frames]")
+    studio.find("#picture").click()
+    expect(studio.find("#question").get_by_role("button", name="Drawing as SVG")).to_have_count(0)
+    studio.page.keyboard.press("Escape")
+    name, content = take_picture(studio, "Arm as PNG")
+    assert name == "paper-optimal-arm.png"
+    box = studio.find(".arm-box").bounding_box()
+    found, colours = colours_of(studio, content)
+    assert found[0] == 2 * round(box["width"]) and found[1] > 2 * box["height"]
+    # The arm is shaded, so that it is of many colours.
+    assert len(colours) > 100
+    assert max(colours.values()) < 0.8 * found[0] * found[1]
+
+
+def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
+    before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
+    studio.type("limits.speed", "5 parsecs")
+    message = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(message).to_contain_text("'5 parsecs' is not. Nothing was changed.")
+    expect(speed).to_have_value("0.15 m/s")
+    # The job is as it was, and is shown so.
+    studio.rest()
+    assert studio.told("body", "refused") != "true" and studio.text == before
+    # A plain number has the unit that is shown, and the sentence goes with the next change.
+    with studio.changing():
+        studio.type("limits.speed", "0.12")
+    assert "speed: 0.12 m/s" in studio.text
+    expect(message).to_have_count(0)
+    with studio.changing():
+        studio.type("limits.speed", "0.15 m/s")
+    assert studio.text == before
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    wrong = before.replace("speed: 0.15 m/s", "sped: 0.15 m/s")
+    area.fill(wrong)
+    area.press("Control+Enter")
+    expect(studio.find("#tab-text [role=status]")).to_contain_text("Not applied: job: ")
+    expect(area).to_have_value(wrong)
+    with studio.changing():
+        area.fill(before.replace("speed: 0.15 m/s", "speed: 0.1"))
+        area.press("Control+Enter")
+    expect(studio.find("#tab-text").get_by_role("button", name="Apply")).to_be_disabled()
+    # Beside a plain number stands its unit.
+    expect(speed).to_have_value("0.1")
+    expect(studio.slider("limits.speed").locator(".from")).to_have_text("m/s")
+    expect(studio.slider("servo.kv").locator(".from")).to_have_text("")
+
+
+def test_j19_the_focus_is_not_lost_and_the_view_follows_the_part(studio):
+    with studio.changing():
+        studio.type("limits.speed", "0.1 m/s")
+    expect(studio.slider("limits.speed").locator("input[type=text]")).to_be_focused()
+    undo = studio.find("#undo")
+    undo.focus()
+    with studio.changing():
+        studio.page.keyboard.press("Enter")
+    expect(undo).to_be_disabled()
+    assert focused(studio) == "Redo"
+    form = studio.find("form[data-task=check] button")
+    studio.do("check")
+    studio.wait(".task-result[data-task=check]", state="done")
+    expect(form).to_be_focused()
+    # Near a place of the part, the part moves away from there.
+    x, y = studio.middle(studio.handle("waypoint", 1))
+    studio.page.mouse.move(x, y)
+    for _ in range(6):
+        studio.page.mouse.wheel(0, -500)
+    studio.tab("text")
+    area = studio.find("#tab-text textarea")
+    near = float(studio.told("#view2d", "scale"))
+    with studio.changing():
+        moved = studio.text.replace(
+            "path:\n", "path:\n  frame: {position: [-60 mm, 0 mm, 0 mm]}\n", 1
+        )
+        area.fill(moved)
+        area.press("Control+Enter")
+    assert float(studio.told("#view2d", "scale")) < near / 4
+    for index in (0, 1, 2, 3):
+        expect(studio.handle("waypoint", index)).to_be_in_viewport()
+
+
+@contextmanager
+def refused(pages, folder, change):
+    """A page whose first job is refused."""
+    file = write_job(folder / "job.yaml", "optimal", changes=[change])
+    with serving(file, folder=folder) as server:
+        studio = pages(server)
+        studio.wait("body", refused="true")
+        yield studio
+
+
+def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
+    with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
+        # The start is over, and there was no motion before.
+        expect(studio.find("#messages .starting")).to_be_hidden()
+        expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
+        expect(studio.find("#messages")).not_to_contain_text("last good motion")
+        expect(studio.find("#figures")).to_contain_text("refused")
+        expect(studio.find("#figures")).not_to_contain_text("the last")
+        # The waypoint is seen, and can be moved to where the arm reaches it.
+        with studio.renewing():
+            studio.drag(studio.handle("waypoint", 0), (-200, 0))
+        expect(studio.handle("waypoint", 0)).to_be_in_viewport()
+
+
+def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
+    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
+        studio.find("#picture").click()
+        expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
+        expect(studio.find("#question")).to_be_hidden()
+
+
+def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
+    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
+        # Sentences do not go by themselves.
+        studio.page.add_init_script(
+            "const after = setTimeout;"
+            "window.setTimeout = (f, ms, ...x) => ms === 9000 ? 0 : after(f, ms, ...x);"
+        )
+        studio.page.reload()
+        studio.wait("body", refused="true", regions="all")
+        early = studio.find("#messages .message.alarm:not(.refusal)")
+        for button in ("#picture", "#add-obstacle"):
+            studio.find(button).click()
+        expect(early).to_have_count(2)
+        expect(early.last).to_contain_text("No obstacle can be added yet")
+        studio.tab("text")
+        area = studio.find("#tab-text textarea")
+        area.fill(studio.text.replace("arm: none", "arm: pmk3s"))
+        area.press("Control+Enter")
+        studio.wait_for("#view2d[data-tier]")
+        expect(early).to_have_count(0)
+
+
+def test_j20_handles_do_not_jump_while_the_page_begins(studio):
+    studio.page.add_init_script(
+        """
+        const places = new Set();
+        new MutationObserver((changes) => {
+          for (const { target } of changes) {
+            if (!target.matches("g.handle.waypoint[data-index='1']")) continue;
+            places.add(target.getAttribute("transform"));
+            document.body.dataset.places = [...places].join(" | ");
+          }
+        }).observe(document, { subtree: true, attributes: true, attributeFilter: ["transform"] });
+        """
+    )
+    studio.page.reload()
+    studio.rest()
+    found = re.findall(r"translate\((\S+) (\S+)\)", studio.told("body", "places"))
+    # The box of the exact plan differs from that of the first one by less than a pixel.
+    assert found and np.ptp(np.array(found, dtype=float), axis=0).max() < 1
+
+
+def test_j20_an_edit_does_not_move_buttons_and_figures(studio):
+    places = ("#undo", "#run", "[data-figure=rms]", "[data-figure=settled]")
+
+    def lefts():
+        return [studio.find(x).bounding_box()["x"] for x in places]
+
+    before = lefts()
+    with studio.changing(), studio.grabbing(studio.handle("corner", 1)) as (x, y):
+        studio.page.mouse.move(x + 8, y, steps=4)
+        studio.wait("#figures", exact="false")
+        assert lefts() == before
+    assert lefts() == before
+
+
+@pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
+def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
+    # The page that was opened first has made the job exact; the legend is longest with a pin.
+    studio.find("#pin").click()
+    studio.find("#compare").select_option(index=1)
+    page = pages(size=(wide, 800), colours=colours)
+    page.rest()
+    page.wait("#view2d", tier="2")
+    legend = page.find("#legend")
+    expect(legend).to_contain_text("executed tool")
+    expect(legend).to_contain_text("compared")
+    # Its entries are made again now and then, so that all are read at once.
+    (right, bottom), *entries = legend.evaluate(
+        "e => [e, ...e.children].map(x => x.getBoundingClientRect()).map(b => [b.right, b.bottom])"
+    )
+    assert len(entries) > 4
+    assert all(x <= right and y <= bottom + 1 for x, y in entries), entries
+    before = legend.bounding_box()
+    # With fewer entries it keeps its lines, so that the drawing keeps its size.
+    studio.find("#compare").select_option(index=0)
+    expect(legend).not_to_contain_text("compared")
+    assert legend.bounding_box() == before
+
+
+def test_j22_a_variant_does_not_differ_from_itself(pages, tmp_path, judge):
+    # Set-points are closer than those of a preview, and errors with them are others.
+    job = write_job(
+        tmp_path / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.5 ms")]
+    )
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+        studio.find("#pin").click()
+        studio.find("#compare").select_option(index=1)
+        expect(studio.find("#legend")).to_contain_text("compared")
+        # Both are previews first, which do not differ either.
+        studio.rest()
+        # The page tells all that it is compared with, exactly.
+        for name in ("duration", "rms", "max"):
+            delta = studio.find(f"[data-figure={name}] .delta")
+            expect(delta).to_have_text(re.compile(r"^0\.0+$"))
+        demand = judge(studio).evaluation.demand_ratio.max()
+        assert studio.figure("demand") == pytest.approx(demand, rel=1e-9)
+        studio.close()
+
+
+def test_j23_a_question_right_after_another_is_answered(studio):
+    for _ in range(3):
+        studio.page.keyboard.press("i")
+        studio.page.keyboard.press("Escape")
+    name, _ = take_picture(studio, "Drawing as SVG")
+    assert name == "paper-optimal.svg"
+
+
+def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
+    studio, held = pages(), []
+    # The page before has all of its own.
+    studio.begin()
+    studio.page.route("**/rest.js", lambda route: held.append(route))
+    studio.page.reload()
+    studio.wait_for("body[data-rev][data-regions=first]")
+    studio.wait_for("#view2d[data-tier]")
+    studio.tab("tasks")
+    studio.find("#picture").click()
+    expect(studio.find("#tab-button-tasks")).to_have_attribute("aria-selected", "true")
+    expect(studio.find("#question")).to_be_hidden()
+    assert len(held) == 1
+    held[0].continue_()
+    studio.begin()
+    expect(studio.find("#question")).to_be_visible()
+    expect(studio.find("#tasks form").first).to_be_visible()
+    # What was there before is shown as well.
+    assert float(studio.find("#playback .scrub").get_attribute("max")) > 1
+    studio.page.keyboard.press("Escape")
+    studio.tab("waypoints")
+    expect(studio.find("#tab-waypoints tbody tr").first).to_be_visible()
+
+
+def test_j24_regions_that_cannot_be_loaded_are_told(pages):
+    studio = pages()
+    studio.begin()
+    studio.is_cut_off = True
+    studio.page.route("**/rest.js", lambda route: route.abort())
+    studio.page.reload()
+    expect(studio.find("#messages")).to_contain_text("did not load: load the page again")
+    studio.wait_for("#view2d[data-tier]")
+
+
+def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
+    job = write_job(tmp_path / "job.yaml", "optimal", changes=[("  speed:", "  sped:")])
+    line = next(k for k, x in enumerate(job.read_text().splitlines(), 1) if "sped:" in x)
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.begin()
+        area = studio.find("#tab-text textarea")
+        expect(area).to_be_focused()
+        expect(studio.find("#tab-text [role=status]")).to_contain_text(f"Line {line}: ")
+        chosen = "e => e.value.slice(e.selectionStart, e.selectionEnd)"
+        assert "sped:" in area.evaluate(chosen)

@@ -1,0 +1,59 @@
+"""The results of a command are the same with no worker, two processes and a cluster."""
+
+import pytest
+
+from armcontour.cli.sharing import open_executor
+from armcontour.errors import ExecutionError
+
+JOB = """\
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.32, 0.20], [0.32, 0.21]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 2, joint_torque: 40}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 2 ms}
+certificate:
+  plant: rigid_body
+  servo: 0.3 mm
+  samples: 50
+  bodies: 3
+  corners: 4
+  box: {gains: 5 %, payload: [0 kg, 0.5 kg]}
+experiment: {step: 1 ms}
+runs:
+  only: {compensation: {method: inverse_dynamics}, timing: {intervals: 100}}
+"""
+# By command, its further options and the file that is compared.
+COMMANDS = {
+    "place": (("--over", "x: -30 mm .. 30 mm, 3", "--no-refine"), "placement.csv"),
+    "sweep": (("--no-certify", "--tolerances", "1 mm, 2 mm", "--speeds", "0.1 m/s"), "sweep.csv"),
+    "certify": ((), "only/taught.csv"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
+    distributed = pytest.importorskip("distributed")
+    job = tmp_path / "job.yaml"
+    job.write_text(JOB, encoding="utf-8")
+    options, file = COMMANDS[name]
+    found = []
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        given = [("--workers", 0), ("--workers", 2), ("--cluster", cluster.scheduler_address)]
+        for k, by in enumerate(given):
+            ended = command(name, job, "--out", tmp_path / str(k), *options, *by)
+            assert ended.code == 0, ended.errors
+            found.append((tmp_path / str(k) / file).read_bytes())
+    assert found[0] and found[0] == found[1] == found[2]
+
+
+def test_a_cluster_that_does_not_answer_is_refused(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("armcontour._executors.PATIENCE", "1s")
+    with (
+        pytest.raises(ExecutionError, match="No Dask scheduler answers at tcp://127.0.0.1:1 "),
+        open_executor(None, "tcp://127.0.0.1:1"),
+    ):
+        pass

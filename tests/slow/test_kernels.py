@@ -1,0 +1,88 @@
+"""Compiled functions in processes of their own: messages, memory, imports, the command `warm`."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armcontour
+
+PACKAGE = Path(armcontour.__file__).parent
+FREED_AGAIN = """
+import resource
+import numpy as np
+import armcontour._kernels
+
+def work():
+    arrays = [np.ones(24_000) for _ in range(8)]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    del arrays
+    arrays = [np.ones(24_000) for _ in range(8)]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+work()
+print(min(work() for _ in range(5)))
+"""
+LOADED = """
+import sys
+import numpy as np
+from armcontour.timing import _laps
+
+ends = np.zeros((2, 2)), np.ones((2, 2))
+before = set(sys.modules)
+_laps.laps(*ends, 0.1, np.arange(2.0))
+assert sum(_laps.laps.stats.cache_hits.values()) == 1
+print(*(x for x in set(sys.modules) - before if x.startswith("numba")))
+"""
+WARM = """
+import sys
+from pathlib import Path
+from armcontour import _warming
+_warming.LIST = Path(sys.argv[1])
+steps = []
+found = _warming.warm("all", steps.append)
+print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
+"""
+
+
+def run(code, *arguments, **own):
+    """A process that runs some code."""
+    line = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | own)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts page faults as Linux does")
+def test_memory_that_is_freed_is_used_again():
+    # 8 arrays of 192 kB each take 376 pages, which the system would have to clear.
+    assert int(run(FREED_AGAIN).stdout) < 40
+
+
+def test_loading_imports_nothing_that_only_compiling_needs():
+    # It takes longer than a short plan.
+    from armcontour.timing import _laps
+
+    _laps.laps(np.zeros((2, 2)), np.ones((2, 2)), 0.1, np.arange(2.0))
+    assert run(LOADED).stdout.split() == []
+
+
+def test_a_compiled_function_is_not_compiled_again(tmp_path):
+    text = "- armcontour.program._inside.winding(float64, float64, float64[:, ::1])\n"
+    gone = "- armcontour.program._inside.gone(float64)\n"
+    (tmp_path / "list.txt").write_text(text + gone)
+    own = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
+
+    def warm():
+        return run(WARM, str(tmp_path / "list.txt"), **own).stdout.strip().split("|")
+
+    functions, compiled, folder, *steps = warm()
+    assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
+    assert steps[0].startswith("compiling, once: 2 functions in ")
+    assert steps[-1].endswith(": program._inside.winding")
+    # The second time it reports no steps.
+    assert warm() == ["2", "0", folder]
+    for file in tmp_path.rglob("*.nbi"):
+        file.unlink()
+    assert warm()[1] == "1"
