@@ -4,15 +4,11 @@ The tutorials are done as a reader does them, in an empty folder: every block in
 printed is what the page says. `docs/pages.py` explains the marks of blocks.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 import jsonschema
@@ -20,7 +16,7 @@ import numpy as np
 import pytest
 import typer
 import yaml
-from docs.pages import Block, agree, blocks, read_page, run_command, run_python
+from docs.pages import agree, blocks, read_page, run_command, run_python
 from markdown_it import MarkdownIt
 from soak.joint import move
 
@@ -45,44 +41,43 @@ SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding
 # A part of a job. `jsonschema.validate` would check the schema itself again for each block; that it
 # is one is checked in tests/io/test_job_file.py.
 PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})
-
-
 BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
 # Pages that a reader does from begin to end, and that say what their blocks print.
 DONE = ["docs/start/first_result.md", *(x for x in PAGES if x.startswith("docs/tutorials/"))]
 # Those that the suite does; tests/slow does the others.
 QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
-# Files of a page that is done are read when it is.
-YAML = [x for x in BLOCKS if x.language == "yaml" and not ("file" in x.marks and x.page in DONE)]
+GROUP = typer.main.get_command(app)
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+def folder(tmp_path, monkeypatch):
     """Makes the folder that a page speaks of: sample drawings, a robot, and its own files."""
 
-    def make(page: str) -> Path:
+    def make(page):
+        here = tmp_path / page.replace("/", " ")
+        here.mkdir(exist_ok=True)
         for x in (ROOT / "examples/drawings").iterdir():
-            shutil.copy(x, tmp_path)
+            shutil.copy(x, here)
         data = ROOT / "tests/io/robots/data"
-        shutil.copy(data / "joint_limits.yaml", tmp_path)
+        shutil.copy(data / "joint_limits.yaml", here)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
         robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')
         for name in ("robot.urdf", "robot.urdf.xacro"):
-            (tmp_path / name).write_text(robot, encoding="utf-8")
+            (here / name).write_text(robot, encoding="utf-8")
         job = yaml.safe_load(next(x for x in BLOCKS if x.marks.get("file") == "square.yaml").text)
         job |= {"arm": {"file": "robot.urdf.xacro", "tip": "tool0"}}
-        (tmp_path / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
+        (here / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
         for block in blocks(PAGES[page]):
             if "file" in block.marks:
-                (tmp_path / block.marks["file"]).write_text(block.text, encoding="utf-8")
-        monkeypatch.chdir(tmp_path)
-        return tmp_path
+                (here / block.marks["file"]).write_text(block.text, encoding="utf-8")
+        monkeypatch.chdir(here)
+        return here
 
     return make
 
 
-def run_page(page: str, names: dict[str, Any]) -> str:
+def run_page(page, names):
     """Run the Python of a page, and before it of the page that it continues; what is printed."""
     printed = ""
     for block in blocks(PAGES[page]):
@@ -95,7 +90,7 @@ def run_page(page: str, names: dict[str, Any]) -> str:
     return printed
 
 
-def write_log(file: Path, t: Any, u: Any) -> None:
+def write_log(file, t, u):
     """What a joint with gains of 25 and 150 1/s, 12 ms late, makes of a page's command."""
     t, u = t[::4], u[::4]  # 250 Hz is as good for this test and sooner done
     measured = move(t, u, kp=25.0, kv=150.0, delay=12e-3)
@@ -105,7 +100,7 @@ def write_log(file: Path, t: Any, u: Any) -> None:
     np.savetxt(file, table, fmt="%.9f", delimiter=",", header=head, comments="")
 
 
-def do_page(page: str) -> None:
+def do_page(page):
     """Do a page in the current folder, and compare what is printed."""
     for block, printed in read_page(PAGES[page]):
         within = float(block.marks.get("within", "0 %").removesuffix(" %")) / 100
@@ -113,12 +108,12 @@ def do_page(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", QUICK)
-def test_a_page_is_done(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_is_done(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     do_page(page)
 
 
-def test_outputs_agree_by_the_stated_rule() -> None:
+def test_outputs_agree_by_the_stated_rule():
     for expected, printed, same in [
         ("a 1.50 s", "a  1.51 s\n", True),
         ("a 1.50 s", "a 1.52 s", False),
@@ -137,9 +132,9 @@ def test_outputs_agree_by_the_stated_rule() -> None:
 
 
 @pytest.mark.parametrize("page", PYTHON)
-def test_python_runs(page: str, folder: Callable[[str], Path]) -> None:
+def test_python_runs(page, folder):
     folder(page)
-    names: dict[str, Any] = {"__name__": page}
+    names = {"__name__": page}
     printed = run_page(page, names)
     if page == "README.md":
         result = names["result"]
@@ -151,34 +146,15 @@ def test_python_runs(page: str, folder: Callable[[str], Path]) -> None:
         assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 
 
-GROUP: Any = typer.main.get_command(app)
+def command_lines():
+    for x in BLOCKS:
+        if x.language in ("", "sh"):
+            yield from ((x.page, y) for y in COMMAND.findall(x.text.replace("\\\n", " ")))
 
 
-def options_of(command: Any) -> set[str]:
-    return {x for of in command.params for x in [*of.opts, *of.secondary_opts]}
-
-
-def spans() -> Iterator[tuple[str, str]]:
-    """Every piece of code within the text of a page."""
-    for page, file in PAGES.items():
-        for token in MarkdownIt().enable("table").parse(file.read_text(encoding="utf-8")):
-            for x in token.children or ():
-                if x.type == "code_inline":
-                    yield page, x.content
-
-
-WHOLE = [
-    (x.page, line)
-    for x in BLOCKS
-    if x.language in ("", "sh")
-    for line in COMMAND.findall(x.text.replace("\\\n", " "))
-]
-MENTIONED = sorted({(page, x) for page, x in spans() if x.startswith(("armcontour ", "--"))})
-
-
-def test_command_lines_parse() -> None:
+def test_command_lines_parse():
     wrong = []
-    for page, line in WHOLE:
+    for page, line in command_lines():
         _, name, *arguments = shlex.split(line)
         try:
             GROUP.commands[name].make_context(name, arguments)
@@ -187,40 +163,36 @@ def test_command_lines_parse() -> None:
     assert not wrong
 
 
-# Pages whose own file is what their first command runs.
-FIRST = [f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")]
+def test_the_first_command_of_a_page_works(folder):
+    # The page's own file is what it runs.
+    for page in (f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")):
+        folder(page)
+        line = next(words for of, words in command_lines() if of == page)
+        _, *arguments = shlex.split(line)
+        code, _, errors = run_command([*arguments, "--no-simulation"])
+        assert code == 0, errors
 
 
-@pytest.mark.parametrize("page", FIRST)
-def test_the_first_command_of_a_page_works(page: str, folder: Callable[[str], Path]) -> None:
-    folder(page)
-    line = next(words for of, words in WHOLE if of == page)
-    _, *arguments = shlex.split(line)
-    code, _, errors = run_command([*arguments, "--no-simulation"])
-    assert code == 0, errors
+def options_of(command):
+    return {x for of in command.params for x in [*of.opts, *of.secondary_opts]}
 
 
-def test_commands_and_options_that_are_mentioned_exist() -> None:
+def test_commands_and_options_that_are_mentioned_exist():
     all_options = set().union(*map(options_of, GROUP.commands.values()))
     wrong = []
-    for page, words in MENTIONED:
-        first, *arguments = shlex.split(words)
-        is_command = first == "armcontour"
-        known = options_of(GROUP.commands[arguments[0]]) if is_command else all_options
-        given = {x for x in (arguments if is_command else [first]) if x.startswith("--")}
-        wrong += [f"{page}: {x}" for x in given - known]
+    for page, file in PAGES.items():
+        tokens = MarkdownIt().enable("table").parse(file.read_text(encoding="utf-8"))
+        spans = [y for x in tokens for y in x.children or () if y.type == "code_inline"]
+        for words in (x.content for x in spans if x.content.startswith(("armcontour ", "--"))):
+            first, *arguments = shlex.split(words)
+            is_command = first == "armcontour"
+            known = options_of(GROUP.commands[arguments[0]]) if is_command else all_options
+            given = {x for x in (arguments if is_command else [first]) if x.startswith("--")}
+            wrong += [f"{page}: {x}" for x in given - known]
     assert not wrong
 
 
-@pytest.mark.parametrize("page", sorted({x.page for x in YAML}))
-def test_yaml_is_what_its_reader_takes(page: str, folder: Callable[[str], Path]) -> None:
-    here = folder(page)
-    for block in YAML:
-        if block.page == page:
-            read_yaml(block, here)
-
-
-def read_yaml(block: Block, here: Path) -> None:
+def read_yaml(block, here):
     """Read a block by the reader that it is for."""
     data = yaml.safe_load(block.text)
     if set(SCHEMA["required"]) <= set(data):
@@ -239,15 +211,17 @@ def read_yaml(block: Block, here: Path) -> None:
         read_limits("limits.yaml", ac.load_arm("pmk3s"))
 
 
-DRAWINGS = [x for x in BLOCKS if Path(x.marks.get("file", "")).suffix in READERS]
+def test_yaml_and_drawings_are_what_their_readers_take(folder):
+    for block in BLOCKS:
+        # Files of a page that is done are read when it is.
+        if block.language == "yaml" and not ("file" in block.marks and block.page in DONE):
+            read_yaml(block, folder(block.page))
+        elif Path(block.marks.get("file", "")).suffix in READERS:
+            drawing = folder(block.page) / block.marks["file"]
+            assert ac.read_path(drawing).contours, str(block)
 
 
-def test_drawings_are_read(folder: Callable[[str], Path]) -> None:
-    for block in DRAWINGS:
-        assert ac.read_path(folder(block.page) / block.marks["file"]).contours, str(block)
-
-
-def test_every_block_is_run_or_read_or_says_why_not() -> None:
+def test_every_block_is_run_or_read_or_says_why_not():
     """Languages that nothing here runs or reads would be code that nobody has tried."""
     ways = {"python", "yaml", "text", "", "{toctree}"}
     for block in BLOCKS:

@@ -1,14 +1,10 @@
 """Links on the pages lead somewhere, and every page is found from the first one."""
 
-from __future__ import annotations
-
 import functools
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from tests.drawn_figures import drawn
 
 ROOT = Path(__file__).parents[1]
@@ -32,11 +28,11 @@ DRAWN = {
 
 
 @functools.cache
-def parsed(page: Path) -> list[Token]:
+def parsed(page):
     return MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
 
 
-def links(page: Path) -> list[str]:
+def links(page):
     """Targets of all links and pictures of a page."""
     inline = [x for token in parsed(page) for x in token.children or ()]
     found = [x.attrGet("href") for x in inline if x.type == "link_open"]
@@ -45,7 +41,7 @@ def links(page: Path) -> list[str]:
 
 
 @functools.cache
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     """Anchors of the headings, as code hosts and site builders make them."""
     tokens = parsed(page)
     found: set[str] = set()
@@ -58,7 +54,7 @@ def anchors(page: Path) -> set[str]:
     return found
 
 
-def faults(page: Path) -> Iterator[str]:
+def faults(page):
     """Links that lead nowhere or are left as text, and rows that are cut off from their table."""
     for link in [x for x in links(page) if not ELSEWHERE.match(x)]:
         file, _, anchor = link.partition("#")
@@ -81,7 +77,7 @@ def test_links_lead_somewhere_and_tables_are_tables():
     assert not wrong, "\n".join(wrong)
 
 
-def test_every_file_of_the_docs_is_found_from_the_first_page() -> None:
+def test_every_file_of_the_docs_is_found_from_the_first_page():
     seen: set[Path] = set()
     todo = [DOCS / "index.md"]
     while todo:

@@ -4,12 +4,9 @@ The style is Google's: a section `Args:` whose entries are `name: description`, 
 with further lines eight spaces deep.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import armcontour as ac
@@ -18,11 +15,11 @@ SECTIONS = ("Args", "Attributes", "Raises")
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*): *(.*)")
 
 
-def is_ours(member: Any) -> bool:
+def is_ours(member):
     return (getattr(member, "__module__", None) or "").startswith("armcontour")
 
 
-def methods(of: type) -> Iterator[tuple[str, Any]]:
+def methods(of):
     """Public methods and properties that the package itself defines, inherited ones once."""
     for owner in of.__mro__:
         if not is_ours(owner):
@@ -36,7 +33,7 @@ def methods(of: type) -> Iterator[tuple[str, Any]]:
                 yield f"{owner.__name__}.{name}", found
 
 
-def documented() -> dict[str, Any]:
+def documented():
     """All public functions, classes and methods by their name."""
     found: dict[str, Any] = {}
     for name in ac.__all__:
@@ -49,13 +46,13 @@ def documented() -> dict[str, Any]:
     return found
 
 
-def parameters(of: Any) -> set[str]:
+def parameters(of):
     """Parameters of a function, or those of a class's constructor."""
     names = list(inspect.signature(of).parameters)
     return {x for x in names if x not in ("self", "cls")}
 
 
-def inherited(name: str) -> set[str]:
+def inherited(name):
     """Parameters that a base class documents: of the method of that name, or of its constructor."""
     of, _, method = name.partition(".")
     found: set[str] = set()
@@ -66,7 +63,7 @@ def inherited(name: str) -> set[str]:
     return found
 
 
-def sections(doc: str) -> dict[str, dict[str, str]]:
+def sections(doc):
     """Names and descriptions in the sections of a docstring."""
     found: dict[str, dict[str, str]] = {}
     now: dict[str, str] | None = None
@@ -90,7 +87,7 @@ DOCUMENTED = documented()
 BY_NAME = {x.__name__: x for x in vars(ac).values() if inspect.isclass(x)}
 
 
-def faults(name: str) -> Iterator[str]:
+def faults(name):
     """What is wrong with a docstring."""
     of = DOCUMENTED[name]
     if not of.__doc__:

@@ -1,7 +1,5 @@
 """Examples print what their pages in the gallery show; the longer ones are in tests/slow."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -41,9 +39,8 @@ def check_example(name):
         runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
     assert errors.getvalue() == ""
     expected, found = shown(name).splitlines(), printed.getvalue().splitlines()
-    assert [NUMBER.sub("#", x).split() for x in found] == [
-        NUMBER.sub("#", x).split() for x in expected
-    ]
+    words, known = ([NUMBER.sub("#", x).split() for x in y] for y in (found, expected))
+    assert words == known
     for want, got in zip(expected, found, strict=True):
         for a, b in zip(NUMBER.findall(want), NUMBER.findall(got), strict=True):
             assert float(b) == pytest.approx(float(a), abs=tolerance(a, want)), got

@@ -9,11 +9,11 @@ from pathlib import Path
 TESTS = Path(__file__).parent
 MODULES = {"time", "resource", "sched"}
 METHODS = {
-    *("kill", "killpg", "terminate", "send_signal", "raise_signal", "sleep", "Timer"),
+    *("kill", "killpg", "terminate", "send_signal", "raise_signal", "sleep"),
     *("alarm", "setitimer", "pthread_kill"),
     *("now", "utcnow", "today", "monotonic", "perf_counter", "process_time"),
 }
-WAITS = {"wait", "join", "wait_for", "result", "acquire", "communicate", "recv"}
+WAITS = {"wait", "join", "wait_for", "result", "acquire", "communicate"}
 IN_TEXT = re.compile(r"\b(sleep|monotonic|perf_counter|process_time|setitimer|kill)\(")
 
 
@@ -29,15 +29,16 @@ def offence(node: ast.AST, drives_a_browser: bool) -> str | None:
         return f"{node.func.value.id}.{name}()"  # type: ignore[attr-defined]
     if name in METHODS and not (name == "sleep" and first == 0):
         return f"{name}()"
+    if name == "Timer" and isinstance(first, (int, float)):
+        return "Timer()"
     if drives_a_browser:
         return None
     if any(x.arg == "timeout" for x in node.keywords):
         return f"{name}(timeout=...)"
-    numbers = [
-        x for x in node.args if isinstance(x, ast.Constant) and type(x.value) in (int, float)
-    ]
+    last = node.args[-1] if len(node.args) == (2 if name == "wait_for" else 1) else None
+    is_number = isinstance(last, ast.Constant) and type(last.value) in (int, float)
     is_method = isinstance(node.func, ast.Attribute) or name == "wait_for"
-    return f"{name}({numbers[0].value})" if is_method and name in WAITS and numbers else None
+    return f"{name}({last.value})" if is_number and is_method and name in WAITS else None
 
 
 def offences(text: str, *, drives_a_browser: bool = False) -> list[tuple[int, str]]:

@@ -1,11 +1,6 @@
 """Every public function says in one sentence that it got another object than it takes."""
 
-from __future__ import annotations
-
 import inspect
-from collections.abc import Callable
-from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,68 +8,20 @@ import pytest
 import armcontour as ac
 from armcontour.cli.running import built_in_job
 
-Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 OTHERS = (None, "text", 3.5, [1, 2], {"a": 1}, np.zeros((2, 2)), object())
 # Objects among them that are right.
 TAKEN = {
-    ("export", "file"): str,
-    ("export", "name"): str,
-    ("write_report", "file"): str,
-    ("Payload", "mass"): float,
-    ("Process", "layers"): dict,
-}
-TOLERANCE = "tolerance"
+    ("export", "file"): str, ("export", "name"): str, ("write_report", "file"): str,
+    ("Payload", "mass"): float, ("Process", "layers"): dict,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def calls(
-    objective: ac.Path,
-    arm: ac.PlanarTwoLink,
-    limits: ac.Limits,
-    servo: ac.ServoModel,
-    conventional: ac.Trajectory,
-) -> dict[str, Call]:
-    """Calls whose arguments are each replaced by other objects."""
-    taught = ac.compensate(conventional, servo, method="none")
-    plant = ac.ServoPlant(arm, servo, limits)
-    job = built_in_job()
-    contour = ac.Contour(path=objective)
-    planned = ac.plan(ac.round_corners(objective, tolerance=5e-3), arm, limits)
-    return {
-        "round_corners": (ac.round_corners, (objective,), {"tolerance": 1e-3}),
-        "smooth_curvature": (ac.smooth_curvature, (objective,), {"tolerance": 1e-5}),
-        "plan": (ac.plan, (objective, arm), {"limits": limits}),
-        "shape": (ac.shape, (objective, arm), {"limits": limits, "tolerance": 1e-3}),
-        "compensate": (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
-        "execute": (ac.execute, (taught, plant), {}),
-        "evaluate": (ac.evaluate, (None, objective), {"limits": limits}),
-        "explain": (ac.explain, (planned, arm), {"limits": limits}),
-        "check": (ac.check, (planned, arm), {"limits": limits}),
-        "export": (ac.export, (taught, "a.csv"), {"arm": arm, "name": "a", "outputs": {}}),
-        "prepare": (ac.prepare, (objective, ac.Process()), {}),
-        "run": (ac.run, (job,), {}),
-        "certify": (ac.certify, (job,), {}),
-        "sweep": (ac.sweep, (job,), {}),
-        "place": (ac.place, (job,), {}),
-        "read_job": (ac.read_job, ("a.yaml",), {}),
-        "read_log": (ac.read_log, ("a.csv",), {}),
-        "write_report": (ac.write_report, (None, "a.html"), {}),
-        "check_clearance": (ac.check_clearance, (planned, arm), {"scene": ac.Scene()}),
-        "ServoPlant": (ac.ServoPlant, (arm, servo), {"limits": limits}),
-        "RigidBodyPlant": (ac.RigidBodyPlant, (arm, servo), {}),
-        "Contour": (ac.Contour, (), {"path": objective, "events": ()}),
-        "Program": (ac.Program, (), {"moves": (contour,)}),
-        "Process": (
-            ac.Process,
-            (),
-            {"lead_in": None, "lead_out": None, "switch": None, "tabs": None, "weave": None}
-            | {"events": (), "analog": (), "off_between": (), "by_layer": {}, "layers": {}},
-        ),
-        "Payload": (ac.Payload, (), {"mass": 1.0, "center": (0.0, 0.0, 0.0)}),
-    }
+def planned(objective, arm, limits):
+    return ac.plan(ac.round_corners(objective, tolerance=5e-3), arm, limits)
 
 
-def refused(function: Callable[..., Any], args: list[Any], options: dict[str, Any]) -> str:
+def refused(function, *args, **options):
     """What a call says that is refused; empty if it is not."""
     try:
         function(*args, **options)
@@ -84,56 +31,48 @@ def refused(function: Callable[..., Any], args: list[Any], options: dict[str, An
 
 
 def test_other_objects_are_refused_in_one_sentence(
-    calls: dict[str, Call], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    objective, arm, limits, servo, conventional, planned, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    for name, (function, args, options) in calls.items():
-        names = list(inspect.signature(function).parameters)
-        slots: list[int | str] = [*range(len(args)), *(x for x in options if x != TOLERANCE)]
-        for slot in slots:
-            called = names[slot] if isinstance(slot, int) else slot
-            default = inspect.signature(function).parameters[called].default
-            for other in OTHERS:
-                if other is default or isinstance(other, TAKEN.get((name, called), ())):
-                    continue
-                given, more = list(args), dict(options)
-                if isinstance(slot, int):
-                    given[slot] = other
-                else:
-                    more[slot] = other
-                said = refused(function, given, more)
-                assert said.endswith(".") and "\n" not in said, (name, called, other, said)
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_sentence_says_what_is_needed_and_where_it_comes_from(
-    calls: dict[str, Call], refuses: Callable[..., None], servo: ac.ServoModel
-) -> None:
-    (path, arm), conventional = calls["plan"][1], calls["compensate"][1][0]
-    cases: list[tuple[Callable[[], Any], str]] = [
-        (
-            lambda: ac.compensate(path, servo),
-            "compensate needs a Trajectory, as plan gives it, not Path.",
-        ),
-        (
-            lambda: ac.compensate(conventional, (25, 150)),  # type: ignore[arg-type]
-            "compensate needs a ServoModel, such as ServoModel(kp=25, kv=150), not tuple.",
-        ),
-        (
-            lambda: ac.run("job.yaml"),  # type: ignore[arg-type]
-            "run needs a Job, as read_job gives it, not str.",
-        ),
-        (
-            lambda: ac.explain(conventional, arm, {"speed": 1}),  # type: ignore[arg-type]
-            "explain needs Limits, such as arm.limits.replace(speed=0.1), not dict.",
-        ),
-        (
-            lambda: ac.Program(moves=ac.Contour(path=path)),  # type: ignore[arg-type]
-            "moves of a program must be a list of Contours, Rapids, Dwells and Events",
-        ),
+    taught = ac.compensate(conventional, servo, method="none")
+    plant, job = ac.ServoPlant(arm, servo, limits), built_in_job()
+    parts = dict.fromkeys("lead_in lead_out switch tabs weave".split())
+    parts |= {"events": (), "analog": (), "off_between": (), "by_layer": {}, "layers": {}}
+    # Each argument of a call but tolerances is replaced by other objects.
+    calls = [
+        (ac.round_corners, (objective,), {"tolerance": 1e-3}),
+        (ac.smooth_curvature, (objective,), {"tolerance": 1e-5}),
+        (ac.plan, (objective, arm), {"limits": limits}),
+        (ac.shape, (objective, arm), {"limits": limits, "tolerance": 1e-3}),
+        (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
+        (ac.execute, (taught, plant), {}),
+        (ac.evaluate, (None, objective), {"limits": limits}),
+        (ac.explain, (planned, arm), {"limits": limits}),
+        (ac.check, (planned, arm), {"limits": limits}),
+        (ac.export, (taught, "a.csv"), {"arm": arm, "name": "a", "outputs": {}}),
+        (ac.prepare, (objective, ac.Process()), {}),
+        *((x, (job,), {}) for x in (ac.run, ac.certify, ac.sweep, ac.place)),
+        (ac.read_job, ("a.yaml",), {}),
+        (ac.read_log, ("a.csv",), {}),
+        (ac.write_report, (None, "a.html"), {}),
+        (ac.check_clearance, (planned, arm), {"scene": ac.Scene()}),
+        (ac.ServoPlant, (arm, servo), {"limits": limits}),
+        (ac.RigidBodyPlant, (arm, servo), {}),
+        (ac.Contour, (), {"path": objective, "events": ()}),
+        (ac.Program, (), {"moves": (ac.Contour(path=objective),)}),
+        (ac.Process, (), parts),
+        (ac.Payload, (), {"mass": 1.0, "center": (0.0, 0.0, 0.0)}),
     ]
-    for call, sentence in cases:
-        refuses(call, ac.InvalidInput, sentence)
+    for function, args, options in calls:
+        signature = inspect.signature(function)
+        given = signature.bind(*args, **options).arguments
+        for slot in sorted(given.keys() - {"tolerance"}):
+            default = signature.parameters[slot].default
+            taken = TAKEN.get((function.__name__, slot), ())
+            for other in (x for x in OTHERS if x is not default and not isinstance(x, taken)):
+                said = refused(function, **given | {slot: other})
+                assert said.endswith(".") and "\n" not in said, (function, slot, other, said)
+    assert not list(tmp_path.iterdir())
 
 
 # Values that are no numbers. Not-a-number itself goes through functions of arrays, as in numpy.
@@ -147,23 +86,14 @@ NO_STATES = ([], [1.0, 2.0, 3.0], np.zeros((2, 3, 4)), 0.5)
 
 
 def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
-    calls: dict[str, Call], rounded: ac.RoundedPath, arm: ac.PlanarTwoLink, traced: ac.JointPath
-) -> None:
-    planned, servo = calls["check"][1][0], calls["compensate"][1][1]
-    space = ac.load_arm("ur5e")
-    functions: list[tuple[Callable[..., Any], int, tuple[Any, ...]]] = [
-        (rounded, 1, NO_NUMBERS),
-        (rounded.locate, 1, NO_NUMBERS),
-        (rounded.project, 1, (*NO_NUMBERS, *NO_STATES)),
-        (traced, 1, NO_NUMBERS),
-        (traced.locate, 1, NO_NUMBERS),
-        *((x, 1, NO_NUMBERS) for x in (planned, planned.motion, planned.s, planned.with_rests)),
-        (planned.motion_with_rests, 1, NO_NUMBERS),
-        *((x, 1, NO_NUMBERS) for x in (planned.time_at, planned.speed_at, planned.sample)),
-        (arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)),
-        (servo.command, 3, NO_NUMBERS),
-    ]
-    states = (*NO_NUMBERS, *NO_STATES)
+    planned, servo, rounded, arm, traced
+):
+    space, states = ac.load_arm("ur5e"), (*NO_NUMBERS, *NO_STATES)
+    plain = (rounded, rounded.locate, traced, traced.locate, planned, planned.motion, planned.s)
+    plain += (planned.with_rests, planned.motion_with_rests, planned.time_at, planned.speed_at)
+    functions = [(x, 1, NO_NUMBERS) for x in (*plain, planned.sample)]
+    functions += [(rounded.project, 1, (*NO_NUMBERS, *NO_STATES)), (servo.command, 3, NO_NUMBERS)]
+    functions.append((arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)))
     for x in (arm, space):
         functions += [(f, 1, states) for f in (x.forward, x.jacobian, x.links)]
         functions += [(f, 2, states) for f in (x.jacobian_rate, x.tool_velocity)]
@@ -178,67 +108,40 @@ def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
             for other in wrong:
                 given = [right] * count
                 given[slot] = other
-                said = refused(function, given, {})
+                said = refused(function, *given)
                 assert said.endswith(".") and "\n" not in said, (function, slot, other, said)
 
 
-@pytest.mark.parametrize("order", ["a", None, 0.5, -1, True, [1], np.zeros(2), 10**400])
-def test_derivatives_have_whole_orders(
-    calls: dict[str, Call],
-    rounded: ac.RoundedPath,
-    traced: ac.JointPath,
-    order: Any,
-    refuses: Callable[..., None],
-) -> None:
-    for curve in (rounded, traced, calls["check"][1][0]):
-        refuses(
-            lambda curve=curve: curve(0.0, order),
-            ac.InvalidInput,
-            "The order of a derivative must be a whole number from 0 to",
-        )
+def test_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, refuses):
+    cases = [
+        (lambda curve=curve, order=order: curve(0.0, order))
+        for order in ("a", None, 0.5, -1, True, [1], np.zeros(2), 10**400)
+        for curve in (rounded, traced, planned)
+    ]
+    cases.append(lambda: rounded(0.0, side=np.zeros((2, 2))))
+    cases.append(lambda: ac.ServoModel(kp=1.0, kv=2.0, order=np.zeros(2)))
+    # A joint path needs an interval for each arc length: compiled code would read past the end.
+    cases += [lambda i=i: traced.motion(i, [0.1]) for i in ([], [0, 1], [10**9], [-1])]
+    for call in cases:
+        refuses(call, ac.InvalidInput)
     assert rounded(0.0, np.int64(1)).shape == (2,)
-
-
-def test_words_and_sides_of_arrays_are_refused(
-    rounded: ac.RoundedPath, refuses: Callable[..., None]
-) -> None:
-    refuses(lambda: rounded(0.0, side=np.zeros((2, 2))), ac.InvalidInput, "side must be left or")  # type: ignore[arg-type]
-    refuses(
-        lambda: ac.ServoModel(kp=1.0, kv=2.0, order=np.zeros(2)),  # type: ignore[arg-type]
-        ac.InvalidInput,
-        "order must be one of second, first, not",
-    )
-
-
-def test_a_joint_path_needs_an_interval_for_each_arc_length(
-    traced: ac.JointPath, refuses: Callable[..., None]
-) -> None:
-    # Compiled code would read past the end of the arrays.
-    for i in ([], [0, 1], [10**9], [-1]):
-        refuses(
-            lambda i=i: traced.motion(i, [0.1]),
-            ac.InvalidInput,
-            "one interval for each arc length, from 0 to",
-        )
     assert traced.motion([0], [0.0])[0].shape == (1, 2)
     assert traced.motion([], [])[0].shape == (0, 2)
 
 
-def test_parts_of_arms_are_of_their_class(
-    arm: ac.PlanarTwoLink, refuses: Callable[..., None]
-) -> None:
+def test_parts_of_arms_are_of_their_class(arm, refuses):
     space = ac.load_arm("ur5e")
-    wrong: list[tuple[Callable[[Any], Any], str]] = [
-        (arm.with_limits, "with_limits needs a Limits"),
-        (arm.with_shapes, "with_shapes needs an ArmShapes"),
-        (lambda x: arm.with_dynamics(payload=x), "with_dynamics needs a Payload"),
-        (space.with_tool, "with_tool needs a Frame"),
-        (space.with_work, "with_work needs a Frame"),
-        (lambda x: ac.SerialArm(name="a", chain=x, limits=space.limits), "needs a Chain"),
-        (lambda x: ac.SerialArm(name="a", chain=space.chain, limits=x), "needs a Limits"),
-        (lambda x: ac.PlanarTwoLink(name="a", base=0, links=(1, 1), limits=x), "needs a Limits"),
-        (lambda x: ac.Scene(obstacles=x), "obstacles of a scene must be a list of Obstacles"),
-    ]
-    for make, words in wrong:
+    makers = (
+        arm.with_limits,
+        arm.with_shapes,
+        lambda x: arm.with_dynamics(payload=x),
+        space.with_tool,
+        space.with_work,
+        lambda x: ac.SerialArm(name="a", chain=x, limits=space.limits),
+        lambda x: ac.SerialArm(name="a", chain=space.chain, limits=x),
+        lambda x: ac.PlanarTwoLink(name="a", base=0, links=(1, 1), limits=x),
+        lambda x: ac.Scene(obstacles=x),
+    )
+    for make in makers:
         for other in (3.5, "text", [1.0]):
-            refuses(lambda make=make, other=other: make(other), ac.InvalidInput, words)
+            refuses(lambda make=make, other=other: make(other), ac.InvalidInput)

@@ -1,11 +1,10 @@
 """Torques: their parts along a path, the masses, friction, gravity, and refusals."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np
 import pytest
+from tests.geometry.tables import each, refused
 
 import armcontour as ac
 from armcontour.arms import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
@@ -13,7 +12,7 @@ from armcontour.arms.tube import Tube
 from armcontour.frames import Frame, exp
 
 
-def chain(**changes) -> Chain:
+def chain(**changes):
     data = {
         "joints": ("a", "b", "c"),
         "rotations": exp([[0.1, 0.2, 0.3], [1.0, 0.0, 0.5], [0.0, -1.0, 0.4]]),
@@ -80,19 +79,16 @@ def test_drives_pay_for_friction(states):
 
 
 def test_gravity_turns_with_the_base(states):
-    q = states[0]
-    upright = Dynamics(chain(positions=[[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]))
-    turn = exp([0.0, 0.0, 0.7])
+    def weight(**changes):
+        q = states[0]
+        on_axis = [[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]
+        return Dynamics(chain(positions=on_axis, **changes)).torque(q, 0 * q, 0 * q)
+
     # About the vertical nothing changes; on a wall it does.
-    turned = chain(
-        positions=[[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]],
-        rotations=[turn @ chain().rotations[0], *chain().rotations[1:]],
-    )
-    np.testing.assert_allclose(
-        Dynamics(turned).torque(q, 0 * q, 0 * q), upright.torque(q, 0 * q, 0 * q), atol=1e-12
-    )
-    wall = Dynamics(chain(gravity=[-9.81, 0, 0])).torque(q, 0 * q, 0 * q)
-    assert np.abs(wall - upright.torque(q, 0 * q, 0 * q)).max() > 1
+    first, *others = chain().rotations
+    turned = weight(rotations=[exp([0.0, 0.0, 0.7]) @ first, *others])
+    np.testing.assert_allclose(turned, weight(), atol=1e-12)
+    assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
 
 
 def test_a_payload_is_a_part_of_the_last_link(states):
@@ -101,40 +97,26 @@ def test_a_payload_is_a_part_of_the_last_link(states):
     at = tip.position + tip.rotation @ load.center
     mass = base.masses[2] + load.mass
     center = (base.masses[2] * base.centers[2] + load.mass * at) / mass
-
-    def shifted(weight, where):
+    inertia = base.inertias[2] + tip.rotation @ load.inertia @ tip.rotation.T
+    for weight, where in ((base.masses[2], base.centers[2]), (load.mass, at)):
         away = where - center
-        return weight * (away @ away * np.eye(3) - np.outer(away, away))
-
-    inertia = (
-        base.inertias[2]
-        + shifted(base.masses[2], base.centers[2])
-        + tip.rotation @ load.inertia @ tip.rotation.T
-        + shifted(load.mass, at)
-    )
-    heavier = base.replace(
-        masses=[4.0, 3.0, mass],
-        centers=[*base.centers[:2], center],
-        inertias=[*base.inertias[:2], (inertia + inertia.T) / 2],
-    )
-    np.testing.assert_allclose(
-        Dynamics(base.replace(payload=load)).torque(*states),
-        Dynamics(heavier).torque(*states),
-        atol=1e-11,
-    )
+        inertia = inertia + weight * (away @ away * np.eye(3) - np.outer(away, away))
+    centers = [*base.centers[:2], center]
+    inertias = [*base.inertias[:2], (inertia + inertia.T) / 2]
+    heavier = base.replace(masses=[4.0, 3.0, mass], centers=centers, inertias=inertias)
+    expected = Dynamics(heavier).torque(*states)
+    found = Dynamics(base.replace(payload=load)).torque(*states)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
 def test_two_links_in_the_plane_by_the_textbook():
     tubes = tuple(Tube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
-    arm = PlanarTwoLink(
-        name="plane", base=0.1, links=(0.3, 0.2), limits=ac.Limits(), tubes=tubes,
-        payload=Payload(mass=2.0),
-    )  # fmt: skip
+    links = {"base": 0.1, "links": (0.3, 0.2), "limits": ac.Limits()}
+    arm = PlanarTwoLink(name="plane", **links, tubes=tubes, payload=Payload(mass=2.0))
     outer, inner = 0.04, 0.035
-    m1, m2 = (2700 * np.pi * (outer**2 - inner**2) * length for length in (0.3, 0.2))
-    i1, i2 = (
-        m * (3 * (outer**2 + inner**2) + length**2) / 12 for m, length in ((m1, 0.3), (m2, 0.2))
-    )
+    lengths = np.array([0.3, 0.2])
+    m1, m2 = m = 2700 * np.pi * (outer**2 - inner**2) * lengths
+    i1, i2 = m * (3 * (outer**2 + inner**2) + lengths**2) / 12
     q, dq, ddq = np.random.default_rng(2).normal(size=(3, 40, 2))
     cos, sin = np.cos(q[:, 1]), np.sin(q[:, 1])
     one = i1 + m1 * 0.15**2 + (m2 + 2) * 0.3**2
@@ -143,35 +125,26 @@ def test_two_links_in_the_plane_by_the_textbook():
     first = (one + two + 2 * both * cos) * ddq[:, 0] + (two + both * cos) * ddq[:, 1]
     first -= both * sin * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2)
     second = (two + both * cos) * ddq[:, 0] + two * ddq[:, 1] + both * sin * dq[:, 0] ** 2
-    np.testing.assert_allclose(
-        arm.torque(q, dq, ddq), np.stack([first, second], axis=1), atol=1e-12
+    expected = np.stack([first, second], axis=1)
+    np.testing.assert_allclose(arm.torque(q, dq, ddq), expected, atol=1e-12)
+
+
+def test_what_has_no_torques_is_refused(monkeypatch, states):
+    arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    dynamics, p, q = Dynamics(chain()), np.zeros((4, 2)), np.zeros((4, 3))
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    assert np.isfinite(dynamics.torque(*states)).all()
+    refused(
+        (lambda: arm.torque([0, 0], [0, 0], [0, 0]), "masses of the arm bare"),
+        (lambda: Dynamics(arm.chain), "without masses"),
+        (lambda: dynamics.torque(p, p, p), "3 joints", "3 columns", "(4, 2)"),
+        (lambda: dynamics.mass_matrix(p), "3 columns"),
+        (lambda: dynamics.torque(q, q[0], q), "one shape", "(3,)"),
+        (lambda: dynamics.derivatives(*states), "package pin"),
     )
 
 
-def test_an_arm_without_masses_has_no_torques(refuses):
-    arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
-    refuses(lambda: arm.torque([0, 0], [0, 0], [0, 0]), ac.InvalidInput, "masses of the arm bare",
-            "whose links have masses")  # fmt: skip
-    refuses(lambda: Dynamics(arm.chain), ac.InvalidInput, "without masses")
-
-
-def test_states_of_another_arm_are_refused(refuses):
-    dynamics = Dynamics(chain())
-    q = np.zeros((4, 2))
-    refuses(lambda: dynamics.torque(q, q, q), ac.InvalidInput, "3 joints", "3 columns", "(4, 2)")
-    refuses(lambda: dynamics.mass_matrix(q), ac.InvalidInput, "3 columns")
-    q = np.zeros((4, 3))
-    refuses(lambda: dynamics.torque(q, q[0], q), ac.InvalidInput, "one shape", "(3,)")
-
-
-def test_pinocchio_missing_is_said_where_it_is_needed(monkeypatch, states, refuses):
-    monkeypatch.setitem(sys.modules, "pinocchio", None)
-    dynamics = Dynamics(chain())
-    assert np.isfinite(dynamics.torque(*states)).all()
-    refuses(lambda: dynamics.derivatives(*states), ac.InvalidInput, "package pin", "install it")
-
-
-def random_chain(seed: int, dof: int) -> Chain:
+def random_chain(seed, dof):
     rng = np.random.default_rng(seed)
     axes = rng.normal(size=(dof, 3))
     # Axes along z, the other way round, and any.
@@ -198,7 +171,7 @@ def random_chain(seed: int, dof: int) -> Chain:
     )
 
 
-def by_pinocchio(bodies: Chain):
+def by_pinocchio(bodies):
     """Torques with and without gravity, and mass matrices, of single states, without armature."""
     pin = pytest.importorskip("pinocchio")
     model, joint = pin.Model(), 0
@@ -230,8 +203,8 @@ def by_pinocchio(bodies: Chain):
 
 
 # Whole blocks of states, a part of one, one state alone.
-@pytest.mark.parametrize(("dof", "n"), [(1, 64), (2, 33), (6, 95), (7, 1), (9, 20)])
-@pytest.mark.parametrize("seed", [0, 1])
+@each(("dof", "n"), [(1, 64), (2, 33), (6, 95), (7, 1), (9, 20)])
+@each("seed", [0, 1])
 def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
     bodies = random_chain(10 * dof + seed, dof)
     rng = np.random.default_rng(seed)
@@ -265,7 +238,7 @@ def test_states_of_any_form_have_the_same_torques(states):
     assert dynamics.mass_matrix(np.zeros((0, 3))).shape == (0, 3, 3)
 
 
-@pytest.mark.parametrize("turns", [3, -1000, 100_000, 10**9])
+@each("turns", [3, -1000, 100_000, 10**9])
 def test_whole_turns_change_no_torque(turns, states):
     q, dq, ddq = states
     dynamics = Dynamics(chain())
@@ -282,16 +255,3 @@ def test_a_position_that_is_no_number_has_no_torque(states):
     found = Dynamics(chain()).torque(q, dq, ddq)
     assert np.isnan(found[40]).any()
     assert np.isfinite(np.delete(found, 40, axis=0)).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"outer_diameter": 0}, ("outer_diameter", "above zero")),
-        ({"wall": 0.05}, ("wall of a tube", "0.08 m", "0.05 m")),
-        ({"density": np.nan}, ("density", "finite")),
-    ],
-)
-def test_tubes_that_are_none_are_refused(changes, words, refuses):
-    good = {"outer_diameter": 0.08, "wall": 0.01, "density": 2700}
-    refuses(lambda: Tube(**good | changes), ac.InvalidInput, *words)

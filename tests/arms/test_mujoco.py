@@ -1,13 +1,12 @@
 """Built-in arms against MuJoCo, whose models of them are made from the files by other means."""
 
-from __future__ import annotations
-
 from importlib import resources
 
 import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
+from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.arms import Dynamics, Payload
@@ -23,7 +22,7 @@ def states(arm, seed=0, n=STATES):
     return tuple(rng.uniform(-size, size, (n, arm.dof)) for size in (np.pi, 3.0, 10.0))
 
 
-@pytest.mark.parametrize("name", ac.arm_names())
+@each("name", ac.arm_names())
 def test_places_torques_and_jacobians(name):
     arm = ac.load_arm(name)
     armature = np.linspace(0.5, 0.1, arm.dof)
@@ -42,7 +41,7 @@ def test_places_torques_and_jacobians(name):
         np.testing.assert_allclose(arm.jacobian(q), jacobian[:, :2], atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ac.arm_names())
+@each("name", ac.arm_names())
 def test_without_armature_the_drive_torque_is_that_of_the_bodies_and_friction(name):
     arm = ac.load_arm(name)
     q, dq, ddq = states(arm, seed=1, n=100)
@@ -69,61 +68,50 @@ def test_a_payload_is_a_body_on_the_tip():
     assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
 
 
-def model_of(name: str, armature: np.ndarray, payload: str = ""):
+def model_of(name, armature, payload=""):
     """A model of a built-in arm, with the site "tool" at its tip."""
     found = resources.files("armcontour.io.robots") / "library" / f"{name}.yaml"
     data = yaml.safe_load(found.read_text("utf-8"))
     bodies = planar(data) if data["kind"] == "planar_two_link" else serial(data)
     tip = words(data["tip"]["value"]) if "tip" in data else bodies.pop("tip", "0 0 0")
-    gravity = bodies.pop("gravity", "0 0 -9.81")
-    text, close = "", ""
-    for k in range(len(bodies["mass"])):
-        text += (
-            f'<body pos="{words(bodies["pos"][k])}" quat="{words(bodies["quat"][k])}">'
-            f'<joint type="hinge" axis="{words(bodies["axis"][k])}" '
-            f'armature="{float(armature[k])!r}"/>'
-            f'<inertial pos="{words(bodies["com"][k])}" mass="{bodies["mass"][k]!r}" '
-            f'fullinertia="{words(bodies["inertia"][k])}"/>'
+    gravity, text = bodies.pop("gravity", "0 0 -9.81"), ""
+    for k, mass in enumerate(bodies["mass"]):
+        pos, quat, axis, com, inertia = (
+            words(bodies[x][k]) for x in ("pos", "quat", "axis", "com", "inertia")
         )
-        close += "</body>"
+        text += (
+            f'<body pos="{pos}" quat="{quat}">'
+            f'<joint type="hinge" axis="{axis}" armature="{float(armature[k])!r}"/>'
+            f'<inertial pos="{com}" mass="{mass!r}" fullinertia="{inertia}"/>'
+        )
     return mujoco.MjModel.from_xml_string(
-        '<mujoco><compiler angle="radian"/>'
-        f'<option gravity="{gravity}"/><worldbody>{text}'
-        f'<site name="tool" pos="{tip}"/>{payload}{close}</worldbody></mujoco>'
+        f'<mujoco><compiler angle="radian"/><option gravity="{gravity}"/><worldbody>{text}'
+        f'<site name="tool" pos="{tip}"/>{payload}{"</body>" * len(bodies["mass"])}'
+        "</worldbody></mujoco>"
     )
 
 
 def seen_by_mujoco(model, q, dq, ddq):
     """Torques and the tool's position, rotation and Jacobian, by MuJoCo, one state at a time."""
-    data = mujoco.MjData(model)
-    found = []
+    data, found = mujoco.MjData(model), []
     for state in zip(q, dq, ddq, strict=True):
         data.qpos[:], data.qvel[:], data.qacc[:] = state
         mujoco.mj_inverse(model, data)
         linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
         mujoco.mj_jacSite(model, data, linear, angular, 0)
-        found.append(
-            (
-                data.qfrc_inverse.copy(),
-                data.site_xpos[0].copy(),
-                data.site_xmat[0].reshape(3, 3).copy(),
-                np.vstack([linear, angular]),
-            )
-        )
+        place = data.site_xpos[0].copy(), data.site_xmat[0].reshape(3, 3).copy()
+        found.append((data.qfrc_inverse.copy(), *place, np.vstack([linear, angular])))
     return tuple(np.array(x) for x in zip(*found, strict=True))
 
 
-def serial(data) -> dict:
+def serial(data):
     turns = Rotation.from_euler("xyz", data["angles"]["value"])
-    along = (
-        Rotation.from_euler("xyz", data["inertia_angles"]["value"])
-        if ("inertia_angles" in data)
-        else Rotation.identity(len(turns))
-    )
+    along = Rotation.identity(len(turns))
+    if "inertia_angles" in data:
+        along = Rotation.from_euler("xyz", data["inertia_angles"]["value"])
     inertias = []
-    for axes, (xx, xy, xz, yy, yz, zz) in zip(
-        along.as_matrix(), data["inertias"]["value"], strict=True
-    ):
+    for axes, own in zip(along.as_matrix(), data["inertias"]["value"], strict=True):
+        xx, xy, xz, yy, yz, zz = own
         full = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
         inertias.append(six(full))
     return {
@@ -136,7 +124,7 @@ def serial(data) -> dict:
     }
 
 
-def planar(data) -> dict:
+def planar(data):
     lengths = np.array(data["links"]["value"])
     tubes = {key: np.array(x["value"]) for key, x in data["tubes"].items()}
     outer = tubes["outer_diameter"] / 2
@@ -157,10 +145,10 @@ def planar(data) -> dict:
     }
 
 
-def six(full) -> list[float]:
+def six(full):
     """An inertia in MuJoCo's order."""
     return [full[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
-def words(numbers) -> str:
+def words(numbers):
     return " ".join(repr(float(x)) for x in numbers)

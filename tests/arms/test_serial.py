@@ -1,10 +1,9 @@
 """Serial arms: derivatives by differences, frames, shapes, and refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from tests.geometry.tables import each, refused
 
 import armcontour as ac
 from armcontour.arms import Chain, Payload, SerialArm
@@ -13,7 +12,7 @@ from armcontour.frames import Frame, exp, log
 STEP = 1e-6
 
 
-def crooked(dof=6, seed=0) -> SerialArm:
+def crooked(dof=6, seed=0):
     """An arm with nothing at right angles."""
     rng = np.random.default_rng(seed)
     axes = rng.normal(size=(dof, 3))
@@ -118,55 +117,47 @@ def test_the_jerk_of_many_states_is_that_of_each(arm3):
     np.testing.assert_allclose(found, arm3.tool_velocity(q, dddq), atol=1e-12)
 
 
-@pytest.mark.parametrize("n", [0, 1, 31, 33])
+@each("n", [0, 1, 31, 33])
 def test_blocks_of_states_end_anywhere(arm3, n):
-    q, dq, ddq, dddq = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
+    q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
     twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
     # The Jacobian and its rate are computed by other code.
-    np.testing.assert_allclose(
-        twist, np.einsum("nij,nj->ni", arm3.twist_jacobian(q), dq), rtol=0, atol=1e-13 * arm3.dof
-    )
+    expected = np.einsum("nij,nj->ni", arm3.twist_jacobian(q), dq)
+    np.testing.assert_allclose(twist, expected, rtol=0, atol=1e-13 * arm3.dof)
     rate = arm3.jacobian_rate(q, dq)
     expected = arm3.tool_velocity(q, ddq) + np.einsum("nij,nj->ni", rate, dq)
     np.testing.assert_allclose(bend[:, :3], expected, rtol=0, atol=1e-12 * arm3.dof)
     velocity, acceleration = arm3.tool_motion(q, dq, ddq)
     np.testing.assert_array_equal(velocity, twist[:, :3])
     np.testing.assert_array_equal(acceleration, bend[:, :3])
-    for x in (q, dq, ddq, dddq):
-        x.flags.writeable = False
+    states.flags.writeable = False
+    points, jerk = arm3.forward(states[0]), arm3.tool_jerk(*states)
     for k in range(n):
-        one = q[k], dq[k], ddq[k], dddq[k]
-        np.testing.assert_allclose(arm3.forward(one[0]), arm3.forward(q)[k], atol=1e-14)
-        np.testing.assert_allclose(
-            arm3.tool_jerk(*one), arm3.tool_jerk(q, dq, ddq, dddq)[k], atol=1e-12
-        )
+        one = states[:, k]
+        np.testing.assert_allclose(arm3.forward(one[0]), points[k], atol=1e-14)
+        np.testing.assert_allclose(arm3.tool_jerk(*one), jerk[k], atol=1e-12)
 
 
 def test_pinocchio_sees_the_same_arm():
     arm = crooked()
     chain, model, joint = arm.chain, pin.Model(), 0
     for k, name in enumerate(chain.joints):
-        joint = model.addJoint(
-            joint,
-            pin.JointModelRevoluteUnaligned(np.array(chain.axes[k])),
-            pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k])),
-            name,
-        )
+        turning = pin.JointModelRevoluteUnaligned(np.array(chain.axes[k]))
+        place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
+        joint = model.addJoint(joint, turning, place, name)
     end = chain.tip @ chain.tool
-    frame = model.addFrame(
-        pin.Frame("tool", joint, 0, pin.SE3(end.rotation, end.position), pin.FrameType.OP_FRAME)
-    )
-    data = model.createData()
-    turn = np.kron(np.eye(2), chain.base.rotation)
+    place = pin.SE3(end.rotation, end.position)
+    frame = model.addFrame(pin.Frame("tool", joint, 0, place, pin.FrameType.OP_FRAME))
+    data, base = model.createData(), chain.base
+    turn = np.kron(np.eye(2), base.rotation)
     for q in np.random.default_rng(2).normal(size=(50, arm.dof)):
         seen = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
         pin.framesForwardKinematics(model, data, q)
         place = data.oMf[frame]
-        points, rotations = arm.pose(q)
-        np.testing.assert_allclose(
-            points, chain.base.position + chain.base.rotation @ place.translation, atol=1e-12
-        )
-        np.testing.assert_allclose(rotations, chain.base.rotation @ place.rotation, atol=1e-12)
+        point, rotation = arm.pose(q)
+        expected = base.position + base.rotation @ place.translation
+        np.testing.assert_allclose(point, expected, atol=1e-12)
+        np.testing.assert_allclose(rotation, base.rotation @ place.rotation, atol=1e-12)
         np.testing.assert_allclose(arm.twist_jacobian(q), turn @ seen, atol=1e-12)
 
 
@@ -215,39 +206,29 @@ def test_links_lead_from_the_base_to_the_tool(arm3, states):
 def test_one_state_and_any_shape_of_states():
     arm = crooked(dof=4)
     q = np.random.default_rng(3).normal(size=(2, 5, 4))
-    for method, shape in (
-        (lambda x: arm.forward(x), (3,)),
-        (lambda x: arm.pose(x)[1], (3, 3)),
-        (lambda x: arm.links(x), (7, 3)),
-        (lambda x: arm.jacobian(x), (3, 4)),
-        (lambda x: arm.twist_jacobian(x), (6, 4)),
-        (lambda x: arm.jacobian_rate(x, x), (3, 4)),
-        (lambda x: arm.twist_drift(x, x), (6,)),
-        (lambda x: arm.tool_twist(x, x), (6,)),
-        (lambda x: arm.tool_twist_rate(x, x, x), (6,)),
-        (lambda x: arm.torque(x, x, x), (4,)),
-        (lambda x: arm.dynamics.mass_matrix(x), (4, 4)),
-        (lambda x: arm.dynamics.path_terms(x, x, x)[1], (4,)),
+    for method, count, shape in (
+        (arm.forward, 1, (3,)),
+        (lambda x: arm.pose(x)[1], 1, (3, 3)),
+        (arm.links, 1, (7, 3)),
+        (arm.jacobian, 1, (3, 4)),
+        (arm.twist_jacobian, 1, (6, 4)),
+        (arm.jacobian_rate, 2, (3, 4)),
+        (arm.twist_drift, 2, (6,)),
+        (arm.tool_twist, 2, (6,)),
+        (arm.tool_twist_rate, 3, (6,)),
+        (arm.torque, 3, (4,)),
+        (arm.dynamics.mass_matrix, 1, (4, 4)),
+        (lambda *x: arm.dynamics.path_terms(*x)[1], 3, (4,)),
     ):
-        assert method(q[0, 0].tolist()).shape == shape
-        assert method(q[:0]).shape == (0, 5, *shape)
-        found = method(q)
+        assert method(*[q[0, 0].tolist()] * count).shape == shape
+        assert method(*[q[:0]] * count).shape == (0, 5, *shape)
+        found = method(*[q] * count)
         assert found.shape == (2, 5, *shape)
-        np.testing.assert_allclose(found[1, 2], method(q[1, 2]), atol=1e-12)
+        np.testing.assert_allclose(found[1, 2], method(*[q[1, 2]] * count), atol=1e-12)
 
 
-def test_states_of_another_arm_are_refused(refuses):
-    arm = crooked()
-    q = np.zeros((5, 7))
-    words = ("crooked has 6 joints", "(5, 7)")
-    refuses(lambda: arm.forward(q), ac.InvalidInput, *words)
-    refuses(lambda: arm.jacobian_rate(q[:, :6], q), ac.InvalidInput, "(5, 6), (5, 7)")
-    refuses(lambda: arm.forward(1.0), ac.InvalidInput, "6 columns")
-    refuses(lambda: arm.tool_twist(q[:, :6], q[:3, :6]), ac.InvalidInput, "fit together", "(3, 6)")
-
-
-def test_what_an_arm_is_made_of_stays_as_it_is():
-    arm = crooked()
+def test_what_an_arm_is_made_of_stays_as_it_is_and_states_have_to_fit():
+    arm, states = crooked(), np.zeros((5, 7))
     assert (arm.dof, arm.dimension, arm.branches) == (6, 3, ())
     for array in arm.arrays:
         assert array.flags.c_contiguous
@@ -257,17 +238,9 @@ def test_what_an_arm_is_made_of_stays_as_it_is():
     q = np.zeros((2, 6))
     q.setflags(write=False)
     arm.forward(q)[0, 0] = 1.0  # results are the caller's own
-
-
-def test_the_plane_arm_in_space_is_the_same_arm(arm):
-    space = SerialArm(name="space", chain=arm.chain, limits=arm.limits)
-    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 50, 2))
-    np.testing.assert_allclose(space.forward(q)[:, :2], arm.forward(q), atol=1e-15)
-    assert (space.forward(q)[:, 2] == 0).all()
-    np.testing.assert_allclose(space.jacobian(q)[:, :2], arm.jacobian(q), atol=1e-15)
-    np.testing.assert_allclose(
-        space.tool_acceleration(q, dq, ddq)[:, :2], arm.tool_acceleration(q, dq, ddq), atol=1e-13
+    refused(
+        (lambda: arm.forward(states), "crooked has 6 joints", "(5, 7)"),
+        (lambda: arm.jacobian_rate(states[:, :6], states), "(5, 6), (5, 7)"),
+        (lambda: arm.forward(1.0), "6 columns"),
+        (lambda: arm.tool_twist(states[:, :6], states[:3, :6]), "fit together", "(3, 6)"),
     )
-    jerk = arm.tool_jerk(q, dq, ddq, dq)
-    np.testing.assert_allclose(space.tool_jerk(q, dq, ddq, dq)[:, :2], jerk, atol=1e-13)
-    np.testing.assert_allclose(ac.Arm.tool_jerk(arm, q, dq, ddq, dq), jerk, atol=1e-10)

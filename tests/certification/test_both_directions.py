@@ -1,7 +1,5 @@
 """Certificates keep the velocity of every segment, and reach every part of the path."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -71,58 +72,27 @@ def test_both_figures_and_the_part_of_each_unknown_are_stated(certified):
     assert certified.budget.executed == pytest.approx(
         max(corners.max.max(), certified.spread.max.max()), rel=1e-9
     )
-    assert "MuJoCo" in certified.model and "nominal payload fed forward" in certified.model
     data = json.loads(certificate_json(certified))["certificate"]["contours"][0]
     assert data["linear"]["bound"] == linear.bound
     assert data["linear"]["shares"] == linear.shares
     assert data["linear"]["drawn"]["within"] == 1.0
-    rows = dict(certified_rows(certified))
-    assert rows["executed by MuJoCo"] == "4 corners, 3 drawn robots"
-    assert "friction" in rows["of it by"] and "torque / limit, of the box" in rows
+    assert dict(certified_rows(certified))["executed by MuJoCo"] == "4 corners, 3 drawn robots"
     page = render_report(certified.study, certificate=certified)
     assert "MuJoCo, worst of 4 corners" in page and "gains of position loops" in page
 
 
 def test_a_nominal_robot_alone():
-    job = parse_job(JOB)
-    found = ac.certify(job, box=None, servo=0.1e-3)
+    found = ac.certify(parse_job(JOB), box=None, servo=0.1e-3)
     assert found.corners is None and found.spread is None
     assert found.evaluation.contour_error.max <= 0.1e-3
     assert found.linear.bound == pytest.approx(found.linear.nominal)
 
 
-def refusal(**goal):
-    with pytest.raises(ac.ArmContourError) as raised:
-        ac.certify(parse_job(JOB), **goal)
-    return raised.value
-
-
 def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
-    error = refusal(servo=0.02e-3, slowest=1.2)
-    assert isinstance(error, ac.NotRealizable)
-    assert "the linear model of the last plan has kp " in str(error) and "friction" in str(error)
-    assert error.needed > error.allowed == 0.02e-3
-
-
-def test_jobs_without_rigid_bodies_are_refused():
-    assert "saturation" in str(refusal(saturation="report"))
-    slow = JOB.replace(", kv: 150 1/s", "").replace("inverse_dynamics", "inverse")
-    with pytest.raises(ac.InvalidInput, match="order second"):
-        ac.certify(parse_job(slow))
-
-
-def test_a_program_of_several_contours_is_refused():
-    job = parse_job(JOB)
-    there = ac.Path.polyline([(0.32, 0.22), (0.30, 0.22)])
-    moves = (Contour(path=job.path), Rapid(), Contour(path=there))
-    program = ac.Program(moves=moves)
-    with pytest.raises(ac.InvalidInput, match="one contour"):
-        ac.certify(replace(job, path=program))
-
-
-def test_servos_know_no_friction():
-    with pytest.raises(ac.InvalidInput, match="plant: rigid_body"):
-        ac.certify(parse_job(JOB), plant="servo")
+    with pytest.raises(ac.NotRealizable) as raised:
+        ac.certify(parse_job(JOB), servo=0.02e-3, slowest=1.2)
+    assert "the linear model of the last plan has kp " in str(raised.value)
+    assert raised.value.needed > raised.value.allowed == 0.02e-3
 
 
 # Bodies overshoot the assigned velocity after the corner, which the linear model does not see.
@@ -137,6 +107,40 @@ certificate: {servo: 0.5 mm, plant: rigid_body}
 runs:
   only: {compensation: {method: inverse_dynamics}, timing: {intervals: 400}}
 """
+# An arm in space whose controller does not hold it against gravity.
+SAGGING = """
+name: sagging
+arm: ur5e
+path: {orientation: {axis: [0, 0, -1]}, points: [[0.45, 0, 0.2], [0.5, 0, 0.2]]}
+limits: {speed: 0.05 m/s, joint_acceleration: 6.4}
+servo: {kp: 25 1/s, kv: 150 1/s}
+certificate: {servo: 0.5 mm, plant: rigid_body}
+experiment: {gravity_feedforward: false}
+runs:
+  only: {compensation: {method: pole_placement}, timing: {intervals: 100}}
+"""
+EARLY = "process: {events: [{name: gas, at: 0 mm, lead_time: 0.1 s}]}\n"
+FIRST_ORDER = JOB.replace("kv: 150 1/s", "order: first").replace("inverse_dynamics", "inverse")
+
+
+def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
+    monkeypatch.setattr(Search, "fastest", lambda self: pytest.fail("the search has begun"))
+    job = parse_job(JOB)
+    there = ac.Path.polyline([(0.32, 0.22), (0.30, 0.22)])
+    two = ac.Program(moves=(Contour(path=job.path), Rapid(), Contour(path=there)))
+    named = ac.Program(moves=(ac.Event(name="gas"), ac.Dwell(duration=0.1), two.moves[0]))
+    for call, words in (
+        (partial(ac.certify, job, saturation="report"), "saturation"),
+        (partial(ac.certify, job, plant="servo"), "plant: rigid_body"),
+        (partial(ac.certify, parse_job(FIRST_ORDER)), "order second"),
+        (partial(ac.certify, replace(job, path=two)), "one contour"),
+        (partial(ac.certify, replace(job, path=named)), "1 contour, 1 dwell, 1 event"),
+        (partial(ac.certify, parse_job(OVERSHOOT + EARLY)), "gas is to come 0.1 s before"),
+    ):
+        refuses(call, ac.InvalidInput, words)
+    with pytest.raises(ac.NotRealizable, match="At rest at the start of its path") as raised:
+        ac.certify(parse_job(SAGGING))
+    assert raised.value.needed > raised.value.allowed == 0.5e-3
 
 
 @pytest.fixture(scope="module")
@@ -148,22 +152,10 @@ def test_a_dwell_changes_nothing_but_the_time(overshooting):
     # Bodies rest before the contour, at the same phase of the command interval.
     waiting = ac.certify(parse_job(OVERSHOOT + "process: {dwell: 100 ms}\n"))
     assert [x.kind for x in waiting.trajectory.spans] == ["dwell", "contour"]
-    assert waiting.trajectory.duration == pytest.approx(
-        overshooting.trajectory.duration + 0.1, abs=1e-6
-    )
+    later = overshooting.trajectory.duration + 0.1
+    assert waiting.trajectory.duration == pytest.approx(later, abs=1e-6)
     one, other = (x.evaluation.contour_error.max for x in (overshooting, waiting))
     assert other == pytest.approx(one, rel=1e-2)
-
-
-def test_the_moves_beside_the_contour_are_named(refuses):
-    job = parse_job(OVERSHOOT)
-    event = ac.Event(name="gas")
-    program = ac.Program(moves=(event, ac.Dwell(duration=0.1), Contour(path=job.path)))
-    refuses(
-        lambda: ac.certify(replace(job, path=program)),
-        ac.InvalidInput,
-        "for one contour, with or without dwells, but this program has 1 contour, 1 dwell, 1 event",
-    )
 
 
 def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
@@ -178,56 +170,19 @@ def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     assert found.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
     # Far from the corner the tool has the whole assigned velocity.
     assert found.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
-
-
-def test_what_was_lowered_is_said_with_its_place_and_its_reason(overshooting):
-    said = overshooting.lowered
-    assert len(said) == 2 and said[0].startswith("acceleration of joint 1 by up to ")
-    assert "along the whole contour" in said[0] and "acceleration limits of the joints" in said[0]
-    assert said[1].startswith("speed by up to ") and "mm of 79.74 mm, most at s = 0.04" in said[1]
-    assert said[1].endswith("the executed tool, which passed the assigned velocity")
-    data = json.loads(certificate_json(overshooting))["certificate"]
+    first, second = found.lowered
+    assert first.startswith("acceleration of joint 1 by up to ")
+    assert second.startswith("speed by up to ") and "mm of 79.74 mm, most at s = 0.04" in second
+    data = json.loads(certificate_json(found))["certificate"]
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
     assert causes == {"acceleration", "tool"} and data["on_bodies"] is None
-    page = render_report(overshooting.study, certificate=overshooting)
-    assert "Reduced: speed by up to " in page
-    assert "lowered" in str(overshooting.contours[0])
-
-
-def test_what_refuses_a_job_is_found_before_the_search(monkeypatch):
-    monkeypatch.setattr(Search, "fastest", lambda self: pytest.fail("the search has begun"))
-    early = OVERSHOOT + "process: {events: [{name: gas, at: 0 mm, lead_time: 0.1 s}]}\n"
-    with pytest.raises(ac.InvalidInput, match=r"The event gas is to come 0\.1 s before the motion"):
-        ac.certify(parse_job(early))
-
-
-def test_bodies_that_rest_too_far_from_the_start_are_refused_before_the_search(monkeypatch):
-    monkeypatch.setattr(Search, "fastest", lambda self: pytest.fail("the search has begun"))
-    with pytest.raises(ac.NotRealizable, match="At rest at the start of its path") as raised:
-        ac.certify(parse_job(SAGGING))
-    assert raised.value.needed > raised.value.allowed == 0.5e-3
-
-
-# An arm in space whose controller does not hold it against gravity.
-SAGGING = """
-name: sagging
-arm: ur5e
-path: {orientation: {axis: [0, 0, -1]}, points: [[0.45, 0, 0.2], [0.5, 0, 0.2]]}
-limits: {speed: 0.05 m/s, joint_acceleration: 6.4}
-servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.5 mm, plant: rigid_body}
-experiment: {gravity_feedforward: false}
-runs:
-  only: {compensation: {method: pole_placement}, timing: {intervals: 100}}
-"""
+    assert "Reduced: speed by up to " in render_report(found.study, certificate=found)
 
 
 def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
     found = ac.certify(parse_job(job))
-    assert found.on_bodies is not None
     assert found.on_bodies.startswith("Valid for independent joint servos only: ")
-    assert "plant: rigid_body" in found.on_bodies
     page = render_report(found.study, certificate=found)
     assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))

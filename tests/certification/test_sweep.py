@@ -9,6 +9,7 @@ import pytest
 from soak.corner_job import CORNER_JOB
 
 import armcontour as ac
+from armcontour._executors import InProcess
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job, sweep_csv, sweep_json
 from armcontour.report import render_sweep
@@ -37,6 +38,12 @@ def test_points_lie_above_the_optimum_of_their_own_choice(swept):
     assert len({x.duration for x in swept.tolerances}) == 3
 
 
+def test_the_plot_has_every_point(swept):
+    page = render_sweep(swept)
+    assert all(f"{x.duration:.4f} s" in page for x in (*swept.tolerances, *swept.speeds))
+    assert page.count('class="plotly-graph-div"') == 2
+
+
 def test_a_point_is_what_certify_finds(swept):
     job = parse_job(JOB)
     limits = job.runs[0].limits.replace(speed=0.05)
@@ -45,12 +52,6 @@ def test_a_point_is_what_certify_finds(swept):
     assert swept.speeds[0].contour_error == found.budget.executed
     # The job's own choice lies on both lines.
     assert swept.speeds[1] == swept.tolerances[1]
-    name, run = job.name, job.runs[0].name
-    assert repr(swept) == f"Sweep({name!r}, run {run!r}, 5 of 5 points certified)"
-    assert repr(found) == (
-        f"Certificate({name!r}, run {run!r}, {found.duration:.6g} s, contour error at most "
-        f"{found.budget.executed:.3g} m)"
-    )
 
 
 def test_a_point_that_is_refused_says_why():
@@ -61,13 +62,6 @@ def test_a_point_that_is_refused_says_why():
     assert fast.optimum < slow.optimum
     page = render_sweep(found)
     assert "refused" in page and "assigned velocity" in page
-
-
-def test_the_plot_has_every_point(swept):
-    page = render_sweep(swept)
-    for x in (*swept.tolerances, *swept.speeds):
-        assert f"{x.duration:.4f} s" in page
-    assert page.count('class="plotly-graph-div"') == 2
 
 
 def test_a_total_tolerance_is_swept_where_it_is_asked_for():
@@ -130,7 +124,6 @@ def test_both_shapes_are_in_one_figure_and_in_the_files(compared):
         "arcs, optimum, not certified", "arcs, certified",
         "shaped, optimum, not certified", "shaped, certified",
     ]  # fmt: skip
-    assert "in at most 2 iterations per point" in section.text
     rows = list(csv.DictReader(io.StringIO(sweep_csv(compared))))
     assert [x["shape"] for x in rows] == ["arc", "arc", "free", "free", "free"]
     assert [x["line"] for x in rows] == ["tolerance"] * 4 + ["speed"]
@@ -153,17 +146,9 @@ def test_fastest_plans_alone_need_no_goal(compared):
 
 
 def test_an_executor_finds_the_same_points(swept):
-    from armcontour._pool import ProcessPool
-
     steps = []
-    with ProcessPool(1) as pool:
-        found = ac.sweep(
-            parse_job(JOB),
-            tolerances=[4e-3, 1e-3, 2e-3],
-            speeds=[0.15, 0.05],
-            executor=pool,
-            progress=steps.append,
-        )
+    given = {"tolerances": [4e-3, 1e-3, 2e-3], "speeds": [0.15, 0.05]}
+    found = ac.sweep(parse_job(JOB), **given, executor=InProcess(), progress=steps.append)
     assert (found.tolerances, found.speeds) == (swept.tolerances, swept.speeds)
     # The job's own choice, on both lines, is one point.
     assert [x.done for x in steps] == [0.0, 0.25, 0.5, 0.75]

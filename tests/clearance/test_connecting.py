@@ -18,18 +18,17 @@ B = np.array([0.5, -1.2, 1.5, -1.8, -1.57, 0.0])
 RANGES = ARM.limits.joint_range(6)
 
 
-def cell_with(size: list[float]) -> Cell:
+def cell_with(size):
     """A wall in the middle between both postures."""
     middle = ARM.with_tool(Frame()).forward((A + B) / 2)
     wall = Obstacle(name="wall", shape=Box(size=size), place=Frame(position=middle))
     return Cell(ARM, Scene(obstacles=(wall,), margins=Margins(environment=0.005)))
 
 
-def test_a_way_around_a_wall_is_found_and_clear() -> None:
+def test_a_way_around_a_wall_is_found_and_clear():
     cell = cell_with([0.3, 0.05, 0.5])
     assert not cell.keeps(JointPath.spline([A, B]))
     path = connect(cell, A, B, RANGES)
-    assert path is not None
     assert np.allclose(path(path.breaks[[0, -1]]), [A, B], atol=1e-12)
     assert cell.check(path).kept
     # At many places, the ball is where the bounds say that it may be.
@@ -38,16 +37,16 @@ def test_a_way_around_a_wall_is_found_and_clear() -> None:
     off = np.abs(ARM.with_tool(Frame()).forward(q) - middle) - [0.15, 0.025, 0.25]
     assert (np.linalg.norm(np.maximum(off, 0.0), axis=1) >= 0.035 - 1e-9).all()
     again = connect(cell, A, B, RANGES)
-    assert again is not None and np.array_equal(again.coefficients, path.coefficients)
+    assert np.array_equal(again.coefficients, path.coefficients)
 
 
-def test_no_way_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_way_is_none(monkeypatch):
     monkeypatch.setattr("armcontour.clearance.connecting.MOST_PIECES", 30)
     closed = cell_with([3.0, 0.05, 3.0])
     assert connect(closed, A, B, RANGES) is None
 
 
-def test_rounded_postures_are_smooth() -> None:
+def test_rounded_postures_are_smooth():
     postures = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]])
     path = round_postures(postures, 0.5)
     assert len(path.stops) == 0
@@ -57,7 +56,7 @@ def test_rounded_postures_are_smooth() -> None:
     assert len(round_postures(postures, 0.0).stops) == 2
 
 
-def test_through_postures_without_obstacles_is_rounded_most() -> None:
+def test_through_postures_without_obstacles_is_rounded_most():
     free = Cell(ARM, Scene())
     path = through(free, np.array([A, A + 0.1, B]))
-    assert path is not None and len(path.stops) == 0
+    assert len(path.stops) == 0

@@ -9,7 +9,7 @@ from armcontour.clearance.pairs import pairs_of
 from armcontour.scene import Box, Obstacle, Scene
 
 
-def test_distances_are_those_between_the_links_frames() -> None:
+def test_distances_are_those_between_the_links_frames():
     """The nearest points, which are in the work frame, are as far apart as the distances say."""
     arm = ac.load_arm("ur5e").with_work(ac.Frame.rpy((0.1, 0.2, 0.3), (0.3, -0.2, 0.5)))
     block = Obstacle(

@@ -1,37 +1,27 @@
 """Set-points in closed form, the plain and the inverse compensation, and what is refused."""
 
-from __future__ import annotations
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, PathLaw, Rates
+from armcontour.motion import PathLaw, Rates
+
+from .motions import laps
 
 KP, KV = np.array([25.0, 20.0]), np.array([150.0, 100.0])
-
-
-@pytest.fixture(scope="module")
-def uneven():
-    return ac.ServoModel(kp=KP, kv=KV)
-
-
-def laps(times, dq, ddq, start=(0.3, -0.2)):
-    """A trajectory of laps with given accelerations; velocities jump where `dq` says so."""
-    h, dq, ddq = np.diff(times), np.asarray(dq, float), np.asarray(ddq, float)
-    steps = dq * h[:, None] + ddq * h[:, None] ** 2 / 2
-    q = np.concatenate([[start], start + np.cumsum(steps, axis=0)])
-    law = LapLaw(breaks=np.asarray(times, float), q=q, dq=dq, ddq=ddq)
-    return ac.Trajectory(laws=(law,), method="hand")
+UNEVEN = ac.ServoModel(kp=KP, kv=KV)
+METHODS = ("none", "inverse", "pole_placement")
 
 
 def smooth(duration=1.0, size=(0.4, -0.3)):
     """From rest to rest with acceleration that starts and ends at zero: 10 x³ - 15 x⁴ + 6 x⁵."""
     coefficients = np.zeros((1, 6, 2))
     coefficients[0, 3:] = np.outer([10, -15, 6], size)
-    path = ac.JointPath(breaks=np.array([0.0, 1.0]), coefficients=coefficients)
     law = PathLaw(
-        joint_path=path,
+        joint_path=ac.JointPath(breaks=np.array([0.0, 1.0]), coefficients=coefficients),
         breaks=np.array([0.0, duration]),
         s=np.array([0.0, 1.0]),
         rates=Rates(*np.array([[1 / duration], [0.0], [0.0], [0.0]])),
@@ -39,9 +29,9 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
     return ac.Trajectory(laws=(law,), method="hand")
 
 
-def test_a_ramp_in_closed_form(uneven):
+def test_a_ramp_in_closed_form():
     ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
-    taught = ac.compensate(ramp, uneven, method="inverse", period=0.01)
+    taught = ac.compensate(ramp, UNEVEN, method="inverse", period=0.01)
     t = taught.t
     lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
@@ -56,9 +46,9 @@ def test_a_ramp_in_closed_form(uneven):
 
 @pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
 def test_a_parabola_in_closed_form(interpolation, gain):
-    servo = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
     a, h = np.array([0.7, -0.4]), 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
+    servo = UNEVEN.replace(interpolation=interpolation)
     taught = ac.compensate(curve, servo, method="inverse", period=h)
     inside = (taught.t > 0.125) & (taught.t < 0.875)
     t = taught.t[inside, None]
@@ -84,102 +74,80 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
         assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
 
 
-@pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
-def test_the_arm_stands_at_the_start_of_the_plan_first(uneven, method):
+def test_the_arm_stands_at_the_start_of_the_plan_first():
     # At full acceleration from rest, as optimal plans begin.
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
-    taught = ac.compensate(plan, uneven, method=method, period=0.01)
-    np.testing.assert_array_equal(taught.q[0], plan(0.0))
+    still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
+    for method in METHODS:
+        taught = ac.compensate(plan, UNEVEN, method=method, period=0.01)
+        np.testing.assert_array_equal(taught.q[0], plan(0.0), err_msg=method)
+        q = ac.compensate(still, UNEVEN, method=method, period=0.05).q
+        np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
 
 
-def test_none_teaches_the_trajectory_itself(uneven):
+def test_none_teaches_the_trajectory_itself():
     trajectory = smooth()
-    taught = ac.compensate(trajectory, uneven, method="none", period=0.1)
+    taught = ac.compensate(trajectory, UNEVEN, method="none", period=0.1)
     np.testing.assert_allclose(taught.q, trajectory(taught.t.clip(0, 1)), atol=1e-14)
     assert taught.trajectory is trajectory
 
 
 @pytest.mark.filterwarnings("ignore:The command interval")
-@pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
-@pytest.mark.parametrize("period", [0.1, 0.3, 4e-3, 1.0])
-def test_the_last_set_point_is_the_end(uneven, method, period):
+def test_the_last_set_point_is_the_end():
     trajectory = smooth()
-    taught = ac.compensate(trajectory, uneven, method=method, period=period)
-    np.testing.assert_array_equal(taught.q[-1], trajectory(1.0))
-    # The first set-point that may be the end is the first at or after it; of means, half an
-    # interval after it.
-    least = 1.0 - 1e-9 + (period / 2 if method == "inverse" else 0.0)
-    assert taught.t[-1] >= least
-    if method != "pole_placement":
-        assert taught.t[-1] < least + period
-
-
-@pytest.mark.filterwarnings("ignore:The command interval")
-@pytest.mark.parametrize("method", ["none", "inverse"])
-def test_set_points_at_the_rounded_end_are_not_doubled(uneven, method):
+    for method, period in product(METHODS, (0.1, 0.3, 4e-3, 1.0)):
+        taught = ac.compensate(trajectory, UNEVEN, method=method, period=period)
+        np.testing.assert_array_equal(taught.q[-1], trajectory(1.0), err_msg=f"{method}, {period}")
+        # The first set-point that may be the end is the first at or after it; of means, half an
+        # interval after it.
+        least = 1.0 - 1e-9 + (period / 2 if method == "inverse" else 0.0)
+        assert taught.t[-1] >= least, (method, period)
+        assert method == "pole_placement" or taught.t[-1] < least + period, (method, period)
     # Durations are sums of many laps: a little more or less than 0.3 s is 0.3 s.
-    for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
-        for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
-            taught = ac.compensate(smooth(duration), uneven, method=method, period=period)
-            # The inverse has one before and one after.
-            assert len(taught.q) == count + (2 if method == "inverse" else 0)
+    for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
+        for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
+            for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
+                taught = ac.compensate(smooth(duration), UNEVEN, method=method, period=period)
+                assert len(taught.q) == count + more, (method, duration, period)
 
 
-@pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
-def test_compensation_is_linear(uneven, method):
+@pytest.mark.parametrize("method", METHODS)
+def test_compensation_is_linear(method):
     times = [0.0, 0.3, 0.5, 0.9]
     rng = np.random.default_rng(0)
-    dq, ddq, start = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
+    given = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
     a, b = 0.7, -2.5
 
-    def taught(k):
-        trajectory = laps(times, k[0] * dq[0] + k[1] * dq[1], k[0] * ddq[0] + k[1] * ddq[1],
-                          k[0] * start[0] + k[1] * start[1])  # fmt: skip
-        return ac.compensate(trajectory, uneven, method=method, period=0.01).q
+    def taught(*k):
+        trajectory = laps(times, *(np.tensordot(k, x, 1) for x in given))
+        return ac.compensate(trajectory, UNEVEN, method=method, period=0.01).q
 
-    np.testing.assert_allclose(taught((a, b)), a * taught((1, 0)) + b * taught((0, 1)), atol=1e-11)
+    np.testing.assert_allclose(taught(a, b), a * taught(1, 0) + b * taught(0, 1), atol=1e-11)
 
 
-def test_the_inverse_undoes_the_servo(arm, uneven):
+def test_the_inverse_undoes_the_servo(arm):
     trajectory = smooth()
-    plant = ac.ServoPlant(arm, uneven, ac.Limits())
+    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits())
     errors = []
     for period in (8e-3, 4e-3, 2e-3):
-        taught = ac.compensate(trajectory, uneven, method="inverse", period=period)
+        taught = ac.compensate(trajectory, UNEVEN, method="inverse", period=period)
         done = ac.execute(taught, plant, resolution=period)
-        off = done.q - trajectory(done.t.clip(0, 1.0))
-        errors.append(np.abs(off).max())
+        errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
     # Means over intervals, and lines between them, leave errors of second order in the period. They
     # are made up for but next to both ends.
     assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
     assert errors[2] < 2e-7
 
 
-@pytest.mark.parametrize("method", ["none", "inverse", "pole_placement"])
-def test_input_is_left_alone_and_time_shifts_do_nothing(uneven, method):
-    still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
-    taught = ac.compensate(still, uneven, method=method, period=0.05)
-    np.testing.assert_allclose(taught.q, np.tile((0.3, -0.2), (len(taught.q), 1)), atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (
-            {"method": "magic"},
-            ("method", "inverse, pole_placement, inverse_dynamics, none", "'magic'"),
-        ),
-        ({"method": "inverse", "poles": [-1, -1, -1]}, ("inverse takes no options", "not poles")),
-        ({"method": "pole_placement", "pole": 1}, ("takes the option poles", "not pole")),
-        ({"period": 0.0}, ("command interval", "above zero")),
-        ({"period": -1e-3}, ("command interval", "-0.001 s")),
-        ({"period": np.nan}, ("command interval", "finite")),
-    ],
-)
-def test_refused_options(uneven, options, words, refuses):
-    refuses(lambda: ac.compensate(smooth(), uneven, **options), ac.InvalidInput, *words)
-
-
-def test_gains_for_another_arm_are_refused(refuses):
-    servo = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
-    refuses(lambda: ac.compensate(smooth(), servo), ac.InvalidInput, "kp has 3 values", "2 joints")
+def test_refused_options(refuses):
+    three = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
+    for servo, options, words in (
+        (UNEVEN, {"method": "magic"}, "inverse, pole_placement, inverse_dynamics, none"),
+        (UNEVEN, {"method": "inverse", "poles": [-1, -1, -1]}, "not poles"),
+        (UNEVEN, {"method": "pole_placement", "pole": 1}, "not pole"),
+        (UNEVEN, {"period": 0.0}, "above zero"),
+        (UNEVEN, {"period": -1e-3}, "-0.001 s"),
+        (UNEVEN, {"period": np.nan}, "finite"),
+        (three, {}, "kp has 3 values"),
+    ):
+        refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)

@@ -1,6 +1,7 @@
 """Commands that lead the plan, a servo of first order, and what a controller takes."""
 
-from __future__ import annotations
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -24,13 +25,7 @@ class Smooth(Law):
 
 
 SWING = ac.Trajectory(laws=(Smooth(),), method="hand")
-DEAD_TIMES = {
-    "none": 0.0,
-    "whole": 0.04,
-    "fraction": 0.0345,
-    "per joint": [0.0115, 0.087],
-    "longer than the motion": 1.001,
-}
+DEAD_TIMES = (0.0, 0.04, 0.0345, [0.0115, 0.087], 1.001)  # the last is longer than the motion
 
 
 def gains(order):
@@ -45,16 +40,15 @@ def off(arm, servo, period, method="inverse", plant=None, **options):
     return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
 
 
-@pytest.mark.parametrize("order", ["second", "first"])
-@pytest.mark.parametrize("interpolation", ["linear", "cubic", "step"])
-@pytest.mark.parametrize("dead", DEAD_TIMES)
-def test_the_joint_does_at_t_what_the_plan_says_at_t(arm, order, interpolation, dead):
-    servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=DEAD_TIMES[dead])
-    errors = [off(arm, servo, period) for period in (4e-3, 2e-3)]
-    # What is left is interpolation: of second order in the period or better, but for the ripple of
-    # held set-points, which a servo of first order passes on.
-    assert errors[0] < {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}[interpolation]
-    assert errors[0] / errors[1] > 3
+def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
+    left = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
+    for order, interpolation, dead in product(("second", "first"), left, DEAD_TIMES):
+        servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)
+        errors = [off(arm, servo, period) for period in (4e-3, 2e-3)]
+        # What is left is interpolation: of second order in the period or better, but for the ripple
+        # of held set-points, which a servo of first order passes on.
+        assert errors[0] < left[interpolation], servo
+        assert errors[0] / errors[1] > 3, servo
 
 
 def test_without_the_lead_a_joint_is_late_by_the_dead_time(arm):
@@ -93,13 +87,11 @@ def test_it_holds_before_and_after():
     assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
 
 
-@pytest.mark.parametrize("tau", [0.04, 0.0345, [0.0115, 0.087]])
-def test_pole_placement_leads_too(arm, tau):
+def test_pole_placement_leads_too(arm):
     prompt = ac.ServoModel(**gains("second"))
-    late = ac.ServoModel(**gains("second"), dead_time=tau)
-    for poles in (None, [-75.0, -75.0, -75.0]):
+    for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
         done = []
-        for servo in (prompt, late):
+        for servo in (prompt, prompt.replace(dead_time=dead)):
             taught = ac.compensate(SWING, servo, period=1e-3, poles=poles)
             done.append(ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=1e-3))
         first, second = (x.q[np.searchsorted(x.t, 0.0) :][:600] for x in done)
@@ -125,52 +117,25 @@ def test_first_order_in_closed_form():
     assert np.abs(taught.q[inside] - u).max() > 5e-6
 
 
-def test_poles_need_a_servo_of_second_order(refuses):
-    servo = ac.ServoModel(kp=25.0, order="first")
-    refuses(
-        lambda: ac.compensate(SWING, servo, method="pole_placement"),
-        ac.CompensationError,
-        "order second",
-        "take the method inverse",
-    )
-
-
-LOOSE = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
-
-
-@pytest.mark.parametrize(
-    ("change", "joint", "limit"),
-    [
-        ({"joint_upper": [0.8, 2.0]}, 1, "joint_upper"),
-        ({"joint_lower": [-2.0, -1.0]}, 2, "joint_lower"),
-        ({"joint_velocity": [1.85, 20.0]}, 1, "joint_velocity"),
-        ({"joint_velocity": [20.0, 3.0]}, 2, "joint_velocity"),
-    ],
-)
-def test_a_command_beyond_the_limits_is_refused(change, joint, limit, refuses):
+def test_a_command_beyond_the_limits_is_refused(refuses):
     # The plan itself is within them: it ends at 0.8 and -1.0, and moves at 1.82 and 2.92 rad/s.
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
-    limits = ac.Limits(**(LOOSE | change))
-    taught = ac.compensate(SWING, servo, method="inverse", limits=ac.Limits(**LOOSE))
-    j = joint - 1
-    rate = np.abs(np.diff(taught.q[:, j])) / 4e-3
-    k = int(np.argmax(rate if limit == "joint_velocity" else np.abs(taught.q[:, j])))
-    needed = rate[k] if limit == "joint_velocity" else taught.q[k, j]
-    refuses(
-        lambda: ac.compensate(SWING, servo, method="inverse", limits=limits),
-        ac.CompensationError,
-        f"joint {joint}",
-        limit,
-        "plan",
-        joint=joint,
-        limit=limit,
-        t=taught.t[k],
-        needed=needed,
-        allowed=change[limit][j],
-    )
-    ac.compensate(SWING, servo, method="none", limits=limits)
-
-
-def test_one_limit_serves_all_joints():
-    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    loose = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
+    taught = ac.compensate(SWING, servo, method="inverse", limits=ac.Limits(**loose))
+    rates = np.abs(np.diff(taught.q, axis=0)) / 4e-3
+    for limit, values, j in (
+        ("joint_upper", [0.8, 2.0], 0),
+        ("joint_lower", [-2.0, -1.0], 1),
+        ("joint_velocity", [1.85, 20.0], 0),
+        ("joint_velocity", [20.0, 3.0], 1),
+    ):
+        limits = ac.Limits(**(loose | {limit: values}))
+        fast = limit == "joint_velocity"
+        k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
+        data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
+        data |= {"joint": j + 1, "limit": limit, "allowed": values[j]}
+        call = partial(ac.compensate, SWING, servo, method="inverse", limits=limits)
+        refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
+        ac.compensate(SWING, servo, method="none", limits=limits)
+    # One limit serves all joints.
     ac.compensate(SWING, servo, method="inverse", limits=ac.Limits(joint_velocity=20.0))

@@ -1,7 +1,5 @@
 """The nominal robot's command and its response, against the plant of MuJoCo."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,11 @@ from armcontour.servo.command import command_weights, polynomials, sample_comman
 
 pytest.importorskip("mujoco")
 PERIOD = 4e-3
+T = np.arange(0, 1.0, PERIOD)
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+STRONG = ac.Limits(joint_torque=np.full(6, 1e4))
+# A change of the set-points by up to 1e-4 rad.
+CHANGE = 1e-4 * np.sin(np.outer(T, 10.0 * np.arange(1, 7))) * np.sin(np.pi * T)[:, None]
 
 
 @pytest.fixture(scope="module")
@@ -19,26 +22,28 @@ def arm():
     return ac.load_arm("ur5e")
 
 
-@pytest.fixture(scope="module")
-def servo():
-    return ac.ServoModel(kp=25.0, kv=150.0)
-
-
-def swing(t, order, dof=6):
+def swing(t, order):
     """Smooth joint motions from rest to rest in 0.8 s, each joint by another angle."""
-    size = 0.1 * np.arange(1, dof + 1)
     x = np.clip(t / 0.8, 0.0, 1.0)[:, None]
     shape = (
         35 * x**4 - 84 * x**5 + 70 * x**6 - 20 * x**7,
         (140 * x**3 - 420 * x**4 + 420 * x**5 - 140 * x**6) / 0.8,
         (420 * x**2 - 1680 * x**3 + 2100 * x**4 - 840 * x**5) / 0.8**2,
     )
-    return np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])[:dof] * (order == 0) + size * shape[order]
+    begin = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
+    return begin * (order == 0) + 0.1 * np.arange(1, 7) * shape[order]
 
 
-def taught(q, arm):
+def execute(q, plant, arm):
     plan = ac.plan(ac.JointPath.spline([swing(np.zeros(1), 0)[0], swing(np.ones(1), 0)[0]]), arm)
-    return TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    return ac.execute(taught, plant)
+
+
+def command_at(q, t, servo=SERVO):
+    """The command that set-points give, by weights."""
+    index, weight = command_weights(len(q), PERIOD, servo.for_joints(q.shape[1]), 0, 0.0, t)
+    return np.einsum("nk,nkj->nj", weight, q[index])
 
 
 def rods():
@@ -47,45 +52,37 @@ def rods():
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
 
 
-def test_nominal_inertia_is_that_of_the_plant(arm, servo):
+def test_nominal_inertia_is_that_of_the_plant():
     loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=3.0))
-    plant = ac.RigidBodyPlant(loaded, servo)
-    found = Drives(arm=loaded, servo=servo)
-    np.testing.assert_allclose(found.inertia, plant.nominal_inertia, rtol=1e-12)
-    assert (Drives(arm=loaded, servo=servo.replace(inertia=2.0)).inertia == 2.0).all()
+    inertia = ac.RigidBodyPlant(loaded, SERVO).nominal_inertia
+    np.testing.assert_allclose(Drives(arm=loaded, servo=SERVO).inertia, inertia, rtol=1e-12)
+    assert (Drives(arm=loaded, servo=SERVO.replace(inertia=2.0)).inertia == 2.0).all()
 
 
 @pytest.mark.parametrize("gravity", [True, False])
-def test_the_command_makes_the_plant_move_as_asked(arm, servo, gravity):
+def test_the_command_makes_the_plant_move_as_asked(arm, gravity):
     """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
-    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
-    t = np.arange(0, 1.0, PERIOD)
-    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
-    limits = ac.Limits(joint_torque=np.full(6, 1e4))
-    plant = ac.RigidBodyPlant(arm, servo, limits, gravity_feedforward=gravity, step=2.5e-5)
-    done = ac.execute(taught(q, arm), plant)
+    drives = Drives(arm=arm, servo=SERVO, gravity_feedforward=gravity)
+    q = drives.command(*(swing(T, order) for order in range(3)))
+    plant = ac.RigidBodyPlant(arm, SERVO, STRONG, gravity_feedforward=gravity, step=5e-5)
+    done, plain = execute(q, plant, arm), execute(swing(T, 0), plant, arm)
     error = np.abs(done.q - swing(done.t, 0)).max()
     assert error < 3e-5
-    plain = ac.execute(taught(swing(t, 0), arm), plant)
     assert error < 1e-3 * np.abs(plain.q - swing(plain.t, 0)).max()
 
 
 @pytest.mark.parametrize("gravity", [True, False])
-def test_the_response_is_that_of_the_plant(arm, servo, gravity):
-    """A change of the set-points by up to 1e-4 rad; the plant's drives hold torques for a step."""
-    t = np.arange(0, 1.0, PERIOD)
-    change = 1e-4 * np.sin(np.outer(t, 10.0 * np.arange(1, 7))) * np.sin(np.pi * t)[:, None]
-    limits = ac.Limits(joint_torque=np.full(6, 1e4))
-    plant = ac.RigidBodyPlant(arm, servo, limits, gravity_feedforward=gravity)
-    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
-    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
-    first, second = (ac.execute(taught(x, arm), plant) for x in (q, q + change))
+def test_the_response_is_that_of_the_plant(arm, gravity):
+    """The plant's drives hold torques for a step."""
+    plant = ac.RigidBodyPlant(arm, SERVO, STRONG, gravity_feedforward=gravity)
+    drives = Drives(arm=arm, servo=SERVO, gravity_feedforward=gravity)
+    q = drives.command(*(swing(T, order) for order in range(3)))
+    first, second = (execute(x, plant, arm) for x in (q, q + CHANGE))
     n = min(len(first.t), len(second.t))
     found = second.q[:n] - first.q[:n]
     at = regular_times(0.0, first.t[n - 1], 1e-3)
-    response = respond_along(swing, at, arm, servo, gravity_feedforward=gravity)
-    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
-    command = np.einsum("nk,nkj->nj", weight, change[index])
+    response = respond_along(swing, at, arm, SERVO, gravity_feedforward=gravity)
+    command = command_at(CHANGE, at)
     expected = response.to_command(command)
     assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
     left, right = response.equations()
@@ -93,89 +90,67 @@ def test_the_response_is_that_of_the_plant(arm, servo, gravity):
     np.testing.assert_allclose(left @ expected.ravel(), right @ torque, atol=1e-11)
 
 
-def test_a_payload_that_the_controller_does_not_know(arm, servo):
+def test_a_payload_that_the_controller_does_not_know(arm):
     """Command and response of a loaded arm, whose controller holds and scales for the bare one."""
     loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=2.0))
-    drives = Drives(arm=loaded, servo=servo, known=arm)
-    assert (drives.inertia == Drives(arm=arm, servo=servo).inertia).all()
-    t = np.arange(0, 1.0, PERIOD)
-    q = drives.command(swing(t, 0), swing(t, 1), swing(t, 2))
-    limits = ac.Limits(joint_torque=np.full(6, 1e4))
-    plant = ac.RigidBodyPlant(loaded, servo, limits, known=arm, step=1e-4)
-    done = ac.execute(taught(q, arm), plant)
+    drives = Drives(arm=loaded, servo=SERVO, known=arm)
+    assert (drives.inertia == Drives(arm=arm, servo=SERVO).inertia).all()
+    q = drives.command(*(swing(T, order) for order in range(3)))
+    plant = ac.RigidBodyPlant(loaded, SERVO, STRONG, known=arm, step=1e-4)
+    done, moved = (execute(x, plant, arm) for x in (q, q + CHANGE))
     assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
-    change = 1e-4 * np.sin(np.outer(t, 10.0 * np.arange(1, 7))) * np.sin(np.pi * t)[:, None]
-    moved = ac.execute(taught(q + change, arm), plant)
     n = min(len(done.t), len(moved.t))
     found = moved.q[:n] - done.q[:n]
     at = regular_times(0.0, done.t[n - 1], 1e-3)
-    response = respond_along(swing, at, loaded, servo, known=arm)
-    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
-    expected = response.to_command(np.einsum("nk,nkj->nj", weight, change[index]))
+    response = respond_along(swing, at, loaded, SERVO, known=arm)
+    expected = response.to_command(command_at(CHANGE, at))
     rows = np.searchsorted(done.t[:n], at)
     assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
 
 
 @pytest.mark.parametrize("options", [{"kv": 150.0}, {"order": "first"}])
 def test_without_masses_the_response_is_that_of_the_servo(options):
-    arm = rods()
-    servo = ac.ServoModel(kp=25.0, **options)
-    t = np.arange(0, 1.0, PERIOD)
-    change = 0.1 * np.sin(np.outer(t, [6.0, 9.0])) * np.sin(np.pi * t)[:, None]
+    arm, servo = rods(), ac.ServoModel(kp=25.0, **options)
+    change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
     data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
     done = ac.execute(data, ac.ServoPlant(arm, servo))
     at = regular_times(0.0, done.t[-1], 1e-3)
-    index, weight = command_weights(len(t), PERIOD, servo.for_joints(arm.dof), 0, 0.0, at)
-    command = np.einsum("nk,nkj->nj", weight, change[index])
-    found = respond_along(lambda t, order: 0 * t, at, arm, servo).to_command(command)
+    response = respond_along(lambda t, order: 0 * t, at, arm, servo)
+    found = response.to_command(command_at(change, at, servo))
     np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        {},
-        {"interpolation": "step"},
-        {"interpolation": "cubic"},
-        {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.7},
-        {"velocity_feedforward": 0.9, "interpolation": "step"},
-        {
-            "velocity_feedforward": 1.1,
-            "acceleration_feedforward": 0.7,
-            "interpolation": "cubic",
-        },
-    ],
-)
-@pytest.mark.parametrize("count", [2, 3, 8])
-def test_weights_of_set_points_give_the_command(more, count):
-    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.5e-3, **more).for_joints(1)
-    rng = np.random.default_rng(count)
-    q = rng.normal(size=(count, 1))
-    t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
-    index, weight = command_weights(count, PERIOD, servo, 0, 1.2e-3, t)
-    pieces = polynomials(q, PERIOD, servo)
-    expected = sample_command(pieces, PERIOD, np.array([1.7e-3]), t)
-    np.testing.assert_allclose((q[index, 0] * weight).sum(axis=1), expected[:, 0], atol=1e-12)
+def test_weights_of_set_points_give_the_command():
+    kinds = [("linear", 0.0, 0.0), ("step", 0.0, 0.0), ("cubic", 0.0, 0.0)]
+    kinds += [("linear", 1.0, 0.7), ("step", 0.9, 0.0), ("cubic", 1.1, 0.7)]
+    for kind, f, g in kinds:
+        more = {"interpolation": kind, "velocity_feedforward": f, "acceleration_feedforward": g}
+        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.5e-3, **more).for_joints(1)
+        for count in (2, 3, 8):
+            rng = np.random.default_rng(count)
+            q = rng.normal(size=(count, 1))
+            t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
+            index, weight = command_weights(count, PERIOD, servo, 0, 1.2e-3, t)
+            pieces = polynomials(q, PERIOD, servo)
+            expected = sample_command(pieces, PERIOD, np.array([1.7e-3]), t)[:, 0]
+            found = (q[index, 0] * weight).sum(axis=1)
+            np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{more} {count}")
 
 
 def test_drives_need_a_velocity_loop_and_masses(arm):
     with pytest.raises(ac.InvalidInput, match="order second"):
         Drives(arm=arm, servo=ac.ServoModel(kp=25.0, order="first"))
     with pytest.raises(ac.InvalidInput, match="masses"):
-        Drives(
-            arm=rods(),
-            servo=ac.ServoModel(kp=25.0, kv=150.0),
-        )
+        Drives(arm=rods(), servo=SERVO)
 
 
-def test_rounding_errors_of_a_resting_joint_are_no_friction(arm, servo):
+def test_rounding_errors_of_a_resting_joint_are_no_friction(arm):
     """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
     rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
-    speed = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]])
-    still = np.zeros((1, 6))
+    speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))
     found, plain = (
-        Drives(arm=x, servo=servo).moving_torque(swing(np.zeros(1), 0), speed, still)
+        Drives(arm=x, servo=SERVO).moving_torque(swing(np.zeros(1), 0), speed, still)
         for x in (rubbing, arm)
     )
     expected = [[6.0, -6.0, 0.0, 0.0, 0.0, 2.5 + 1e-3]]

@@ -1,9 +1,6 @@
 """The independent checker: hand-computed motions, what it claims, and what it refuses."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +25,7 @@ class Log:
     ddq: npt.ArrayLike | None = None
 
 
-def laps(durations: list[float], ddq: list[list[float]], q: tuple[float, float]) -> ac.Trajectory:
+def laps(durations, ddq, q):
     """Uniform joint accelerations one after the other, from rest at `q`."""
     t = np.concatenate([[0], np.cumsum(durations)])
     positions, velocities = [np.array(q)], [np.zeros(2)]
@@ -50,11 +47,11 @@ PEAK = 0.5 * math.sqrt(0.5)  # rad/s, of joint 1
 BOUNDS = {"joint_acceleration": [0.5, 0.2], "joint_velocity": [PEAK, 0.4 * PEAK]}
 
 
-def columns(samples: Samples, names: str) -> Log:
+def columns(samples, names):
     return Log(samples.t, samples.q, **{x: getattr(samples, x) for x in names.split() if x != "q"})
 
 
-def rounded_to(log: Log, digits: int) -> tuple[Log, dict[str, float]]:
+def rounded_to(log, digits):
     """The log as it is printed with that many decimals, and its resolution."""
     kept = {x: getattr(log, x) for x in ("q", "dq", "ddq") if getattr(log, x) is not None}
     return (
@@ -63,7 +60,7 @@ def rounded_to(log: Log, digits: int) -> tuple[Log, dict[str, float]]:
     )
 
 
-def test_a_law_by_hand(arm: ac.Arm) -> None:
+def test_a_law_by_hand(arm):
     found = ac.check(JERKY, arm, ac.Limits(**BOUNDS))
     assert not found.violated
     up = found["joint_acceleration"]
@@ -81,7 +78,7 @@ def test_a_law_by_hand(arm: ac.Arm) -> None:
     )
 
 
-def test_a_law_over_its_limit_says_which_joint_when_and_by_how_much(arm: ac.Arm) -> None:
+def test_a_law_over_its_limit_says_which_joint_when_and_by_how_much(arm):
     found = ac.check(JERKY, arm, ac.Limits(joint_acceleration=[0.5, 0.19], joint_velocity=1.0))
     assert found.violated
     (use,) = found.violations
@@ -91,7 +88,7 @@ def test_a_law_over_its_limit_says_which_joint_when_and_by_how_much(arm: ac.Arm)
     assert use.t <= math.sqrt(0.5)
 
 
-def test_limits_that_differ_by_direction(arm: ac.Arm) -> None:
+def test_limits_that_differ_by_direction(arm):
     both = {"joint_acceleration": [0.5, 0.16], "joint_deceleration": [0.4, 0.2]}
     for samples in (JERKY, JERKY.sample(1e-3), columns(JERKY.sample(1e-3), "q")):
         assert not ac.check(samples, arm, ac.Limits(**both)).violated
@@ -106,23 +103,21 @@ def test_limits_that_differ_by_direction(arm: ac.Arm) -> None:
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq", "q ddq"])
 @pytest.mark.parametrize("period", [1e-3, 7e-3, 0.0613])
-def test_jerky_motion_that_keeps_its_limits_is_never_blamed(
-    arm: ac.Arm, names: str, period: float
-) -> None:
+def test_jerky_motion_that_keeps_its_limits_is_never_blamed(arm, names, period):
     found = ac.check(columns(JERKY.sample(period), names), arm, ac.Limits(**BOUNDS))
     assert not found.violated, found.worst
     assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq", "q ddq"])
-def test_a_tenth_of_a_percent_too_much_is_caught(arm: ac.Arm, names: str) -> None:
+def test_a_tenth_of_a_percent_too_much_is_caught(arm, names):
     tight = ac.Limits(joint_acceleration=np.array([0.5, 0.2]) / 1.001)
     found = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
     assert found.violated
     assert found["joint_acceleration"].ratio == pytest.approx(1.001, rel=1e-6)
 
 
-def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm: ac.Arm) -> None:
+def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm):
     """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.2 rad/s² on the way."""
     log = Log([0.0, 1.0], [[0.3, 0.9], [0.4, 0.9]], [[0, 0], [0, 0]], [[0, 0], [0, 0]])
     found = ac.check(log, arm, ac.Limits(joint_acceleration=0.1, joint_velocity=0.09))
@@ -131,14 +126,14 @@ def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(ar
     assert {x.name for x in found.violations} == {"joint_acceleration", "joint_velocity"}
 
 
-def test_velocities_that_do_not_belong_to_the_positions_are_found(arm: ac.Arm) -> None:
+def test_velocities_that_do_not_belong_to_the_positions_are_found(arm):
     samples = JERKY.sample(4e-3)
     wrong = Log(samples.t, samples.q, 0.9 * samples.dq, samples.ddq)
     assert ac.check(wrong, arm, ac.Limits(**BOUNDS))["joint_acceleration"].ratio > 2
 
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
-def test_printed_digits_are_forgiven_and_no_more(arm: ac.Arm, names: str) -> None:
+def test_printed_digits_are_forgiven_and_no_more(arm, names):
     """Six decimals at 1 ms: second differences of q are off by up to 2 rad/s²."""
     log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 6)
     kept = ac.check(log, arm, ac.Limits(**BOUNDS), resolution=resolution)
@@ -153,7 +148,7 @@ def test_printed_digits_are_forgiven_and_no_more(arm: ac.Arm, names: str) -> Non
     assert 0 < found["joint_acceleration"].slack < 1e-2
 
 
-def test_digits_of_time_count_unless_the_samples_are_regular(arm: ac.Arm) -> None:
+def test_digits_of_time_count_unless_the_samples_are_regular(arm):
     t = np.sort(np.random.default_rng(1).uniform(0, JERKY.duration, 400))
     t = t[np.append(True, np.diff(np.round(t, 5)) > 0)]
     log = Log(np.round(t, 5), JERKY(t), JERKY(t, 1))
@@ -169,7 +164,7 @@ def test_digits_of_time_count_unless_the_samples_are_regular(arm: ac.Arm) -> Non
     assert found.rounding["t"] < 1e-12
 
 
-def circle(arm: ac.Arm, speed: float, names: str) -> tuple[Log, ac.Path]:
+def circle(arm, speed, names):
     """The tool on a circle of 50 mm at uniform speed, every 2 ms."""
     path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
     t = np.arange(0, path.length / speed, 2e-3)
@@ -183,7 +178,7 @@ def circle(arm: ac.Arm, speed: float, names: str) -> tuple[Log, ac.Path]:
 @pytest.mark.parametrize(
     ("names", "near"), [("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)]
 )
-def test_the_tool_on_a_circle(arm: ac.Arm, names: str, near: float) -> None:
+def test_the_tool_on_a_circle(arm, names, near):
     log, path = circle(arm, 0.1, names)
     limits = ac.Limits(speed=0.1, tool_acceleration=0.2, centripetal_acceleration=0.2)
     found = ac.check(log, arm, limits, path, deviation=1e-6)
@@ -198,7 +193,7 @@ def test_the_tool_on_a_circle(arm: ac.Arm, names: str, near: float) -> None:
     assert [x.name for x in ac.check(log, arm, tight).violations] == ["centripetal_acceleration"]
 
 
-def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm: ac.Arm) -> None:
+def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.35, 0.20)])
     t = np.linspace(0, 1, 501)
     s, ds = 0.1 * t**2, 0.2 * t
@@ -213,14 +208,14 @@ def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm: ac.Arm) -> No
         assert found["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
 
-def test_where_the_tool_stands_no_centripetal_acceleration_is_defined(arm: ac.Arm) -> None:
+def test_where_the_tool_stands_no_centripetal_acceleration_is_defined(arm):
     log = Log([0.0, 1.0, 2.0], [[0.3, 0.9]] * 3, [[0, 0]] * 3, [[0, 0]] * 3)
     found = ac.check(log, arm, ac.Limits(centripetal_acceleration=0.09, speed=1.0))
     assert found.not_judged == ("centripetal_acceleration",)
     assert found["speed"].ratio == 0
 
 
-def test_the_distance_from_a_path(arm: ac.Arm) -> None:
+def test_the_distance_from_a_path(arm):
     points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
     log = Log(np.arange(50) * 0.1, arm.inverse(points))
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
@@ -233,14 +228,14 @@ def test_the_distance_from_a_path(arm: ac.Arm) -> None:
     assert not ac.check(log, arm, ac.Limits(), path).violated
 
 
-def test_a_law_is_judged_on_both_sides_of_its_breaks(arm: ac.Arm) -> None:
+def test_a_law_is_judged_on_both_sides_of_its_breaks(arm):
     """A lap of a nanosecond with too much acceleration hides from any sampling."""
     hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
     found = ac.check(hidden, arm, ac.Limits(joint_acceleration=0.1))
     assert found["joint_acceleration"].ratio == pytest.approx(50)
 
 
-def test_jumps_of_a_law(arm: ac.Arm) -> None:
+def test_jumps_of_a_law(arm):
     law = LapLaw(
         breaks=np.array([0.0, 1.0, 2.0]),
         q=np.array([[0.3, 0.9], [0.4, 0.9], [0.5, 0.9]]),
@@ -262,9 +257,7 @@ def test_jumps_of_a_law(arm: ac.Arm) -> None:
     assert found.violated
 
 
-def test_the_papers_method_on_the_papers_job(
-    mac: ac.Trajectory, rounded: ac.RoundedPath, arm: ac.Arm, limits: ac.Limits
-) -> None:
+def test_the_papers_method_on_the_papers_job(mac, rounded, arm, limits):
     """Laps hand over velocities with a step of about 1e-5 rad/s, by the method's design."""
     found = ac.check(mac, arm, limits, rounded)
     assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
@@ -285,9 +278,7 @@ def test_the_papers_method_on_the_papers_job(
     q=st.lists(st.tuples(st.floats(-1, 1), st.floats(0.3, 2)), min_size=4, max_size=12),
     seed=st.integers(0, 99),
 )
-def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(
-    k: float, q: list[tuple[float, float]], seed: int
-) -> None:
+def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(k, q, seed):
     arm = ac.load_arm("pmk3s")
     random = np.random.default_rng(seed)
     limits = ac.Limits(joint_velocity=1.0, joint_acceleration=1.0, joint_deceleration=0.5)
@@ -311,7 +302,7 @@ def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(
             assert after[name].ratio == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
-def test_the_three_verdicts(arm: ac.Arm) -> None:
+def test_the_three_verdicts(arm):
     """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
     log = Log(np.arange(4.0), [[0.1 * i, 0.9] for i in range(4)])
     for limit, digit, verdict in (
@@ -332,7 +323,7 @@ def test_the_three_verdicts(arm: ac.Arm) -> None:
         assert found["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
 
 
-def test_the_worst_verdict_on_a_limit_is_that_on_all(arm: ac.Arm) -> None:
+def test_the_worst_verdict_on_a_limit_is_that_on_all(arm):
     log = Log(np.arange(4.0), [[0.0, 0.9], [0.1, 0.9], [0.0, 0.9], [0.1, 0.9]])
     coarse = {"q": 0.05}
     kept = {"joint_velocity": 1.0}
@@ -349,9 +340,7 @@ def test_the_worst_verdict_on_a_limit_is_that_on_all(arm: ac.Arm) -> None:
         assert ac.check(log, arm, ac.Limits(**limits), resolution=coarse).verdict == verdict
 
 
-def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(
-    arm: ac.Arm,
-) -> None:
+def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(arm):
     """Joint 1 jumps by a last digit; joint 2 slowly goes far, which is certain."""
     t = np.arange(11) * 0.1
     log = Log(t, np.column_stack([0.01 * (np.arange(11) % 2), 0.9 + 0.05 * t]))
@@ -363,7 +352,7 @@ def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(
     assert use.verdict == "cannot tell"
 
 
-def test_what_is_no_number_decides_nothing_and_is_never_kept(arm: ac.Arm) -> None:
+def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
     for value, verdict in (
         ([0.5, np.nan, 0.1], "cannot tell"),
         ([0.5, np.nan, 2.0], "violated"),
@@ -380,7 +369,7 @@ def test_what_is_no_number_decides_nothing_and_is_never_kept(arm: ac.Arm) -> Non
     assert tally.uses(1e-9)[0].verdict == "cannot tell"
 
 
-def test_a_limit_of_any_size(arm: ac.Arm) -> None:
+def test_a_limit_of_any_size(arm):
     log = Log(np.arange(4.0), [[0.1 * i, 0.9] for i in range(4)])
     for limit, verdict in ((1e-30, "violated"), (1e-20, "violated"), (1e12, "kept")):
         limits = ac.Limits(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
@@ -388,7 +377,7 @@ def test_a_limit_of_any_size(arm: ac.Arm) -> None:
         assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
 
 
-def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm: ac.Arm) -> None:
+def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm):
     """Along a line, then at a right angle to it: on which curve, nobody has seen."""
     points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
     log = Log(np.arange(21) * 0.1, arm.inverse(np.array(points)))
@@ -432,16 +421,12 @@ GOOD: dict[str, Any] = {"t": [0.0, 0.1, 0.2], "q": [[0.3, 0.9], [0.31, 0.9], [0.
         ({"ddq": [[0.3, 0.9], [1e13, 0.9], [0.3, 0.1]]}, ["ddq of joint 1", "1e+12 rad/s"], {}),
     ],
 )
-def test_what_is_no_trajectory_is_refused(
-    arm: ac.Arm, refuses: Callable[..., None], change: dict[str, Any], words: list[str], data: Any
-) -> None:
+def test_what_is_no_trajectory_is_refused(arm, refuses, change, words, data):
     log = Log(**{**GOOD, **change})
     refuses(lambda: ac.check(log, arm), ac.InvalidInput, *words, **data)
 
 
-def test_what_cannot_be_asked(
-    arm: ac.Arm, objective: ac.Path, refuses: Callable[..., None]
-) -> None:
+def test_what_cannot_be_asked(arm, objective, refuses):
     log, bad = Log(**GOOD), ac.InvalidInput
     refuses(lambda: ac.check(log, arm, deviation=1e-3), bad, "needs the path")
     refuses(lambda: ac.check(log, arm, path=objective, deviation=0), bad, "deviation", "above zero")
@@ -459,7 +444,7 @@ def test_what_cannot_be_asked(
 
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
-def test_no_motion_is_blamed_for_what_it_did_not_do(arm: ac.Arm, names: str) -> None:
+def test_no_motion_is_blamed_for_what_it_did_not_do(arm, names):
     """Random jerky motions, sampled at random times and printed with few digits, time included."""
     for seed in range(60):
         random = np.random.default_rng(seed)

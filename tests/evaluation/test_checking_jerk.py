@@ -1,7 +1,5 @@
 """Jerk judged: of laws and their jumps, and of samples by what every motion through them needs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -27,7 +25,7 @@ class Phases:
     curve: PPoly
 
     @classmethod
-    def of(cls, durations, jerks, *, velocity=0.0, jumps=None) -> Phases:
+    def of(cls, durations, jerks, *, velocity=0.0, jumps=None):
         """From a velocity of joint 1 on, whose acceleration jumps before every phase."""
         breaks, terms = np.concatenate([[0], np.cumsum(durations)]), []
         q, v, a = START, np.array([velocity, 0.0]), np.zeros(2)
@@ -38,7 +36,7 @@ class Phases:
         return cls(breaks, PPoly(np.swapaxes(np.array(terms), 0, 1), breaks))
 
     @property
-    def duration(self) -> float:
+    def duration(self):
         return float(self.breaks[-1])
 
     def __call__(self, t, order=0, *, side="right"):

@@ -1,8 +1,5 @@
 """The other direction of a check: places of the path that the tool does not reach."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,20 +7,17 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import Trajectory
 
 ERROR = 5e-3
 LIMITS = ac.Limits(speed=0.15, joint_acceleration=0.72)
 
 
 @pytest.fixture(scope="module")
-def rounded_motion(arm: ac.Arm, objective: ac.Path) -> Trajectory:
+def rounded_motion(arm, objective):
     return ac.plan(ac.round_corners(objective, tolerance=ERROR), arm, LIMITS)
 
 
-def test_a_rounded_corner_is_missed_by_its_corner_error(
-    arm: ac.Arm, objective: ac.Path, rounded_motion: Trajectory
-) -> None:
+def test_a_rounded_corner_is_missed_by_its_corner_error(arm, objective, rounded_motion):
     # The middles of the arcs are nearer to the lines than to the corners, so the tool alone is
     # within less than the corner error.
     found = ac.check(rounded_motion, arm, LIMITS, objective, deviation=4e-3, missed=ERROR)
@@ -38,9 +32,7 @@ def test_a_rounded_corner_is_missed_by_its_corner_error(
     assert own.verdict == "kept"
 
 
-def test_samples_are_judged_as_laws_are(
-    arm: ac.Arm, objective: ac.Path, rounded_motion: Trajectory
-) -> None:
+def test_samples_are_judged_as_laws_are(arm, objective, rounded_motion):
     sampled = rounded_motion.sample(4e-3)
     found = ac.check(sampled, arm, LIMITS, objective, missed=1.001 * ERROR)
     assert found["path_missed"].value == pytest.approx(ERROR, rel=1e-3)
@@ -48,7 +40,7 @@ def test_samples_are_judged_as_laws_are(
     assert ac.check(sampled, arm, LIMITS, objective, missed=0.9 * ERROR).violated
 
 
-def test_a_tip_that_is_left_out_by_hand(arm: ac.Arm) -> None:
+def test_a_tip_that_is_left_out_by_hand(arm):
     """Out and back along a line, but only to 3 mm before its end."""
     path = ac.Path.polyline([[0.30, 0.20], [0.36, 0.20], [0.30, 0.20]])
     x = np.concatenate([np.linspace(0.30, 0.357, 200), np.linspace(0.357, 0.30, 200)[1:]])
@@ -60,7 +52,7 @@ def test_a_tip_that_is_left_out_by_hand(arm: ac.Arm) -> None:
     assert found.verdict == "violated"
 
 
-def test_a_program_counts_all_of_its_contours(arm: ac.Arm) -> None:
+def test_a_program_counts_all_of_its_contours(arm):
     corner = [[0.30, 0.20], [0.36, 0.20], [0.36, 0.26]]
     other = [[0.30, 0.26], [0.33, 0.26], [0.33, 0.29]]
     moves = [ac.Contour(path=ac.Path.polyline(x)) for x in (corner, other)]
@@ -71,7 +63,5 @@ def test_a_program_counts_all_of_its_contours(arm: ac.Arm) -> None:
     assert found["path_missed"].value == pytest.approx(1e-3, rel=1e-6)
 
 
-def test_it_needs_a_path(
-    arm: ac.Arm, rounded_motion: Trajectory, refuses: Callable[..., None]
-) -> None:
+def test_it_needs_a_path(arm, rounded_motion, refuses):
     refuses(lambda: ac.check(rounded_motion, arm, LIMITS, missed=1e-3), ac.InvalidInput, "missed")

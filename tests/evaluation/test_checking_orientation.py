@@ -1,7 +1,5 @@
 """Checks of how the tool is held along its path."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

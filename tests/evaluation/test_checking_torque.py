@@ -1,7 +1,5 @@
 """Checks of torque, of joints' ranges and of how the tool turns."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples and trajectories compared with programs: contours found, rapids left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,11 +29,11 @@ class Log:
 
 
 @pytest.fixture(scope="module")
-def planned() -> ac.Trajectory:
+def planned():
     return ac.plan(PROGRAM, ARM, LIMITS)
 
 
-def test_samples_keep_to_a_program(planned: ac.Trajectory) -> None:
+def test_samples_keep_to_a_program(planned):
     found = ac.check(planned.sample(4e-3), ARM, LIMITS, PROGRAM, deviation=1e-4)
     assert found.verdict == "kept"
     assert found.path_deviation is not None and found.path_deviation.distance < 1e-6
@@ -49,7 +47,7 @@ def test_samples_keep_to_a_program(planned: ac.Trajectory) -> None:
 
 
 @pytest.mark.parametrize("contour", [0, 1, 2])
-def test_a_deviation_is_found_on_its_contour(planned: ac.Trajectory, contour: int) -> None:
+def test_a_deviation_is_found_on_its_contour(planned, contour):
     samples = planned.sample(4e-3)
     span = planned.contour_spans[contour]
     q = np.array(samples.q)
@@ -66,7 +64,7 @@ def test_a_deviation_is_found_on_its_contour(planned: ac.Trajectory, contour: in
     assert span.s[0] <= far.s <= span.s[1]
 
 
-def test_a_rapid_may_go_anywhere(planned: ac.Trajectory) -> None:
+def test_a_rapid_may_go_anywhere(planned):
     samples = planned.sample(4e-3)
     (begin, end) = next(x.t for x in planned.spans if x.kind == "rapid")
     inside = (samples.t - begin) / (end - begin)
@@ -77,13 +75,13 @@ def test_a_rapid_may_go_anywhere(planned: ac.Trajectory) -> None:
     assert found.verdict == "kept"
 
 
-def test_a_trajectory_is_compared_with_its_program(planned: ac.Trajectory) -> None:
+def test_a_trajectory_is_compared_with_its_program(planned):
     found = ac.check(planned, ARM, LIMITS, PROGRAM, deviation=1e-6, points=3)
     assert found.verdict == "kept"
     assert found.path_deviation is not None and found.path_deviation.distance < 1e-7
 
 
-def test_what_does_not_follow_a_program_is_refused(planned: ac.Trajectory, refuses) -> None:
+def test_what_does_not_follow_a_program_is_refused(planned, refuses):
     samples = planned.sample(4e-3)
     half = samples.t < planned.contour_spans[2].t[0] + 0.1
     cut = Log(samples.t[half], samples.q[half])

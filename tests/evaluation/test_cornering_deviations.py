@@ -1,7 +1,5 @@
 """Cornering deviations after ISO 9283 on tool motions made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

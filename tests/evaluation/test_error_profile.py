@@ -1,7 +1,5 @@
 """Errors over time: weighted by time, cut and prolonged."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

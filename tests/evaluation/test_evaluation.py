@@ -1,7 +1,5 @@
 """Evaluation on executions made by hand, whose worth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -218,7 +216,7 @@ def test_refused(arm, path, options, words, refuses):
     refuses(lambda: ac.evaluate(done, path, **options), ac.InvalidInput, *words)
 
 
-def test_a_tool_that_is_turned_is_off_by_that_angle() -> None:
+def test_a_tool_that_is_turned_is_off_by_that_angle():
     arm = ac.load_arm("ur5e")
     down = np.diag([1.0, -1.0, -1.0])
     line = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).oriented(down)

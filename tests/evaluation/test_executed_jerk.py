@@ -1,7 +1,5 @@
 """Executed and commanded jerk, against motions whose jerk is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Places at which a tool follows a path that runs over itself, against brute force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The largest shares of limits in a planned motion, against places that are denser."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -23,7 +21,7 @@ LIMITS = ac.Limits(
 PATH = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
 
 
-def dense(plan: ac.Trajectory, places: int) -> dict[str, float]:
+def dense(plan, places):
     """The same shares at so many places of every smooth part, by formulas of their own."""
     joints = plan.laws[0].joint_path.breaks
     breaks = np.unique(np.append(plan.breaks, plan.time_at(joints)))
@@ -50,7 +48,7 @@ def dense(plan: ac.Trajectory, places: int) -> dict[str, float]:
     }
 
 
-def measured(plan: ac.Trajectory, path: ac.Path, limits: ac.Limits = LIMITS) -> dict[str, float]:
+def measured(plan, path, limits=LIMITS):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     taught = ac.compensate(plan, servo, method="inverse", period=4e-3)
     executed = ac.execute(taught, ac.ServoPlant(ARM, servo))

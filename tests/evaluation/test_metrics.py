@@ -1,7 +1,5 @@
 """Metrics of an execution besides its errors: sides, overshoot, utilisation, ratios of the plan."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

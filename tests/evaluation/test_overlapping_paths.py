@@ -1,7 +1,5 @@
 """Evaluation and check of paths that run over themselves: each part is judged by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The largest errors are those of the motion, not only those of its samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

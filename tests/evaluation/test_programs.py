@@ -1,9 +1,6 @@
 """Programs judged contour by contour, against projections by hand."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +8,6 @@ import pytest
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion import Execution
 from armcontour.program import (
     Contour,
     Dwell,
@@ -32,28 +28,28 @@ LEADS = Process(lead_in=Lead(length=0.01), lead_out=Lead(length=0.01))
 DRAWN = Program(moves=(Contour(path=SQUARE), Dwell(duration=0.2), Contour(path=BEND)))
 
 
-def executed(program: Program | Path, method: str = "none") -> Execution:
+def executed(program, method="none"):
     trajectory = ac.plan(program, ARM, LIMITS, reserve=0.2)
     taught = ac.compensate(trajectory, SERVO, method=method, period=4e-3)
     return ac.execute(taught, ac.ServoPlant(ARM, SERVO, LIMITS))
 
 
 @pytest.fixture(scope="module")
-def objective() -> Program:
+def objective():
     return prepare(DRAWN, LEADS)
 
 
 @pytest.fixture(scope="module")
-def program(objective: Program) -> Program:
+def program(objective):
     return round_corners(objective, tolerance=1e-3)
 
 
 @pytest.fixture(scope="module")
-def execution(program: Program) -> Execution:
+def execution(program):
     return executed(program)
 
 
-def nearest(path: Path, points: np.ndarray) -> np.ndarray:
+def nearest(path, points):
     """Distances to a path, segment by segment: feet on lines and circles, or the ends."""
     best = np.full(len(points), np.inf)
     for start, tangent, inward, k, length in zip(
@@ -70,9 +66,7 @@ def nearest(path: Path, points: np.ndarray) -> np.ndarray:
     return best
 
 
-def test_every_contour_is_judged_while_at_work_as_by_hand(
-    execution: Execution, program: Program
-) -> None:
+def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
     found = ac.evaluate(execution, program, limits=LIMITS)
     spans = [x for x in execution.taught.trajectory.spans if x.kind == "contour"]
     assert len(found.contours) == len(spans) == 2
@@ -99,7 +93,7 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(
     assert found.contour_error.max > 1e-5
 
 
-def test_nothing_outside_the_work_counts(program: Program, execution: Execution) -> None:
+def test_nothing_outside_the_work_counts(program, execution):
     before = ac.evaluate(execution, program, limits=LIMITS)
     work = [x.work for x in execution.taught.trajectory.spans if x.work is not None]
     rest = ~np.any([(execution.t >= a) & (execution.t <= b) for a, b in work], axis=0)
@@ -120,11 +114,11 @@ def test_nothing_outside_the_work_counts(program: Program, execution: Execution)
     assert ac.evaluate(_with(execution, q), program, limits=LIMITS).contour_error.max > 1e-3
 
 
-def _with(execution: Execution, q: np.ndarray) -> Execution:
+def _with(execution, q):
     return dataclasses.replace(execution, q=q)
 
 
-def test_a_program_of_one_contour_is_worth_what_its_path_is() -> None:
+def test_a_program_of_one_contour_is_worth_what_its_path_is():
     path = ac.round_corners(BEND, tolerance=1e-3)
     one = round_corners(Program(moves=(Contour(path=BEND),)), tolerance=1e-3)
     alone, as_program = executed(path), executed(one)
@@ -143,16 +137,14 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is() -> None:
         assert [x.max for x in found.contours] == [found.contour_error.max]
 
 
-def test_the_objective_gives_corners_of_every_contour(
-    execution: Execution, program: Program, objective: Program
-) -> None:
+def test_the_objective_gives_corners_of_every_contour(execution, program, objective):
     found = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
     assert found.objective_error is not None
     assert len(found.corners) == 5  # four of the square, which begins on a side, and one
     assert found.objective_error.max >= found.contour_error.max * 0.5
 
 
-def test_a_rapid_is_not_judged_by_limits_of_the_tool() -> None:
+def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     limits = LIMITS.replace(speed=0.02, tool_acceleration=0.1)
     trajectory = ac.plan(DRAWN, ARM, limits, reserve=0.2)
     taught = ac.compensate(trajectory, SERVO, method="inverse", period=4e-3)
@@ -169,9 +161,7 @@ def test_a_rapid_is_not_judged_by_limits_of_the_tool() -> None:
     assert found.speed < 0.021 and found.speed_overshoot < 0.001
 
 
-def test_refuses_a_program_that_was_not_planned(
-    execution: Execution, program: Program, refuses: Callable[..., None]
-) -> None:
+def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     one = Program(moves=program.contours[:1])
     refuses(lambda: ac.evaluate(execution, one), InvalidInput, "2 contours")
     refuses(lambda: ac.evaluate(execution, BEND, objective=one), InvalidInput, "2 contours")
@@ -182,7 +172,7 @@ def test_refuses_a_program_that_was_not_planned(
     refuses(lambda: ac.evaluate(plain, program), InvalidInput, "1 contour:")
 
 
-def test_a_contour_shorter_than_an_interval_is_judged_too() -> None:
+def test_a_contour_shorter_than_an_interval_is_judged_too():
     dot = Path.polyline([[0.3, 0.2], [0.3, 0.2 + 1e-6]])
     moves = (Contour(path=dot), Rapid(), Contour(path=BEND))
     program = Program(moves=moves)

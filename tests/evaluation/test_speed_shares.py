@@ -1,7 +1,5 @@
 """Tool speed as a share of what is assigned at the tool's place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,9 @@
 """The rigid-body plant against what can be said of it with pencil and paper."""
 
-from __future__ import annotations
-
 import sys
+from functools import partial
+from itertools import product
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -28,6 +29,14 @@ def no_log(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     yield
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def fails(refuses):
+    """A check of an execution that fails, with joint 1 as its cause."""
+    return lambda call, *words, joint=1, **data: refuses(
+        call, ac.ExecutionError, *words, **({} if joint is ANY else {"joint": joint}), **data
+    )
 
 
 def pendulum(limits=None, **changes):
@@ -124,15 +133,16 @@ def test_gravity_without_feed_forward_sags_as_predicted():
     assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
 
 
-@pytest.mark.parametrize("to", [0.5, -0.5])
-def test_coulomb_friction_leaves_its_dead_band(to):
+def test_coulomb_friction_leaves_its_dead_band():
     coulomb = 4.0
     band = coulomb / (INERTIA * KV * KP)
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
-    still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
-    done = run(arm, np.concatenate([swing(to), still]))
-    assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
-    assert run(arm, swing(to), friction=False).q[-1, 0] == pytest.approx(to, abs=1e-7)
+    for to in (0.5, -0.5):
+        still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
+        done = run(arm, np.concatenate([swing(to), still]))
+        assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
+        free = run(arm, swing(to), friction=False)
+        assert free.q[-1, 0] == pytest.approx(to, abs=1e-7)
     # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
     for share, moves in ((0.5, False), (2.0, True)):
         pushed = run(arm, np.full((250, 1), share * band) * (np.arange(250) > 0)[:, None])
@@ -290,6 +300,7 @@ def test_noise_is_seeded():
 
 
 def test_the_resolution_changes_nothing():
+    # The same plant twice: its noise begins anew.
     simulated = plant(two_link(coulomb=[0.5, 0.2]), noise=1e-6)
     q = np.column_stack([swing(1.0)[:, 0], swing(-0.7)[:, 0]])
     coarse = ac.execute(taught_data(q), simulated, resolution=0.004)
@@ -300,26 +311,14 @@ def test_the_resolution_changes_nothing():
     np.testing.assert_array_equal(fine.peak_demand, coarse.peak_demand)
     # What is listed fits together: velocities are the integral of accelerations.
     np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
-
-
-def test_the_step_is_shortened_to_fit_and_results_meet_the_set_points():
+    # A step that does not fit is shortened: 14 steps an interval, every other listed.
     done = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
-    assert 0.004 / done.t[1] == pytest.approx(7)  # 14 steps an interval, every other listed
-
-
-def test_plants_can_be_used_again():
-    simulated = plant(pendulum(coulomb=[1.0]), noise=1e-5)
-    a, b = (ac.execute(taught_data(swing()), simulated) for _ in range(2))
-    np.testing.assert_array_equal(a.q, b.q)
+    assert 0.004 / done.t[1] == pytest.approx(7)
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
 def test_arms_of_the_library(name):
-    if name not in ac.arm_names():
-        pytest.skip("not in the library")
     arm = ac.load_arm(name)
-    if arm.chain is None or arm.chain.masses is None:
-        pytest.skip("no masses")
     low, high = arm.limits.joint_range(arm.dof)
     middle = plant(arm).reference
     assert ((middle >= low) & (middle <= high)).all()
@@ -333,13 +332,10 @@ def test_arms_of_the_library(name):
 
 
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
-    given = {"q": np.zeros((1, 1)), "dq": np.zeros((1, 1)), "ddq": np.ones((1, 1))}
-    given |= {"arm": pendulum(), "taught": taught_data([[0.0]]), "t": np.zeros(1)}
-    given |= {
-        "demand": np.ones((1, 1)),
-        "demand_range": np.ones((2, 1)),
-        "saturated_time": np.zeros(1),
-    }
+    one = np.ones((1, 1))
+    given = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
+    given |= {"arm": pendulum(), "taught": taught_data([[0.0]])}
+    given |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
     done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
     torque[:] = 0
@@ -348,184 +344,107 @@ def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
         done.torque[0] = 1
     assert not ac.Execution(**given, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
     assert ac.Execution(**given).torque is None
-    refuses(
-        lambda: ac.Execution(**given, torque=torque),
-        ac.InvalidInput,
-        "both torque and torque_demand",
-    )
+    refuses(lambda: ac.Execution(**given, torque=torque), ac.InvalidInput, "torque_demand")
 
 
-def test_a_step_too_long_for_the_gains_is_an_error(refuses):
-    q = swing()
-    assert len(run(pendulum(gravity=WEIGHTLESS), q, kv=490.0, step=4e-3).t) > len(q)
-    refuses(
-        lambda: run(pendulum(gravity=WEIGHTLESS), q, kv=510.0, step=4e-3),
-        ac.ExecutionError,
-        "Joint 1 is unstable at t = 0 s",
+def test_a_step_too_long_for_the_gains_is_an_error(fails):
+    q, free = swing(), pendulum(gravity=WEIGHTLESS)
+    assert len(run(free, q, kv=490.0, step=4e-3).t) > len(q)
+    fails(
+        partial(run, free, q, kv=510.0, step=4e-3),
+        "unstable at t = 0 s",
         "shorten the step to 0.002 s",
-        joint=1,
         t=0.0,
         allowed=2 / 510.0,
         needed=4e-3,
     )
     # Folded, the two rods have a mode that is far lighter than either joint alone.
     folding = np.column_stack([np.zeros(501), np.linspace(0, 3.0, 501)])
-    refuses(
-        lambda: run(two_link(), folding, kv=1500.0, step=1e-3),
-        ac.ExecutionError,
-        "is unstable at t = ",
-    )
+    fails(partial(run, two_link(), folding, kv=1500.0, step=1e-3), "unstable", joint=2)
     assert run(two_link(), folding, kv=1500.0, step=2e-4).q[-1, 1] == pytest.approx(3.0, abs=1e-6)
 
 
-def test_a_joint_that_runs_away_is_an_error(refuses, monkeypatch):
+def test_a_joint_that_runs_away_is_an_error(fails, monkeypatch):
     # The plant looks at no pose before it runs.
     monkeypatch.setattr(stability, "LOOKS", 0)
-    refuses(
-        lambda: run(pendulum(), swing(), kv=1000.0, step=4e-3),
-        ac.ExecutionError,
-        "Joint 1 runs away at t = ",
-        "shorten the step",
-        joint=1,
-    )
+    fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
     # Saturated, it only rattles within steps: at their ends it seems to stand still.
-    refuses(
-        lambda: run(pendulum(gravity=WEIGHTLESS), swing(), ac.Limits(joint_torque=5.0), kv=1000.0,
-                    step=4e-3),
-        ac.ExecutionError,
-        "Joint 1 is not at rest",
-        joint=1,
-    )  # fmt: skip
+    free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits(joint_torque=5.0)
+    fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
 
 
-def test_drives_that_are_too_weak_are_errors(refuses):
+def test_drives_that_are_too_weak_are_errors(fails):
     weak = ac.Limits(joint_torque=5.0)
-    refuses(
-        lambda: run(pendulum(), [[0.0]], weak),
-        ac.ExecutionError,
-        "Joint 1 takes 9.81 N m to be held",
-        "at most 5 N m",
-        joint=1,
-        limit="joint_torque",
-        needed=WEIGHT,
-        allowed=5.0,
-        t=0.0,
-    )
+    data = {"limit": "joint_torque", "needed": WEIGHT, "allowed": 5.0, "t": 0.0}
+    fails(partial(run, pendulum(), [[0.0]], weak), "to be held", **data)
     # What gravity feed-forward holds is no part of a limit that stands for accelerations.
     slow = ac.Limits(joint_acceleration=10.0)
-    assert run(pendulum(payload=LOAD), [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
-    refuses(
-        lambda: run(pendulum(payload=LOAD), [[0.0]], slow, known=pendulum()),
-        ac.ExecutionError,
-        "Joint 1 takes 14.71 N m to be held against gravity at the first set-point, beside gravity "
-        "feed-forward, but its drive gives at most 6 N m",
-        joint=1,
-    )
-    refuses(
-        lambda: run(pendulum(viscous=[5.0]), swing(-np.pi / 2, start=np.pi / 2), weak),
-        ac.ExecutionError,
-        "Joint 1 rests ",
-        "rad from its last set-point",
-        "gives 5 N m",
-        joint=1,
-        limit="joint_torque",
-    )
+    loaded = pendulum(payload=LOAD)
+    assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
+    words = ("takes 14.71 N m to be held", "beside gravity feed-forward", "at most 6 N m")
+    fails(partial(run, loaded, [[0.0]], slow, known=pendulum()), *words)
+    falling = swing(-np.pi / 2, start=np.pi / 2)
+    fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")
 
 
-def test_a_missing_armature_is_named_where_a_servo_does_not_settle(refuses):
-    light = pendulum(gravity=WEIGHTLESS, armature=[0.0])
-    refuses(
-        lambda: run(light, [[0.0], [1.0]], kp=0.01, period=0.02, step=5e-3, resolution=0.02),
-        ac.ExecutionError,
-        "do not let it settle; the inertia of its drive, armature, is missing.",
-        joint=1,
-    )
+def test_a_servo_that_does_not_settle_is_an_error(fails):
+    slow = {"kp": 0.01, "period": 0.02, "step": 5e-3, "resolution": 0.02}
+    for arm, words in (
+        (pendulum(gravity=WEIGHTLESS), "do not let it settle."),
+        (pendulum(gravity=WEIGHTLESS, armature=[0.0]), "its drive, armature, is missing."),
+    ):
+        fails(partial(run, arm, [[0.0], [1.0]], **slow), "not at rest", words)
+    loose = {"kp": 0.1, "kv": 1.0, "gravity_feedforward": False}
+    fails(partial(run, pendulum(), [[0.5]], **loose), "has no equilibrium")
 
 
-def test_a_servo_that_does_not_settle_is_an_error(refuses):
-    refuses(
-        lambda: run(pendulum(gravity=WEIGHTLESS), [[0.0], [1.0]], kp=0.01, period=0.02, step=5e-3,
-                    resolution=0.02),
-        ac.ExecutionError,
-        "Joint 1 is not at rest",
-        "rad from it, it still moves",
-        "do not let it settle.",
-        joint=1,
-    )  # fmt: skip
-    refuses(
-        lambda: run(pendulum(), [[0.5]], kp=0.1, kv=1.0, gravity_feedforward=False),
-        ac.ExecutionError,
-        "Joint 1 has no equilibrium",
-        "for the weight that gravity feed-forward does not hold.",
-        joint=1,
-    )
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: plant(pendulum(masses=None)), ("masses of the arm pendulum are not known",)),
-        (lambda: plant(pendulum(), step=0.0), ("step", "above zero")),
-        (lambda: plant(pendulum(), noise=-1e-5), ("noise", "negative")),
-        (lambda: plant(pendulum(), seed=1.5), ("seed", "whole")),
-        (lambda: plant(pendulum(), kp=[1.0, 2.0]), ("kp has 2 values", "1 joints")),
-        (
-            lambda: plant(pendulum(), ac.Limits(joint_acceleration=1.0, joint_deceleration=2.0)),
-            ("both directions", "joint_deceleration", "joint_torque"),
-        ),
-        (
-            lambda: plant(pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])),
-            ("Joint 1 (hinge) turns no inertia", "armature"),
-        ),
-        (
-            lambda: plant(pendulum(), known=two_link()),
-            ("pendulum has 1 joints", "its controller knows has 2"),
-        ),
-        (lambda: plant(pendulum(), known=pendulum(masses=None)), ("pendulum are not known",)),
-        (lambda: run(pendulum(), np.zeros((4, 3))), ("for 3 joints", "pendulum has 1")),
-        (lambda: run(pendulum(), swing(), resolution=1e-4), ("0.00025 s", "0.0001 s", "coarser")),
-    ],
-)
-def test_refused(call, words, refuses):
-    refuses(call, ac.InvalidInput, *words)
-
-
-def test_an_arm_without_a_chain_is_refused(refuses):
-    arm = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
-    refuses(lambda: plant(arm), ac.InvalidInput, "masses of the arm bare are not known")
-
-
-def test_without_mujoco_the_extra_is_named(refuses, monkeypatch):
+def test_refused(refuses, monkeypatch):
+    bare = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    one_way = ac.Limits(joint_acceleration=1.0, joint_deceleration=2.0)
+    light = pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])
+    empty = pendulum(masses=[0.0])
+    assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    first = ac.ServoModel(kp=KP, order="first")
+    for call, words in (
+        (partial(plant, pendulum(masses=None)), "masses of the arm pendulum are not known"),
+        (partial(plant, bare), "masses of the arm bare are not known"),
+        (partial(plant, pendulum(), step=0.0), "step"),
+        (partial(plant, pendulum(), noise=-1e-5), "noise"),
+        (partial(plant, pendulum(), seed=1.5), "seed"),
+        (partial(plant, pendulum(), kp=[1.0, 2.0]), "kp has 2 values"),
+        (partial(plant, pendulum(), one_way), "joint_deceleration"),
+        (partial(plant, light), "Joint 1 (hinge) turns no inertia"),
+        (partial(plant, pendulum(), known=two_link()), "its controller knows has 2"),
+        (partial(plant, pendulum(), known=pendulum(masses=None)), "pendulum are not known"),
+        (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
+        (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
+        (partial(ac.RigidBodyPlant, two_link(), first), "velocity loop"),
+        (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
+        (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
+        (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
+        (partial(plant, pendulum(), joint_damping=1.0), "give their joint_stiffness too"),
+        (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "Joint 2 (elbow)"),
+        (partial(run, empty, swing(), joint_stiffness=SPRING), "Joint 1 (hinge) turns no inertia"),
+    ):
+        refuses(call, ac.InvalidInput, words)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    refuses(lambda: plant(pendulum()), ac.InvalidInput, "armcontour[experiment]")
+    refuses(partial(plant, pendulum()), ac.InvalidInput, "armcontour[experiment]")
 
 
-@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
-@pytest.mark.parametrize("dead", [0.0, 0.0123, [0.008, 0.0321]])
-def test_late_and_cubic_commands_are_those_of_the_servo_plant(interpolation, dead):
+def test_late_and_cubic_commands_are_those_of_the_servo_plant():
     # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
     arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
-    servo = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation, dead_time=dead)
     t = np.linspace(0, 1, 26)[:, None]
-    q = np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t)
-    bodies = ac.RigidBodyPlant(arm, servo)
-    done = ac.execute(taught_data(q, 0.02), bodies)
-    exact = ac.execute(taught_data(q, 0.02), ac.ServoPlant(arm, servo, ac.Limits()))
-    n = 1000
-    assert np.abs(done.q[:n] - exact.q[:n]).max() < 3e-4
-    prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
-    if np.any(dead):
-        other = ac.execute(taught_data(q, 0.02), ac.ServoPlant(arm, prompt, ac.Limits()))
-        assert np.abs(done.q[:n] - other.q[:n]).max() > 3e-3
-
-
-def test_drives_have_a_velocity_loop(refuses):
-    refuses(
-        lambda: ac.RigidBodyPlant(two_link(), ac.ServoModel(kp=KP, order="first")),
-        ac.InvalidInput,
-        "velocity loop",
-        "order second",
-    )
+    taught = taught_data(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
+    for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
+        prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
+        servo = prompt.replace(dead_time=dead)
+        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo)).q[:1000]
+        exact = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits())).q[:1000]
+        assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
+        if np.any(dead):
+            other = ac.execute(taught, ac.ServoPlant(arm, prompt, ac.Limits())).q[:1000]
+            assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
 
 
 SPRING = 2e4
@@ -615,62 +534,21 @@ def test_friction_acts_at_the_motor():
     assert done.q[-1, 0] == pytest.approx(done.motor_q[-1, 0], abs=1e-7)
 
 
-def test_steps_too_long_for_springs_are_errors(refuses):
+def test_steps_too_long_for_springs_are_errors(fails):
     arm = pendulum(gravity=WEIGHTLESS)
     with pytest.raises(ac.ExecutionError) as caught:
         run(arm, swing(), joint_stiffness=SPRING, step=4e-3)
-    words = str(caught.value)
-    assert "Joint 1 is unstable at t = 0 s" in words
-    assert (
-        "scaled for 0.6 kg m² makes its motor of 0.1 kg m² swing up on a spring of 2e+04" in words
-    )
+    assert "for 0.6 kg m² makes its motor of 0.1 kg m² swing up on a spring" in str(caught.value)
     assert caught.value.joint == 1 and caught.value.needed == 4e-3
     # Rigid, the same step is stable; and the step that is said is.
     assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
-    allowed = caught.value.allowed
-    done = run(arm, swing(), joint_stiffness=SPRING, step=allowed)
+    done = run(arm, swing(), joint_stiffness=SPRING, step=caught.value.allowed)
     assert done.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
-    refuses(
-        lambda: run(arm, swing(), joint_stiffness=1e10),
-        ac.ExecutionError,
-        "integration steps in a step of 0.00025 s, but at most 50 are made: lower joint_stiffness",
-    )
-    for extreme in ({"joint_stiffness": 1e12}, {"joint_stiffness": 1.0, "joint_damping": 1e12}):
-        refuses(
-            lambda extreme=extreme: run(arm, swing(), **extreme), ac.ExecutionError, "at most 50"
-        )
+    for stiffness, damping in ((1e10, None), (1e12, None), (1.0, 1e12)):
+        springs = {"joint_stiffness": stiffness, "joint_damping": damping}
+        fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)
     # Friction that brakes a link within a step is integrated as finely as a spring.
     slow = {"kp": 10.0, "kv": 40.0, "period": 0.02, "step": 0.02, "resolution": 0.02}
     rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, period=0.02), **slow)
     assert np.diff(rubbed.q[:, 0]).min() > -1e-9
     assert rubbed.q[-1, 0] == pytest.approx(0.1, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"joint_stiffness": 0.0}, "joint_stiffness must be above zero, but is 0 N m/rad"),
-        ({"joint_stiffness": [1e4, 1e4]}, "joint_stiffness has 2 values, but the arm has 1 joints"),
-        ({"joint_stiffness": 1e4, "joint_damping": -1.0}, "joint_damping must not be negative"),
-        ({"joint_damping": 1.0}, "give their joint_stiffness too"),
-    ],
-)
-def test_refused_springs(options, words, refuses):
-    refuses(lambda: plant(pendulum(), **options), ac.InvalidInput, words)
-
-
-def test_a_drive_with_a_spring_needs_an_inertia_and_so_does_its_link(refuses):
-    refuses(
-        lambda: plant(two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING),
-        ac.InvalidInput,
-        "Joint 2 (elbow) has a spring between its drive and its link, but its drive has no inertia",
-        "(armature)",
-    )
-    empty = pendulum(masses=[0.0])
-    assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
-    refuses(
-        lambda: run(empty, swing(), joint_stiffness=SPRING),
-        ac.InvalidInput,
-        "Joint 1 (hinge) turns no inertia",
-        "give the link after it a mass and an inertia and its drive an armature.",
-    )

@@ -1,11 +1,10 @@
 """Corners as parabolas: closed forms of one corner, room, stops, orientation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.geometry.tables import each, line, path_of
 
 import armcontour as ac
 from armcontour.geometry import count_full_stops, round_with_parabolas
@@ -26,7 +25,7 @@ def bezier(path, length, n=2001):
     return (1 - t) ** 2 * p0 + 2 * t * (1 - t) * v + t**2 * p2
 
 
-@pytest.mark.parametrize("turn", TURNS)
+@each("turn", TURNS)
 def test_the_arcs_follow_the_parabola(turn):
     error = min(0.005, turn)
     path = corner(turn)
@@ -39,18 +38,12 @@ def test_the_arcs_follow_the_parabola(turn):
     assert rounded.project(bezier(path, leg)).distance.max() < 3e-4 * c.error[0] + 1e-15
     assert rounded.project([(0.0, 0.0)]).distance[0] == pytest.approx(c.error[0], rel=1e-9)
     assert len(rounded.stops) == 0
-
-
-@pytest.mark.parametrize("turn", TURNS)
-def test_no_point_is_farther_from_the_lines_than_the_apex(turn):
-    path = corner(turn)
-    rounded = round_with_parabolas(path, tolerance=0.005)
-    c = rounded.corners
+    # No point is farther from the lines than the apex.
     far = path.project(rounded(np.linspace(c.start[0], c.end[0], 4001))).distance.max()
     assert far <= c.error[0] * np.cos(turn / 2) + 1e-14
 
 
-@pytest.mark.parametrize("turn", [0.5, np.pi / 2, 3.0])
+@each("turn", [0.5, np.pi / 2, 3.0])
 def test_it_is_symmetric_and_bends_evenly(turn):
     rounded = round_with_parabolas(corner(turn), tolerance=0.005)
     bends, lengths = rounded.curvatures[1:-1], rounded.lengths[1:-1]
@@ -73,13 +66,34 @@ def test_it_is_the_path_of_constant_acceleration():
     assert rounded.project(motion).distance.max() < 3e-4 * error
 
 
-def test_the_plane_and_space_are_alike():
+def test_planes_in_space_demands_places_and_corners_beside_arcs():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
     plane = round_with_parabolas(ac.Path.polyline(flat), tolerance=5e-3)
     space = round_with_parabolas(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
     s = np.linspace(0, plane.length, 301)
     np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
+    # Demands are those of the lines.
+    first = line((0, 0), (1, 0), speed=0.2, tolerance=1e-3, tag="x")
+    path = path_of(first, line((1, 0), (1, 1), speed=0.1, tag="x"))
+    rounded = round_with_parabolas(path, tolerance=0.1)
+    assert rounded.corners.error[0] == pytest.approx(1e-3)
+    assert rounded.speeds[0] == 0.2 and (rounded.speeds[1:] == 0.1).all()
+    assert set(rounded.tags) == {"x"} and (rounded.tolerances[:-1] == 1e-3).all()
+    # The places of corners are their middles.
+    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
+    rounded = round_with_parabolas(path, tolerance=[0.02, 0.05])
+    off = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
+    np.testing.assert_allclose(off, [0, 0.02, 0.05, 0], atol=1e-12)
+    # Corners beside arcs are those of round_corners.
+    path = path_of(ac.Arc.through((0, 0), (1, 0.3), (2, 0)), line((2, 0), (3, 0)))
+    parabola, same = (x(path, tolerance=0.01) for x in (round_with_parabolas, ac.round_corners))
+    np.testing.assert_array_equal(parabola.starts, same.starts)
+    np.testing.assert_array_equal(parabola.corners.error, same.corners.error)
+    # A parabola too tight to draw stays a corner.
+    for less, reason in ((5e-4, "no room"), (1e-3, None)):
+        found = round_with_parabolas(corner(np.pi - less), tolerance=0.005)
+        assert found.corners.reason.tolist() == [reason] and (len(found) == 2) == bool(reason)
 
 
 def test_short_lines_shrink_parabolas_as_they_shrink_arcs():
@@ -100,44 +114,6 @@ def test_stops_are_those_of_arcs():
     assert parabolas.corners.reason.tolist() == arcs.corners.reason.tolist()
     assert parabolas.corners.reason.tolist() == ["tolerance zero", None, "turn-back", None]
     assert count_full_stops(parabolas) == {"tolerance zero": 1, "turn-back": 1}
-
-
-def test_a_parabola_too_tight_to_draw_stays_a_corner():
-    sharp = round_with_parabolas(corner(np.pi - 5e-4), tolerance=0.005)
-    assert sharp.corners.reason.tolist() == ["no room"] and len(sharp) == 2
-    wide = round_with_parabolas(corner(np.pi - 1e-3), tolerance=0.005)
-    assert wide.corners.reason.tolist() == [None]
-
-
-def test_corners_beside_arcs_are_those_of_round_corners():
-    arc = ac.Arc.through((0, 0), (1, 0.3), (2, 0))
-    path = ac.Path.from_segments([arc, ac.Line(start=(2, 0), end=(3, 0))])
-    parabola = round_with_parabolas(path, tolerance=0.01)
-    same = ac.round_corners(path, tolerance=0.01)
-    np.testing.assert_array_equal(parabola.starts, same.starts)
-    np.testing.assert_array_equal(parabola.corners.error, same.corners.error)
-
-
-def test_demands_are_those_of_the_lines():
-    demand = [ac.Demand(speed=v, tolerance=t, tag="x") for v, t in ((0.2, 1e-3), (0.1, None))]
-    path = ac.Path.from_segments(
-        [
-            ac.Line(start=(0, 0), end=(1, 0), demand=demand[0]),
-            ac.Line(start=(1, 0), end=(1, 1), demand=demand[1]),
-        ]
-    )
-    rounded = round_with_parabolas(path, tolerance=0.1)
-    assert rounded.corners.error[0] == pytest.approx(1e-3)
-    assert rounded.speeds[0] == 0.2 and (rounded.speeds[1:] == 0.1).all()
-    assert set(rounded.tags) == {"x"} and (rounded.tolerances[:-1] == 1e-3).all()
-
-
-def test_the_places_of_corners_are_their_middles():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
-    rounded = round_with_parabolas(path, tolerance=[0.02, 0.05])
-    places = rounded.place(path.breaks)
-    off = np.linalg.norm(rounded(places) - path.vertices, axis=1)
-    np.testing.assert_allclose(off, [0, 0.02, 0.05, 0], atol=1e-12)
 
 
 def test_a_turning_tool_keeps_its_angular_tolerance_and_does_not_stop():

@@ -1,11 +1,10 @@
 """Vertices that printing has bent: which are mended, how far the path moves, and what stays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.geometry.tables import arc, each, line, path_of
 
 import armcontour as ac
 from armcontour.geometry.mending import Printed, mend_paths, mend_vertices
@@ -14,35 +13,34 @@ LAST = 1e-6  # three decimals of a millimetre
 PRINTED = Printed(point=np.sqrt(0.5) * LAST)
 
 
+def printed_arc(start, end, center):
+    """An arc whose centre is moved to where both ends are as far away, as in G-code."""
+    middle, chord = (start + end) / 2, end - start
+    across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
+    center = middle + across * ((center - middle) @ across)
+    u, v = start - center, end - center
+    return arc(start, center, float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)))
+
+
 def rounded_rectangle(step=LAST, turn=23.0, wide=0.08, high=0.05, r=0.008):
     """A closed rectangle with round corners, whose points and centres are printed."""
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     x, y = wide / 2, high / 2
-    segments = []
-    corners = [(x, y - r, -1, 0), (x - r, y, 0, -1)]
-    points = []
-    for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        pair = [(sx * a, sy * b) for a, b, *_ in corners]
+    segments, points = [], []
+    signs = (1, 1), (-1, 1), (-1, -1), (1, -1)
+    for sx, sy in signs:
+        pair = [(sx * x, sy * (y - r)), (sx * (x - r), sy * y)]
         points.append(pair if sx * sy > 0 else pair[::-1])
 
     def printed(p):
         turned = np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]]) + (0.3, 0.1)
         return np.round(turned / step) * step
 
-    for k, (a, b) in enumerate(points):
-        sx, sy = ((1, 1), (-1, 1), (-1, -1), (1, -1))[k]
-        start, end = printed(a), printed(b)
-        center = printed((sx * (x - r), sy * (y - r)))
-        # As in G-code, the centre is moved to where both ends are as far away.
-        chord = end - start
-        across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
-        center = (start + end) / 2 + across * ((center - (start + end) / 2) @ across)
-        u, v = start - center, end - center
-        angle = np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)
-        segments.append(ac.Arc(start=start.tolist(), center=center.tolist(), angle=float(angle)))
-        ahead = printed(points[(k + 1) % 4][0])
-        segments.append(ac.Line(start=end.tolist(), end=ahead.tolist()))
-    return ac.Path.from_segments(segments)
+    for k, (sx, sy) in enumerate(signs):
+        start, end = map(printed, points[k])
+        segments.append(printed_arc(start, end, printed((sx * (x - r), sy * (y - r)))))
+        segments.append(line(end, printed(points[(k + 1) % 4][0])))
+    return path_of(*segments)
 
 
 def seam_kink(path):
@@ -50,7 +48,7 @@ def seam_kink(path):
     return 2 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b))
 
 
-@pytest.mark.parametrize("decimals", [2, 3, 4, 5, 6])
+@each("decimals", [2, 3, 4, 5, 6])
 def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     step = 10.0 ** -(decimals + 3)
     path = rounded_rectangle(step)
@@ -94,15 +92,16 @@ def test_many_paths_are_mended_as_each_by_itself():
         assert found.after[-1] == pytest.approx(found.path.length, rel=1e-14)
 
 
-def test_an_exact_path_is_left_alone():
+def test_exact_paths_are_left_alone_and_corners_stay_exactly():
     assert mend_vertices(rounded_rectangle(1e-15), PRINTED) is None
-
-
-def test_corners_stay_exactly():
+    assert mend_paths([], [], []) == []
     # A corner of 1° is far above what three decimals hold over centimetres.
     bend = np.radians(1.0)
     points = [(0, 0), (0.05, 0), (0.05 + 0.05 * np.cos(bend), 0.05 * np.sin(bend)), (0.05, 0.2)]
     assert mend_vertices(ac.Path.polyline(points), PRINTED) is None
+    # A micrometre holds any turn, but nothing above 0.05 rad is mended.
+    short = ac.Path.polyline([(0, 0), (1e-6, 0), (1e-6, 1e-6), (0, 1e-6), (0, 2e-6)])
+    assert mend_vertices(short, PRINTED) is None
     # One corner and one printed vertex: only that one changes.
     path = ac.Path.polyline([(0, 0), (0.03, 4e-7), (0.07, 0), (0.07, 0.04)])
     found = mend_vertices(path, PRINTED)
@@ -112,24 +111,11 @@ def test_corners_stay_exactly():
     assert found.deviation < 4e-7
 
 
-def test_short_segments_do_not_make_corners_vertices():
-    # A micrometre holds any turn, but nothing above 0.05 rad is mended.
-    path = ac.Path.polyline([(0, 0), (1e-6, 0), (1e-6, 1e-6), (0, 1e-6), (0, 2e-6)])
-    assert mend_vertices(path, PRINTED) is None
-
-
 def test_tolerances_of_segments_bound_it():
-    line, exact = (ac.Demand(tolerance=x) for x in (1e-8, 0.0))
-    ends = [(0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)]
-    for demand, most in ((line, 1e-8), (exact, None)):
-        lines = [
-            ac.Line(start=a, end=b, demand=demand) for a, b in zip(ends, ends[1:], strict=False)
-        ]
-        found = mend_vertices(ac.Path.from_segments(lines), PRINTED)
-        if most is None:
-            assert found is None
-        else:
-            assert found.deviation == pytest.approx(most, rel=1e-6)
+    a, b, c = (0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)
+    some, none = (path_of(line(a, b, tolerance=x), line(b, c, tolerance=x)) for x in (1e-8, 0.0))
+    assert mend_vertices(some, PRINTED).deviation == pytest.approx(1e-8, rel=1e-6)
+    assert mend_vertices(none, PRINTED) is None
 
 
 @given(
@@ -142,21 +128,14 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     segments, start = [], np.round(here / step) * step
     for radius, angle in parts:
         turn = np.copysign(max(abs(angle), 0.3), angle)
-        side = np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])
-        center = here + radius * side
+        center = here + radius * np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])
         c, s = np.cos(turn), np.sin(turn)
         here = center + np.array([[c, -s], [s, c]]) @ (here - center)
         heading += turn
         end = np.round(here / step) * step
-        middle, chord = (start + end) / 2, end - start
-        across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
-        shown = np.round(center / step) * step
-        shown = middle + across * ((shown - middle) @ across)
-        u, v = start - shown, end - shown
-        angle = float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
-        segments.append(ac.Arc(start=start.tolist(), center=shown.tolist(), angle=angle))
+        segments.append(printed_arc(start, end, np.round(center / step) * step))
         start = end
-    path = ac.Path.from_segments(segments)
+    path = path_of(*segments)
     found = mend_vertices(path, Printed(point=np.sqrt(0.5) * step))
     if found is None:
         assert (path.turns <= 1e-9).all()
@@ -165,7 +144,3 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     assert found.deviation <= np.sqrt(0.5) * step
     s = np.linspace(0, found.path.length, 401)
     assert path.project(found.path(s)).distance.max() <= found.deviation * 1.001 + 1e-14
-
-
-def test_no_paths_need_no_mending():
-    assert mend_paths([], [], []) == []

@@ -1,43 +1,44 @@
 """Nearest points: hand-made cases. The exhaustive comparison is in tests/oracle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from tests.geometry.tables import arc, each, path_of, refused
 
 import armcontour as ac
 
 
-def circle(radius=2.0, angle=2 * np.pi, center=(1.0, 1.0)):
-    start = (center[0] + radius, center[1])
-    return ac.Path.from_segments([ac.Arc(start=start, center=center, angle=angle)])
+def circle(angle=2 * np.pi):
+    return path_of(arc((3.0, 1.0), (1.0, 1.0), angle))
 
 
-def test_by_hand_on_a_line():
-    path = ac.Path.polyline([(0, 0), (4, 0)])
-    found = path.project([(1, 2), (-3, 4), (7, -4), (2, 0)])
-    np.testing.assert_allclose(found.distance, [2, 5, 5, 0])
-    np.testing.assert_allclose(found.s, [1, 0, 4, 2])
+ROOT = np.sqrt(2)
+BEHIND = np.hypot(0.1, 1)
+FLAT = ac.Path.polyline([(0, 0), (4, 0)])
+RISING = ac.Path.polyline([(0, 0, 0), (0, 0, 2)])
+HALF = path_of(arc((1, 0, 0), (0, 0, 0), np.pi, normal=(0, 0, 1)))
+UPPER = [(1, 4), (1, 2), (3.5, 1), (-2, 1), (1 + ROOT, 1 + ROOT), (2.9, 0), (-0.9, 0)]
+SHARES = np.array([1, 1, 0, 2, 0.5, 0, 2])
+BY_HAND = (  # path, points, distances, arc lengths
+    (FLAT, [(1, 2), (-3, 4), (7, -4), (2, 0)], [2, 5, 5, 0], [1, 0, 4, 2]),
+    (RISING, [(3, 4, 1), (0, 1, 3)], [5, ROOT], [1, 2]),
+    # The last two points are behind the half circle, nearer to one of its ends.
+    (circle(np.pi), UPPER, [1, 1, 0.5, 1, 0, BEHIND, BEHIND], np.pi * SHARES),
+    (HALF, [(0, 2, 1)], [ROOT], [np.pi / 2]),  # off the plane of the arc
+)
 
 
-def test_by_hand_on_an_arc():
-    path = circle(angle=np.pi)  # the upper half
-    found = path.project([(1, 4), (1, 2), (3.5, 1), (-2, 1), (1 + np.sqrt(2), 1 + np.sqrt(2))])
-    np.testing.assert_allclose(found.distance, [1, 1, 0.5, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(found.s, np.pi * np.array([1, 1, 0, 2, 0.5]), atol=1e-12)
+@each("path, points, distance, s", BY_HAND)
+def test_by_hand(path, points, distance, s):
+    found = path.project(points)
+    np.testing.assert_allclose(found.distance, distance, atol=1e-15)
+    np.testing.assert_allclose(found.s, s, atol=1e-12)
 
 
-def test_behind_an_arc_the_nearer_end_is_found():
-    path = circle(angle=np.pi)
-    found = path.project([(2.9, 0.0), (-0.9, 0.0)])
-    np.testing.assert_allclose(found.distance, np.hypot(0.1, 1.0))
-    np.testing.assert_allclose(found.s, [0, 2 * np.pi], atol=1e-12)
-
-
-@pytest.mark.parametrize("angle", [1.0, np.pi, 2 * np.pi, -2 * np.pi])
-def test_from_the_centre_every_place_is_the_radius_away(angle):
-    found = circle(angle=angle).project([(1.0, 1.0)])
-    assert found.distance[0] == pytest.approx(2.0, rel=1e-14)
+def test_from_the_centre_every_place_is_the_radius_away():
+    for angle in (1.0, np.pi, 2 * np.pi, -2 * np.pi):
+        found = circle(angle).project([(1.0, 1.0)])
+        assert found.distance[0] == pytest.approx(2.0, rel=1e-14)
+    assert HALF.project([(0, 0, 3)]).distance[0] == pytest.approx(np.sqrt(10))
 
 
 def test_full_circle_has_no_blind_spot():
@@ -50,38 +51,10 @@ def test_full_circle_has_no_blind_spot():
         np.testing.assert_allclose(around, 0, atol=1e-12)
 
 
-def test_a_line_in_space():
-    path = ac.Path.polyline([(0, 0, 0), (0, 0, 2)])
-    found = path.project([(3, 4, 1), (0, 1, 3)])
-    np.testing.assert_allclose(found.distance, [5, np.sqrt(2)])
-    np.testing.assert_allclose(found.s, [1, 2])
-
-
-def test_off_the_plane_of_an_arc():
-    path = ac.Path.from_segments(
-        [ac.Arc(start=(1, 0, 0), center=(0, 0, 0), angle=np.pi, normal=(0, 0, 1))]
-    )
-    found = path.project([(0, 2, 1), (0, 0, 3)])
-    np.testing.assert_allclose(found.distance, [np.sqrt(2), np.sqrt(10)])
-    assert found.s[0] == pytest.approx(np.pi / 2)
-
-
-def test_the_order_of_queries_is_kept():
-    path = ac.Path.polyline(np.random.default_rng(3).random((200, 2)))
-    queries = np.random.default_rng(4).random((500, 2))
-    together = path.project(queries)
-    alone = np.array([path.project(queries[i : i + 1]).distance[0] for i in range(0, 500, 25)])
-    np.testing.assert_allclose(together.distance[::25], alone, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("points", "words", "data"),
-    [
-        ([(0, 0, 0)], ("have 3 coordinates", "the path has 2"), {}),
-        ([(0, np.nan)], ("points to project", "finite"), {"index": 0}),
-        ([0, 1], ("points to project", "(2,)"), {}),
-    ],
-)
-def test_refused_queries(points, words, data, refuses):
+def test_refused_queries():
     path = ac.Path.polyline([(0, 0), (1, 0)])
-    refuses(lambda: path.project(points), ac.InvalidInput, *words, **data)
+    refused(
+        (lambda: path.project([(0, 0, 0)]), "have 3 coordinates", "the path has 2"),
+        (lambda: path.project([(0, np.nan)]), "points to project", "finite", {"index": 0}),
+        (lambda: path.project([0, 1]), "points to project", "(2,)"),
+    )

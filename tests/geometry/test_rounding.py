@@ -1,12 +1,11 @@
 """Corner rounding: closed forms of one corner, the shrink rule, and what it refuses."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Outcome, corner_error, count_full_stops
@@ -20,7 +19,7 @@ def corner(turn, leg=10.0):
     return ac.Path.polyline([(-leg, 0), (0, 0), (leg * np.cos(turn), leg * np.sin(turn))])
 
 
-@pytest.mark.parametrize("turn", TURNS)
+@each("turn", TURNS)
 def test_case_two_is_the_largest_radius_15(turn):
     error = 0.01
     rounded = ac.round_corners(corner(turn), tolerance=error, acceleration=0.09)
@@ -36,7 +35,7 @@ def test_case_two_is_the_largest_radius_15(turn):
     assert rounded.project([(0.0, 0.0)]).distance[0] == pytest.approx(error, rel=1e-9)
 
 
-@pytest.mark.parametrize("turn", TURNS)
+@each("turn", TURNS)
 def test_case_one_is_the_smallest_radius_13_and_error_14(turn):
     v, a = 0.03, 0.09
     rounded = ac.round_corners(corner(turn), speed=v, acceleration=a)
@@ -48,13 +47,12 @@ def test_case_one_is_the_smallest_radius_13_and_error_14(turn):
 
 
 def test_with_both_cases_the_tolerance_caps_case_one():
-    path = corner(np.pi / 2)
-    free = ac.round_corners(path, speed=0.3, acceleration=0.09).corners
-    capped = ac.round_corners(path, speed=0.3, acceleration=0.09, tolerance=0.01).corners
-    assert free.error[0] > 0.01
+    path, case_one = corner(np.pi / 2), {"speed": 0.3, "acceleration": 0.09}
+    free = ac.round_corners(path, **case_one).corners
+    capped = ac.round_corners(path, **case_one, tolerance=0.01).corners
+    assert free.error[0] > 0.01 and capped.speed[0] < 0.3
     assert capped.error[0] == pytest.approx(0.01)
-    assert capped.speed[0] < 0.3
-    loose = ac.round_corners(path, speed=0.3, acceleration=0.09, tolerance=100.0).corners
+    loose = ac.round_corners(path, **case_one, tolerance=100.0).corners
     np.testing.assert_array_equal(loose.radius, free.radius)
 
 
@@ -64,17 +62,7 @@ def test_corner_error_of_a_tiny_turn_keeps_its_digits():
     assert found[0] == pytest.approx(1e-18, rel=1e-12)
 
 
-def test_the_turn_is_taken_the_short_way_round():
-    # Headings 170° and -170°: alpha2 - alpha1 is -340°, the turn is 20°.
-    heading = np.radians([170, -170])
-    steps = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    path = ac.Path.polyline(np.concatenate([[(0, 0)], np.cumsum(steps, axis=0)]))
-    found = ac.round_corners(path, tolerance=1e-3).corners
-    assert np.degrees(found.turn[0]) == pytest.approx(20.0)
-    assert found.radius[0] > 0
-
-
-@pytest.mark.parametrize("sense", [1, -1])
+@each("sense", [1, -1])
 def test_the_arc_turns_to_the_inside(sense):
     path = ac.Path.polyline([(-1, 0), (0, 0), (0, sense)])
     rounded = ac.round_corners(path, tolerance=0.1)
@@ -107,63 +95,42 @@ def test_one_value_per_joint():
     np.testing.assert_array_equal(found.point, [(1, 0), (1, 1), (0, 1)])
 
 
-def test_the_segments_own_tolerance_caps():
-    def line(a, b, tolerance=None):
-        return ac.Line(start=a, end=b, demand=ac.Demand(tolerance=tolerance, speed=0.1, tag="x"))
-
-    path = ac.Path.from_segments(
-        [line((0, 0), (1, 0)), line((1, 0), (1, 1), 2e-3), line((1, 1), (0, 1), 1e-3)]
-    )
-    rounded = ac.round_corners(path, tolerance=1.5e-3)
+def test_the_segments_own_tolerance_caps_and_arcs_take_the_lower_speed():
+    points = (0, 0), (1, 0), (1, 1), (0, 1)
+    values = {"speed": 0.2}, {"speed": 0.1, "tolerance": 2e-3}, {"tolerance": 1e-3}
+    lines = (line(a, b, tag="x", **x) for a, b, x in zip(points, points[1:], values, strict=False))
+    rounded = ac.round_corners(path_of(*lines), tolerance=1.5e-3)
     np.testing.assert_allclose(rounded.corners.error, [1.5e-3, 1e-3])
     assert rounded.tags == ("x",) * 5
-    np.testing.assert_allclose(rounded.speeds, 0.1)
-
-
-def test_an_arc_takes_the_lower_of_its_lines_speeds():
-    path = ac.Path.from_segments(
-        [
-            ac.Line(start=(0, 0), end=(1, 0), demand=ac.Demand(speed=0.2)),
-            ac.Line(start=(1, 0), end=(1, 1), demand=ac.Demand(speed=0.1)),
-            ac.Line(start=(1, 1), end=(0, 1)),
-        ]
-    )
-    rounded = ac.round_corners(path, tolerance=0.01)
     np.testing.assert_array_equal(rounded.speeds, [0.2, 0.1, 0.1, 0.1, np.nan])
 
 
-def test_zero_tolerance_leaves_the_path_and_its_stops():
+def test_zero_tolerance_straight_paths_and_turning_back():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
+    before = path.starts.copy(), path.lengths.copy()
     rounded = ac.round_corners(path, tolerance=0.0)
     assert len(rounded) == 3 and rounded.corners.stopped.all()
     np.testing.assert_array_equal(rounded.stops, path.stops)
     np.testing.assert_array_equal(rounded.starts, path.starts)
-
-
-def test_a_straight_path_is_untouched():
-    path = ac.Path.polyline([(0, 0), (1, 0), (3, 0)])
-    rounded = ac.round_corners(path, tolerance=0.1)
-    assert len(rounded.corners) == 0 and rounded.length == path.length
-    np.testing.assert_array_equal(rounded.breaks, path.breaks)
-    assert rounded.objective is path
-
-
-def test_turning_back_is_a_full_stop():
-    path = ac.Path.polyline([(0, 0), (1, 0), (0.5, 0)])
-    found = ac.round_corners(path, tolerance=0.1).corners
-    assert found.turn[0] == pytest.approx(np.pi) and found.stopped[0]
-    assert found.reason.tolist() == ["turn-back"]
+    # The input is left alone.
+    ac.round_corners(path, tolerance=0.1)
+    np.testing.assert_array_equal(path.starts, before[0])
+    np.testing.assert_array_equal(path.lengths, before[1])
+    straight = ac.Path.polyline([(0, 0), (1, 0), (3, 0)])
+    rounded = ac.round_corners(straight, tolerance=0.1)
+    assert len(rounded.corners) == 0 and rounded.length == straight.length
+    np.testing.assert_array_equal(rounded.breaks, straight.breaks)
+    assert rounded.objective is straight
+    back = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (0.5, 0)]), tolerance=0.1).corners
+    assert back.turn[0] == pytest.approx(np.pi) and back.stopped[0]
+    assert back.reason.tolist() == ["turn-back"]
+    with pytest.raises(ValueError, match="read-only"):
+        back.radius[0] = 1.0
 
 
 def bridge():
     """Half a circle between two lines, with a corner of 90° at either end."""
-    return ac.Path.from_segments(
-        [
-            ac.Line(start=(0, 0), end=(1, 0)),
-            ac.Arc(start=(1, 0), center=(2, 0), angle=-np.pi),
-            ac.Line(start=(3, 0), end=(4, 0)),
-        ]
-    )
+    return path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -np.pi), line((3, 0), (4, 0)))
 
 
 def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
@@ -184,10 +151,8 @@ def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
 
 def test_beside_an_arc_of_a_huge_radius_a_corner_is_that_between_lines():
     turn, big = 1.2, 1e7
-    leg = np.array([np.cos(turn), np.sin(turn)])
-    normal = np.array([-leg[1], leg[0]])
-    arc = ac.Arc(start=(0, 0), center=(big * normal).tolist(), angle=1 / big)
-    bent = ac.Path.from_segments([ac.Line(start=(-1, 0), end=(0, 0)), arc])
+    normal = np.array([-np.sin(turn), np.cos(turn)])
+    bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
     found = ac.round_corners(bent, tolerance=1e-3).corners
     straight = ac.round_corners(corner(turn), tolerance=1e-3).corners
     for name in ("radius", "tangent", "error", "start", "end"):
@@ -211,70 +176,53 @@ def test_corners_beside_arcs_share_their_arc_and_their_lines():
     assert found.shrunk.all()
     np.testing.assert_allclose(found.tangent, 1.0)  # all of either line
     # An arc of 0.2 m between two lines leaves either corner one half.
-    arc = ac.Arc(start=(1, 0), center=(2, 0), angle=-0.2)
     end = np.array([2 - np.cos(0.2), np.sin(0.2)])
-    line = ac.Line(start=end.tolist(), end=(end + (1, 0)).tolist())
-    short = ac.Path.from_segments([ac.Line(start=(0, 0), end=(1, 0)), arc, line])
+    short = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2), line(end, end + (1, 0)))
     np.testing.assert_allclose(ac.round_corners(short, tolerance=1.0).corners.tangent, 0.1)
 
 
-def test_why_the_tool_stops():
-    arc = ac.Arc(start=(1, 0), center=(2, 0), angle=-0.2)
-    path = ac.Path.from_segments([ac.Line(start=(0, 0), end=(1, 0)), arc])
+def test_why_the_tool_stops_and_how_often():
+    path = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2))
     found = ac.round_corners(path, tolerance=0.0).corners
     assert found.stopped.all() and found.reason.tolist() == ["tolerance zero"]
     path = ac.Path.polyline([(0, 0), (1, 0), (1 + 2e-9, 0), (1 + 2e-9, 1), (0, 1)])
     tiny = ac.round_corners(path, tolerance=[1e-3, 1e-10, 1e-3]).corners
     assert tiny.reason.tolist() == ["no room", None]
-
-
-def test_full_stops_are_counted_by_their_reasons():
-    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0.5, 0), (2, 0.5, 0)]
-    path = ac.Path.polyline(points)
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0.5, 0), (2, 0.5, 0)])
+    some, none = (count_full_stops(ac.round_corners(path, tolerance=x)) for x in (0.01, 0.0))
     assert count_full_stops(path) == {"rounding off": 2, "turn-back": 1}
-    assert count_full_stops(ac.round_corners(path, tolerance=0.01)) == {"turn-back": 1}
-    assert count_full_stops(ac.round_corners(path, tolerance=0.0)) == {
-        "tolerance zero": 2,
-        "turn-back": 1,
-    }
-    turning = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).oriented(
-        Rotation.from_euler("x", [[0.0], [0.1], [0.4]])
-    )
+    assert some == {"turn-back": 1} and none == {"tolerance zero": 2, "turn-back": 1}
+    turns = Rotation.from_euler("x", [[0.0], [0.1], [0.4]])
+    turning = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).oriented(turns)
     assert count_full_stops(turning) == {"tool orientation": 1}
     assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
 def test_full_stops_of_a_shaped_path_say_why_they_are():
     lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
+    outcome = Outcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
     for own, found in (
         (np.nan, {"faster than a curve": 2, "turn-back": 1}),
         (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),
     ):
         tolerances = np.array([own, np.nan, np.nan, np.nan])
         objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
-        stopping = ac.ShapedPath(
-            segments=lines,
-            objective=objective,
-            places=[[0.0, 0.0], [objective.length, objective.length]],
-            tolerance=0.01,
-            outcome=Outcome(start="stops", durations={"stops": 1.0, "shaped": 1.0}),
-        )
+        places = [[0.0, 0.0], [objective.length, objective.length]]
+        asked = {"places": places, "tolerance": 0.01, "outcome": outcome}
+        stopping = ac.ShapedPath(segments=lines, objective=objective, **asked)
         assert count_full_stops(stopping) == found
 
 
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
-    flat = bridge()
-    rows = flat.segments.lift()
-    path = ac.Path(segments=rows).following_tangent((0, 0, 1))
+    path = ac.Path(segments=bridge().segments.lift()).following_tangent((0, 0, 1))
     rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=1e-3)
     s = np.linspace(0, rounded.length, 999)
-    x_axes = rounded.orientation(s)[:, :, 0]
-    off = np.degrees(np.arccos(np.clip(np.sum(x_axes * rounded(s, 1), axis=1), -1, 1)))
-    assert off.max() <= np.degrees(1e-3) * 1.001
+    cosine = np.sum(rounded.orientation(s)[:, :, 0] * rounded(s, 1), axis=1)
+    assert np.arccos(np.clip(cosine, -1, 1)).max() <= 1.001e-3
     assert len(rounded.stops) == 0
 
 
-@pytest.mark.parametrize("axis_only", [False, True])
+@each("axis_only", [False, True])
 def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
     held = [(0, 0, 0), (0.1, 0.2, 0), (0.3, -0.1, 0.2), (0.2, 0.1, 0)]
     turned = Rotation.from_euler("xyz", held).as_matrix()
@@ -297,12 +245,10 @@ def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
 
 
 def test_arcs_that_leave_the_plane_are_rounded_too():
-    arc = ac.Arc(start=(1, 0, 0), center=(1, 0, 0.5), angle=1.5, normal=(0, -1, 0))
-    after = ac.Path.from_segments([arc])
+    first = arc((1, 0, 0), (1, 0, 0.5), 1.5, normal=(0, -1, 0))
+    after = path_of(first)
     end, ahead = after.vertices[-1], after(after.length, 1, side="left")
-    side = np.cross(ahead, (0, 1, 0)) + (0, 1.0, 0)
-    line = ac.Line(start=end.tolist(), end=(end + side).tolist())
-    path = ac.Path.from_segments([arc, line])
+    path = path_of(first, line(end, end + np.cross(ahead, (0, 1, 0)) + (0, 1.0, 0)))
     rounded = ac.round_corners(path, tolerance=5e-3)
     assert len(rounded.stops) == 0 and (rounded.turns <= 1e-9).all()
     np.testing.assert_allclose(rounded.corners.error, 5e-3, rtol=1e-6)
@@ -321,10 +267,7 @@ def test_arcs_that_meet_share_their_line():
     assert found.shrunk.all()
     np.testing.assert_allclose(found.tangent, 0.5)
     np.testing.assert_allclose(found.radius, 0.5)  # r tan(45°)
-
-
-def test_a_small_neighbour_leaves_its_room_to_a_large_one():
-    path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
+    # A small neighbour leaves its room to a large one.
     small = 0.1 * (np.sqrt(2) - 1)  # an arc with r = 0.1 at a right angle
     found = ac.round_corners(path, tolerance=[small, 10.0]).corners
     np.testing.assert_allclose(found.tangent, [0.1, 0.9])
@@ -340,59 +283,39 @@ def test_the_first_and_last_line_can_be_used_up():
     np.testing.assert_allclose(rounded(0.0, 1), (1, 0), atol=1e-12)
 
 
-def test_input_is_left_alone():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
-    before = path.starts.copy(), path.lengths.copy()
-    ac.round_corners(path, tolerance=0.1)
-    np.testing.assert_array_equal(path.starts, before[0])
-    np.testing.assert_array_equal(path.lengths, before[1])
-
-
-def test_corners_are_read_only(rounded):
-    assert len(rounded.corners) == 2
-    with pytest.raises(ValueError, match="read-only"):
-        rounded.corners.radius[0] = 1.0
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({}, ("tolerance (case II)", "speed and an acceleration (case I)")),
-        ({"speed": 0.1}, ("case I",)),
-        ({"acceleration": 0.1}, ("case II",)),
-        ({"tolerance": -1e-3}, ("tolerance", "negative", "-0.001 m")),
-        ({"tolerance": np.nan}, ("tolerance", "finite")),
-        ({"tolerance": [1e-3] * 3}, ("tolerance has 3 values", "2 vertices")),
-        ({"tolerance": [[1e-3, 1e-3]]}, ("tolerance has 2 values",)),
-        ({"tolerance": "wide"}, ("tolerance", "numbers in m")),
-        ({"speed": -0.1, "acceleration": 0.1}, ("corner speed", "negative", "-0.1 m/s")),
-        ({"speed": 0.1, "acceleration": 0.0}, ("corner acceleration", "above zero")),
-        ({"tolerance": 1e-3, "acceleration": -0.5}, ("corner acceleration", "-0.5 m/s²")),
-        ({"speed": [0.1], "acceleration": 0.1}, ("corner speed has 1 values", "2 vertices")),
-    ],
-)
-def test_round_corners_refuses(options, words, refuses):
+def test_round_corners_refuses():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
-    refuses(lambda: ac.round_corners(path, **options), ac.InvalidInput, *words)
+    options = (
+        ({}, "tolerance (case II)", "speed and an acceleration (case I)"),
+        ({"speed": 0.1}, "case I"),
+        ({"acceleration": 0.1}, "case II"),
+        ({"tolerance": -1e-3}, "tolerance", "-0.001 m"),
+        ({"tolerance": np.nan}, "tolerance", "finite"),
+        ({"tolerance": [1e-3] * 3}, "tolerance has 3 values", "2 vertices"),
+        ({"tolerance": [[1e-3, 1e-3]]}, "tolerance has 2 values"),
+        ({"tolerance": "wide"}, "tolerance", "numbers in m"),
+        ({"tolerance": 1e-3, "continuity": "G2"}, "continuity"),
+        ({"speed": -0.1, "acceleration": 0.1}, "corner speed", "-0.1 m/s"),
+        ({"speed": 0.1, "acceleration": 0.0}, "corner acceleration", "above zero"),
+        ({"tolerance": 1e-3, "acceleration": -0.5}, "corner acceleration", "-0.5 m/s²"),
+        ({"speed": [0.1], "acceleration": 0.1}, "corner speed has 1 values", "2 vertices"),
+    )
+    refused(*((lambda x=x: ac.round_corners(path, **x), *more) for x, *more in options))
 
 
 def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
-    path = join_paths(
-        [
-            ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1)),
-            ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1)),
-        ]
-    )
-    rounded = ac.round_corners(path, tolerance=0.01)
+    first = ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1))
+    second = ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1))
+    rounded = ac.round_corners(join_paths([first, second]), tolerance=0.01)
     assert rounded.corners.reason.tolist() == ["tool orientation"]
     ends = rounded.orientation([0, rounded.length])[:, :, 2]
     np.testing.assert_allclose(ends, [(0, 0, -1), (0, np.sqrt(0.5), -np.sqrt(0.5))], atol=1e-15)
     np.testing.assert_array_equal(rounded.stops, [1.0])
 
 
-@pytest.mark.parametrize("continuity", ["tangent", "curvature"])
+@each("continuity", ["tangent", "curvature"])
 def test_a_circle_stays_as_it_is(continuity):
-    flat = ac.Path.from_segments([ac.Arc(start=(0.1, 0.0), center=(0.0, 0.0), angle=2 * np.pi)])
+    flat = path_of(arc((0.1, 0.0), (0.0, 0.0), 2 * np.pi))
     spatial = ac.Path.polyline([(0, 0, 0), (1, 0, 0)])
     for path in (flat, spatial, spatial.pointing([0, 0, -1]), spatial.oriented(np.eye(3))):
         found = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
@@ -404,5 +327,4 @@ def test_a_circle_stays_as_it_is(continuity):
         if path.orientation is not None:
             np.testing.assert_array_equal(found.orientation(s), path.orientation(s))
             assert found.orientation.axis_only == path.orientation.axis_only
-    with pytest.raises(ac.InvalidInput, match="corner error tolerance"):
-        ac.round_corners(flat, tolerance=-1.0)
+    refused((lambda: ac.round_corners(flat, tolerance=-1.0), "corner error tolerance"))

@@ -1,11 +1,10 @@
 """The table of segments: what it shares, what it checks and when it checks again."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
+from tests.geometry.tables import arc, each, path_of, refused
 
 import armcontour as ac
 from armcontour.frames import Frame
@@ -24,9 +23,13 @@ def gapped(gap):
 
 def test_a_path_of_checked_segments_shares_them():
     path = lift_path(ROUNDED)
-    for other in (path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))):
+    others = path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))
+    for other in (*others, dataclasses.replace(path, merged=(1,))):
         assert other.segments is path.segments
-    assert dataclasses.replace(path, merged=(1,)).segments is path.segments
+    queries = np.random.default_rng(0).normal(size=(50, 3))
+    plain, held = path.project(queries), others[0].project(queries)
+    np.testing.assert_array_equal(plain.s, held.s)
+    np.testing.assert_array_equal(plain.distance, held.distance)
 
 
 def test_what_is_made_of_a_checked_path_is_not_checked_again(monkeypatch):
@@ -39,29 +42,21 @@ def test_what_is_made_of_a_checked_path_is_not_checked_again(monkeypatch):
     lift_path(ROUNDED).pointing((0, 0, 1))
 
 
-def test_a_path_that_comes_apart_where_it_is_placed_is_refused(refuses):
-    near = ac.Path(segments=gapped(0.9e-9))
+def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
+    near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
     assert place_path(near, Frame(position=[1, 2, 3])).length == 2
-    refuses(lambda: place_path(near, Frame(), scale=10), ac.InvalidInput, "Segment 2", index=1)
-    far = Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
-    refuses(lambda: place_path(ROUNDED, far), ac.InvalidInput, "must be continuous")
-
-
-def test_a_gap_between_joined_paths_is_refused_with_its_segment(refuses):
-    away = place_path(ROUNDED, Frame(position=[9, 9, 0]))
-    n = len(ROUNDED)
-    refuses(lambda: join_paths([ROUNDED, away]), ac.InvalidInput, f"Segment {n + 1}", index=n)
+    away, n = place_path(ROUNDED, Frame(position=[9, 9, 0])), len(ROUNDED)
+    refused(
+        (lambda: place_path(near, Frame(), scale=10), "Segment 2", {"index": 1}),
+        (lambda: place_path(ROUNDED, far), "must be continuous"),
+        (lambda: join_paths([ROUNDED, away]), f"Segment {n + 1}", {"index": n}),
+    )
 
 
 def test_a_table_owns_its_columns_and_new_ones_are_locked():
-    starts = np.zeros((1, 2))
-    given = Segments(
-        starts=starts,
-        tangents=np.array([(1.0, 0.0)]),
-        normals=np.zeros((1, 2)),
-        curvatures=np.zeros(1),
-        lengths=np.ones(1),
-    )
+    starts, ones = np.zeros((1, 2)), np.ones(1)
+    bare = {"normals": np.zeros((1, 2)), "curvatures": np.zeros(1), "lengths": ones}
+    given = Segments(starts=starts, tangents=np.array([(1.0, 0.0)]), **bare)
     starts[0] = 7.0
     assert given.starts[0].tolist() == [0, 0]
     longer = given.replace(lengths=np.full(1, 2.0))
@@ -80,27 +75,18 @@ def test_segments_run_backwards_are_the_same_points():
     np.testing.assert_allclose(back.at(every, turned), table.at(every, share), atol=1e-13)
 
 
-def test_nearest_points_are_those_of_the_table_however_the_path_is_held():
-    path = lift_path(ROUNDED)
-    queries = np.random.default_rng(0).normal(size=(50, 3))
-    plain, held = path.project(queries), path.pointing((0, 1, 0)).project(queries)
-    np.testing.assert_array_equal(plain.s, held.s)
-    np.testing.assert_array_equal(plain.distance, held.distance)
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
+@each("dimension", [2, 3])
 def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
     rng = np.random.default_rng(dimension)
-    for _ in range(50):
+    for _ in range(30):
         arcs = []
         start = rng.normal(size=dimension)
         for _ in range(4):
             center = start + rng.normal(size=dimension)
             normal = np.cross(center - start, rng.normal(size=3)) if dimension == 3 else None
-            arc = ac.Arc(start=start, center=center, angle=rng.uniform(0.1, 6.2), normal=normal)
-            arcs.append(arc)
-            start = ac.Path.from_segments([arc]).vertices[-1]
-        path = ac.Path.from_segments(arcs)
+            arcs.append(arc(start, center, rng.uniform(0.1, 6.2), normal=normal))
+            start = path_of(arcs[-1]).vertices[-1]
+        path = path_of(*arcs)
         low, high = path.segments.extent
         points = path(np.union1d(np.linspace(0, path.length, 20_000), path.breaks))
         assert (points >= low - 1e-12).all() and (points <= high + 1e-12).all()

@@ -1,14 +1,12 @@
 """Tool orientation of shaped paths: near that at the place, without stops, along the tangent."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.geometry.tables import arc, each, path_of, refused
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import orient_shaped, round_with_parabolas
 from armcontour.geometry.orienting import carry
@@ -46,37 +44,30 @@ def off_tangent(path, n=3001):
     return angle_between(path.orientation(s)[:, :, 0], path(s, 1))
 
 
-def test_without_orientation_there_is_none():
+def test_no_orientation_and_a_constant_one_are_kept():
     path, places = shaped(BASE)
     same, off = orient_shaped(path, BASE, places)
     assert same is path and off == 0
-
-
-def test_a_constant_orientation_is_kept():
     objective = BASE.pointing((0, 1, -1))
-    path, places = shaped(objective)
     found, off = orient_shaped(path, objective, places)
     assert type(found) is type(path) and found.orientation.fixed
     assert off < 1e-12 and len(found.stops) == 0
     np.testing.assert_array_equal(found.orientation.starts[0], objective.orientation.starts[0])
 
 
-@pytest.mark.parametrize("objective", [POINTING, ORIENTED])
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-2, 0.1])
+@each("objective, tolerance", [(x, y) for x in (POINTING, ORIENTED) for y in (1e-4, 1e-2, 0.1)])
 def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
     path, places = shaped(objective)
     found, off = orient_shaped(path, objective, places, tolerance)
     assert len(found.stops) == 0 and len(path.breaks) > 40
-    assert off <= tolerance
-    angles = off_place(found, objective, places)
-    assert angles.max() <= off * 1.03
     # It uses its tolerance, as far as half of a line goes.
-    assert off > 0.8 * tolerance
+    assert 0.8 * tolerance < off <= tolerance
+    assert off_place(found, objective, places).max() <= off * 1.03
     ends = found.orientation([0, found.length])
     np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-12)
 
 
-@pytest.mark.parametrize("objective", [POINTING, ORIENTED])
+@each("objective", [POINTING, ORIENTED])
 def test_without_a_tolerance_blends_go_with_the_corners(objective):
     path, places = shaped(objective, tolerance=0.002)
     found, off = orient_shaped(path, objective, places)
@@ -86,37 +77,30 @@ def test_without_a_tolerance_blends_go_with_the_corners(objective):
     assert 0.8 < off / rounded.corners.angular_error.max() < 1
 
 
-def test_a_straight_vertex_needs_a_tolerance():
+def test_straight_vertices_tolerance_zero_corners_and_rounded_objectives():
+    # A straight vertex needs a tolerance.
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).pointing(AXES[:3])
     places = np.array([(0, 0), (2, 2)])
-    with pytest.raises(InvalidInput, match="turns at another rate after segment 1"):
-        orient_shaped(path, path, places)
     found, off = orient_shaped(path, path, places, 0.01)
     assert len(found.stops) == 0 and off == pytest.approx(0.01, rel=0.2)
-
-
-def test_tolerance_zero_stops_where_the_rate_jumps():
+    rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
+    whole = np.array([(0, 0), (rounded.length, rounded.length)])
+    refused(
+        (lambda: orient_shaped(path, path, places), "turns at another rate after segment 1"),
+        (lambda: orient_shaped(rounded, rounded, whole, 0.01), "rounded before"),
+    )
+    # Tolerance zero stops where the rate jumps; at a corner of the path nothing is blended.
     path, places = shaped(ORIENTED)
     found, off = orient_shaped(path, ORIENTED, places, 0.0)
     np.testing.assert_allclose(found.stops, path.place(BASE.breaks[1:-1]), atol=1e-12)
     assert off < 1e-4
-
-
-def test_at_a_corner_of_the_path_nothing_is_blended():
-    places = np.array([(0, 0), (BASE.length, BASE.length)])
-    found, off = orient_shaped(BASE, ORIENTED, places, 0.05)
+    whole = np.array([(0, 0), (BASE.length, BASE.length)])
+    found, off = orient_shaped(BASE, ORIENTED, whole, 0.05)
     assert off < 1e-12
     np.testing.assert_array_equal(found.stops, BASE.breaks[1:-1])
 
 
-def test_a_rounded_objective_is_refused():
-    rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
-    places = np.array([(0, 0), (rounded.length, rounded.length)])
-    with pytest.raises(InvalidInput, match="rounded before"):
-        orient_shaped(rounded, rounded, places, 0.01)
-
-
-@pytest.mark.parametrize("tolerance", [1e-3, 0.02])
+@each("tolerance", [1e-3, 0.02])
 def test_a_tool_that_follows_the_tangent_follows_that_of_the_path(tolerance):
     objective = BASE.following_tangent((0, 0, 1))
     path, places = shaped(objective)
@@ -170,10 +154,10 @@ def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
 
 
 def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
-    circle = ac.Arc(start=(0.1, 0, 0), center=(0, 0, 0), angle=1.99 * np.pi, normal=(0, 0, 1))
-    objective = ac.Path.from_segments([circle]).following_tangent((0, 0, 1))
-    tilted = ac.Arc(start=(0.1, 0, 0), center=(0, 0, 0), angle=1.99 * np.pi, normal=(0, 0.05, 1))
-    path = ac.Path.from_segments([tilted])
+    def circle(*normal):
+        return path_of(arc((0.1, 0, 0), (0, 0, 0), 1.99 * np.pi, normal=normal))
+
+    objective, path = circle(0, 0, 1).following_tangent((0, 0, 1)), circle(0, 0.05, 1)
     places = np.array([(0, 0), (objective.length, path.length)])
     found, off = orient_shaped(path, objective, places, 0.01)
     assert len(found.stops) == 0 and off <= 0.01

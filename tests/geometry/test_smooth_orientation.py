@@ -1,15 +1,12 @@
 """Tool orientation along paths of continuous curvature: exact derivatives, and none that jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.frames import angle_between, log
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
-from armcontour.geometry.placing import place_path
 
 POINTS = [(0.4, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.2), (0.3, 0.1, 0.2)]
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -59,8 +56,8 @@ def test_a_tool_that_follows_the_tangent_is_at_its_angle():
     np.testing.assert_allclose(again.orientation(s), path.orientation(s), atol=1e-12)
 
 
-@pytest.mark.parametrize("allowed", [0.02, 0.1])
-@pytest.mark.parametrize("kind", ["turns", "axis"])
+@each("allowed", [0.02, 0.1])
+@each("kind", ["turns", "axis"])
 def test_the_angular_tolerance_is_kept_and_used(kind, allowed):
     path = oriented(kind)
     rounded = ac.round_corners(
@@ -75,14 +72,3 @@ def test_the_angular_tolerance_is_kept_and_used(kind, allowed):
     assert (off <= allowed + 1e-12).all()
     # At the larger tolerance neighbours leave each other no room to use it.
     assert off.max() > 0.8 * allowed or allowed == 0.1
-
-
-def test_what_is_cut_reversed_or_placed_has_the_same_orientation(smooth):
-    s, o = np.linspace(0, smooth.length, 999), smooth.orientation
-    parts = [cut_path(smooth, 0, 0.0963), cut_path(smooth, 0.0963, smooth.length)]
-    np.testing.assert_allclose(join_paths(parts).orientation(s), o(s), atol=1e-12)
-    back = reverse_path(smooth).orientation(smooth.length - s, side="left")
-    np.testing.assert_allclose(back, o(s), atol=1e-12)
-    frame = ac.Frame.rpy((1, 2, 3), (0.1, 0.2, 0.3))
-    placed = place_path(smooth, frame, scale=3.0).orientation(3 * s)
-    np.testing.assert_allclose(placed, frame.rotation @ o(s), atol=1e-12)

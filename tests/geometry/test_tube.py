@@ -1,14 +1,12 @@
 """The tube around a path: its pieces, room in it, and proofs against dense samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
 from armcontour.geometry import Segments, Tube, _tube, round_with_parabolas
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.fit import draw_with_arcs
@@ -52,51 +50,40 @@ def sampled_distance(path, objective, places, reach, n=400):
     return np.array(found), path.locate(s)
 
 
-def test_one_tolerance_needs_no_cut():
-    path = ac.Path.polyline(CORNER)
-    tube = Tube.of(path, 2e-3)
-    np.testing.assert_array_equal(tube.breaks, path.breaks)
-    np.testing.assert_array_equal(tube.tolerance, [2e-3, 2e-3])
-    assert tube.vertex.tolist() == [1] and tube.vertex_tolerance.tolist() == [2e-3]
+SHARP = [(0, 0), (0.1, 0), (0.2, 0), (0.2, 0.1)]
+SHORT = [(0, 0), (0.01, 0), (0.01, 0.01), (0.3, 0.01)]
+ZIGZAG = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)]
+FINE = {"line_tolerance": 1e-4, "zone": 0.02}
+EXACT = {"line_tolerance": 0.0, "zone": 0.05}
+PIECES = [  # points, tolerance of the vertices, zones, breaks, tolerances, vertices
+    (CORNER, 2e-3, {}, [0, 0.1, 0.2], [2e-3, 2e-3], [1]),
+    # Zones lie around corners only, reach over short lines and end with the path.
+    (SHARP, 5e-3, FINE, [0, 0.1, 0.18, 0.2, 0.22, 0.3], [1e-4, 1e-4, 5e-3, 5e-3, 1e-4], [2]),
+    (SHORT, 5e-3, EXACT, [0, 0.01, 0.02, 0.06, 0.07, 0.31], [5e-3] * 4 + [0.0], [1, 2]),
+    # Each vertex has its tolerance up to the middle.
+    (ZIGZAG, [1e-3, 2e-3], {}, [0, 0.1, 0.15, 0.2, 0.3], [1e-3, 1e-3, 2e-3, 2e-3], [1, 2]),
+    # A path without corners has the line tolerance.
+    ([(0, 0), (1, 0)], 1e-3, {}, [0, 1], [1e-3], []),
+    ([(0, 0), (1, 0)], 1e-3, FINE, [0, 1], [1e-4], []),
+]
 
 
-def test_zones_lie_around_corners_only():
-    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.2, 0), (0.2, 0.1)])
-    tube = Tube.of(path, 5e-3, line_tolerance=1e-4, zone=0.02)
-    np.testing.assert_allclose(tube.breaks, [0, 0.1, 0.18, 0.2, 0.22, 0.3], atol=1e-15)
-    np.testing.assert_array_equal(tube.tolerance, [1e-4, 1e-4, 5e-3, 5e-3, 1e-4])
-    np.testing.assert_array_equal(tube.vertex, [2])
-
-
-def test_zones_reach_over_short_lines_and_end_with_the_path():
-    path = ac.Path.polyline([(0, 0), (0.01, 0), (0.01, 0.01), (0.3, 0.01)])
-    tube = Tube.of(path, 5e-3, line_tolerance=0.0, zone=0.05)
-    np.testing.assert_allclose(tube.breaks, [0, 0.01, 0.02, 0.06, 0.07, 0.31], atol=1e-15)
-    np.testing.assert_array_equal(tube.tolerance, [5e-3, 5e-3, 5e-3, 5e-3, 0.0])
-
-
-def test_each_vertex_has_its_tolerance_up_to_the_middle():
-    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)])
-    tube = Tube.of(path, [1e-3, 2e-3])
-    np.testing.assert_allclose(tube.breaks, [0, 0.1, 0.15, 0.2, 0.3], atol=1e-15)
-    np.testing.assert_array_equal(tube.tolerance, [1e-3, 1e-3, 2e-3, 2e-3])
-    np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 2e-3])
+@each("points, tolerance, zones, breaks, tolerances, vertices", PIECES)
+def test_pieces_of_a_tube(points, tolerance, zones, breaks, tolerances, vertices):
+    tube = Tube.of(ac.Path.polyline(points), tolerance, **zones)
+    np.testing.assert_allclose(tube.breaks, breaks, atol=1e-15)
+    np.testing.assert_array_equal(tube.tolerance, tolerances)
+    np.testing.assert_array_equal(tube.vertex, vertices)
+    expected = np.broadcast_to(tolerance, len(vertices))
+    np.testing.assert_array_equal(tube.vertex_tolerance, expected)
 
 
 def test_the_paths_own_tolerances_cap_both_sides():
-    lines = [
-        ac.Line(start=a, end=b, demand=ac.Demand(tolerance=t))
-        for a, b, t in [((0, 0), (1, 0), None), ((1, 0), (1, 1), 1e-3), ((1, 1), (0, 1), 4e-3)]
-    ]
-    tube = Tube.of(ac.Path.from_segments(lines), 5e-3)
+    second, third = ((1, 0), (1, 1)), ((1, 1), (0, 1))
+    lines = line((0, 0), (1, 0)), line(*second, tolerance=1e-3), line(*third, tolerance=4e-3)
+    tube = Tube.of(path_of(*lines), 5e-3)
     np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
     np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
-
-
-def test_a_path_without_corners_has_the_line_tolerance():
-    line = ac.Path.polyline([(0, 0), (1, 0)])
-    assert Tube.of(line, 1e-3).tolerance.tolist() == [1e-3]
-    assert Tube.of(line, 1e-3, line_tolerance=1e-4, zone=0.1).tolerance.tolist() == [1e-4]
 
 
 def test_windows_hold_the_pieces_within_reach():
@@ -106,7 +93,7 @@ def test_windows_hold_the_pieces_within_reach():
     np.testing.assert_array_equal(found, [(0, 0), (0, 1), (0, 2), (2, 2)])
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@each("dimension", [2, 3])
 def test_room_is_that_of_the_best_piece_of_the_window(dimension):
     rng = np.random.default_rng(1)
     vertices = rng.normal(size=(9, dimension))
@@ -142,8 +129,8 @@ def test_stopping_at_every_vertex_keeps_tolerance_zero():
         assert proof.ok and abs(proof.excess) < 1e-15
 
 
-@pytest.mark.parametrize("turn", [0.3, np.pi / 2, 3.0])
-@pytest.mark.parametrize("shape", [ac.round_corners, round_with_parabolas])
+@each("turn", [0.3, np.pi / 2, 3.0])
+@each("shape", [ac.round_corners, round_with_parabolas])
 def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = shape(path, tolerance=5e-3)
@@ -156,7 +143,7 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     assert less.place == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("turn", [1e-3, 1e-6])
+@each("turn", [1e-3, 1e-6])
 def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
     # The middle of the arc is as far from both lines as from the corner, to a millionth.
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
@@ -214,19 +201,16 @@ def test_arcs_on_arcs_keep_tolerance_zero():
     assert Tube.of(again, 0.0).prove(path, evenly(again, path), 0.0).ok
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@each("dimension", [2, 3])
 def test_circles_side_by_side_are_bound_to_a_millionth(dimension):
     def circle(radius):
-        start, center = np.zeros(dimension), np.zeros(dimension)
-        start[0] = radius
         plane = {"normal": (0, 0, 1)} if dimension == 3 else {}
-        arc = ac.Arc(start=start, center=center, angle=1.9 * np.pi, **plane)
-        return ac.Path.from_segments([arc])
+        start = radius * np.eye(dimension)[0]
+        return path_of(arc(start, np.zeros(dimension), 1.9 * np.pi, **plane))
 
     path, near = circle(0.05), circle(0.051)
-    wide, narrow = (
-        Tube.of(path, 1e-3 * x).prove(near, evenly(path, near), 1e-3) for x in (1 + 1e-6, 1 - 1e-6)
-    )
+    tubes = (Tube.of(path, 1e-3 * x) for x in (1 + 1e-6, 1 - 1e-6))
+    wide, narrow = (x.prove(near, evenly(path, near), 1e-3) for x in tubes)
     assert wide.ok and not narrow.ok and narrow.violated
 
 
@@ -245,21 +229,19 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
         places = evenly(objective, path)
     reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
     proof = Tube.of(objective, tolerance).prove(path, places, reach)
-    distance, segment = sampled_distance(path, objective, places, reach, 20)
+    distance, segment = sampled_distance(path, objective, places, reach, 12)
     excess = distance - tolerance
     assert (excess <= proof.segments[segment] + proof.slack).all()
     assert proof.found <= proof.excess
     # Whatever is not proven was found outside, but within the millionth that is left open.
     assert proof.ok or proof.violated or proof.excess < 2e-6 * tolerance
     if not proof.ok and len(proof.vertices) and proof.vertices.max() < proof.found:
-        at = path([proof.s])
-        part = cut_path(
-            objective, max(proof.place - reach, 0), min(proof.place + reach, objective.length)
-        )
-        assert part.project(at).distance[0] - tolerance == pytest.approx(proof.found, abs=1e-9)
+        ends = max(proof.place - reach, 0), min(proof.place + reach, objective.length)
+        found = cut_path(objective, *ends).project(path([proof.s])).distance[0]
+        assert found - tolerance == pytest.approx(proof.found, abs=1e-9)
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@each("dimension", [2, 3])
 def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
     rng = np.random.default_rng(7)
     t = np.linspace(0, 1, 101)
@@ -281,8 +263,7 @@ def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
         u, v = rng.uniform(0, 0.5, size=2), rng.uniform(0, 0.5, size=2)
         rows = pack(segments)
         bulge = _tube.bulge(rows[0], *u, rows[1], *v)
-        p = segments.at(np.zeros(101, int), u[0] + (u[1] - u[0]) * t)
-        q = segments.at(np.ones(101, int), v[0] + (v[1] - v[0]) * t)
+        p, q = (segments.at(np.full(101, k), x[0] + (x[1] - x[0]) * t) for k, x in ((0, u), (1, v)))
         line = (p - q)[:1] + t[:, None] * ((p - q)[-1:] - (p - q)[:1])
         off = np.linalg.norm(p - q - line, axis=1).max()
         assert off <= bulge * (1 + 1e-9) + 1e-15
@@ -310,15 +291,14 @@ def test_reach_may_change_along_the_path():
 
 
 def test_what_is_refused():
-    path = ac.Path.polyline(CORNER)
-    with pytest.raises(InvalidInput, match="both line_tolerance and zone"):
-        Tube.of(path, 1e-3, zone=0.1)
-    with pytest.raises(InvalidInput, match="tolerance must not be negative"):
-        Tube.of(path, -1e-3)
-    with pytest.raises(InvalidInput, match="2 values, but the path has 1 vertices"):
-        Tube.of(path, [1e-3, 1e-3])
-    space = ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
-    with pytest.raises(InvalidInput, match="3 coordinates, its objective has 2"):
-        Tube.of(path, 1e-3).prove(space, evenly(path, space), 0.1)
-    with pytest.raises(InvalidInput, match="must lead from its start to its end"):
-        Tube.of(path, 1e-3).prove(path, [(0, 0), (0.1, 0.1)], 0.1)
+    path, space = ac.Path.polyline(CORNER), ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
+    bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
+    prove = Tube.of(path, 1e-3).prove
+    refused(
+        (lambda: Tube.of(path, 1e-3, zone=0.1), "both line_tolerance and zone"),
+        (lambda: Tube.of(path, -1e-3), "tolerance must not be negative"),
+        (lambda: Tube.of(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
+        (lambda: Tube.of(bent, 1e-3), "transition between", {"index": 1}),
+        (lambda: prove(space, evenly(path, space), 0.1), "3 coordinates, its objective has 2"),
+        (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from its start to its end"),
+    )

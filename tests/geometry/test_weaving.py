@@ -1,32 +1,25 @@
 """Weaving along seams, against the sine of a formula, sampled much denser than the arcs."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from tests.geometry.tables import each, line, path_of, refused
 
-from armcontour.errors import InvalidInput
-from armcontour.geometry import Arc, Demand, Line, Path, round_corners
+from armcontour.geometry import Arc, Demand, Path, round_corners
 from armcontour.geometry.weaving import weave_path
 
 WIDTH, PITCH = 4e-3, 5e-3
-SLOW = Demand(speed=0.01, tolerance=1e-4, tag="weld")
-LINE = Path.from_segments([Line(start=[0.1, 0.2], end=[0.15, 0.2], demand=SLOW)])
+SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}
+LINE = path_of(line([0.1, 0.2], [0.15, 0.2], **SLOW))
 # A line and a quarter of a circle, tangent to each other.
-BENT = Path.from_segments(
-    [
-        Line(start=[0.0, 0.0], end=[0.03, 0.0], demand=SLOW),
-        Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2),
-    ]
-)
+BEND = Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2)
+BENT = path_of(line([0.0, 0.0], [0.03, 0.0], **SLOW), BEND)
 
 
-def offset(share: np.ndarray, waves: float) -> np.ndarray:
+def offset(share, waves):
     """Height of the wave over the share of the seam, written out."""
     found = WIDTH / 2 * np.sin(2 * np.pi * waves * share)
     for k, x in enumerate(share):
@@ -37,7 +30,7 @@ def offset(share: np.ndarray, waves: float) -> np.ndarray:
     return found
 
 
-def exact(path: Path, count: int) -> np.ndarray:
+def exact(path, count):
     """Points of the woven seams LINE and BENT, from their geometry alone."""
     share = np.linspace(0, 1, count)
     off = offset(share, path.length / PITCH)
@@ -49,9 +42,9 @@ def exact(path: Path, count: int) -> np.ndarray:
     return np.column_stack([x, 0.02 - (0.02 - off) * np.cos(angle)])
 
 
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-6])
-@pytest.mark.parametrize("path", [LINE, BENT], ids=["line", "line and arc"])
-def test_a_sine_is_within_its_tolerance_and_has_no_corner(path: Path, tolerance: float) -> None:
+@each("tolerance", [1e-5, 1e-6])
+@each("path", [LINE, BENT])
+def test_a_sine_is_within_its_tolerance_and_has_no_corner(path, tolerance):
     woven = weave_path(path, width=WIDTH, pitch=PITCH, tolerance=tolerance)
     points = exact(path, 400_001)
     assert woven.project(points[::20]).distance.max() <= tolerance
@@ -69,14 +62,14 @@ def test_a_sine_is_within_its_tolerance_and_has_no_corner(path: Path, tolerance:
         assert (woven.lengths / woven.speeds).sum() == pytest.approx(path.length / 0.01)
 
 
-def test_a_zigzag_goes_from_crest_to_crest() -> None:
+def test_a_zigzag_goes_from_crest_to_crest():
     woven = weave_path(LINE, width=WIDTH, pitch=PITCH, shape="zigzag")
     crests = [[0.1 + (k + 0.5) * PITCH / 2, 0.2 + (-1) ** k * WIDTH / 2] for k in range(20)]
     np.testing.assert_allclose(woven.vertices, [[0.1, 0.2], *crests, [0.15, 0.2]], atol=1e-12)
     assert woven.speeds[3] == pytest.approx(0.01 * woven.length / 0.05)
 
 
-def test_corners_of_the_seam_stay_and_short_parts_are_not_woven() -> None:
+def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
     path = Path.polyline([[0.0, 0.0], [0.02, 0.0], [0.02, 0.002], [0.06, 0.002]])
     woven = weave_path(path, width=WIDTH, pitch=PITCH)
     corners = woven(woven.stops)
@@ -87,8 +80,8 @@ def test_corners_of_the_seam_stay_and_short_parts_are_not_woven() -> None:
     np.testing.assert_allclose(around(0.0, 1), around(around.length, 1, side="left"), atol=1e-9)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.7])
-def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle: float) -> None:
+@each("angle", [0.0, 0.7])
+def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle):
     turn = Rotation.from_euler("xyz", [angle, 0.3, -0.5]).as_matrix()
     lifted = np.column_stack([LINE.vertices, np.zeros(2)]) @ turn.T
     flat = weave_path(LINE, width=WIDTH, pitch=PITCH)
@@ -104,7 +97,7 @@ def test_a_weave_in_space_is_square_to_up_and_keeps_the_orientation(angle: float
     assert len(round_corners(zigzag, tolerance=1e-4, acceleration=1.0).stops) == 0
 
 
-def test_the_tool_turns_with_the_seam() -> None:
+def test_the_tool_turns_with_the_seam():
     ring = Path.from_segments(
         [Arc(start=[0.05, 0, 0.1], center=[0, 0, 0.1], angle=np.pi, normal=[0, 0, 1])]
     ).following_tangent([0, 0, 1])
@@ -123,7 +116,7 @@ def test_the_tool_turns_with_the_seam() -> None:
 # ------------------------------------------------------------- seams as waypoints, over time
 
 
-def waves(path: Path, woven: Path, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def waves(path, woven, offset):
     """Widths from crest to crest and frequencies, of offsets from the seam at even places.
 
     The first and the last two half waves, which grow and fade, are left out.
@@ -137,17 +130,15 @@ def waves(path: Path, woven: Path, offset: np.ndarray) -> tuple[np.ndarray, np.n
     return peaks[1:] + peaks[:-1], 1 / (times[2:] - times[:-2])
 
 
-@pytest.mark.parametrize("spacing", [0.2e-3, 1e-3, 4e-3, 20e-3])
-@pytest.mark.parametrize("radius", [50e-3, 200e-3, 500e-3, np.inf])
-def test_waypoints_are_woven_as_the_curve_that_they_stand_for(
-    radius: float, spacing: float
-) -> None:
+@each("spacing", [0.2e-3, 1e-3, 4e-3, 20e-3])
+@each("radius", [50e-3, 200e-3, 500e-3, np.inf])
+def test_waypoints_are_woven_as_the_curve_that_they_stand_for(radius, spacing):
     s = np.linspace(0, 0.1, round(0.1 / spacing) + 1)
     if np.isinf(radius):
         points = np.column_stack([s, np.zeros_like(s)])
     else:
         points = radius * np.column_stack([np.sin(s / radius), 1 - np.cos(s / radius)])
-    path = Path.polyline(points, demand=SLOW)
+    path = Path.polyline(points, demand=Demand(**SLOW))
     woven = weave_path(path, width=WIDTH, frequency=2.0)
     x, y = woven(np.linspace(0, woven.length, 40_001)).T
     off = y if np.isinf(radius) else radius - np.hypot(x, y - radius)
@@ -157,17 +148,17 @@ def test_waypoints_are_woven_as_the_curve_that_they_stand_for(
     np.testing.assert_allclose(frequency, 2.0, rtol=0.02)
 
 
-@pytest.mark.parametrize("spacing", [0.5e-3, 5e-3, 20e-3])
-def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing: float) -> None:
-    def saddle(angle: np.ndarray) -> np.ndarray:
+@each("spacing", [0.5e-3, 5e-3, 20e-3])
+def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing):
+    def saddle(angle):
         x, y = 0.05 * np.cos(angle), 0.05 * np.sin(angle)
         return np.column_stack([x, y, np.sqrt(0.01 - y**2)])
 
-    def axis(angle: np.ndarray) -> np.ndarray:
+    def axis(angle):
         return -np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)]) / np.sqrt(2)
 
     angles = np.linspace(0, 2 * np.pi, round(0.33 / spacing) + 1)
-    path = Path.polyline(saddle(angles), demand=SLOW).pointing(axis(angles))
+    path = Path.polyline(saddle(angles), demand=Demand(**SLOW)).pointing(axis(angles))
     woven = weave_path(path, width=WIDTH, pitch=PITCH, dwell=0.05)
     dense = np.linspace(0, 2 * np.pi, 200_001)
     seam = saddle(dense)
@@ -186,8 +177,8 @@ def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing: float) -> None:
     assert np.degrees(np.arccos(np.sum(turned * out, axis=1).clip(-1, 1))).max() < 1.0
 
 
-@pytest.mark.parametrize("shape", ["sine", "zigzag"])
-def test_the_tool_stays_at_the_edges_for_the_dwell(shape: str) -> None:
+@each("shape", ["sine", "zigzag"])
+def test_the_tool_stays_at_the_edges_for_the_dwell(shape):
     woven = weave_path(LINE, width=WIDTH, frequency=1.0, dwell=0.1, speed=0.005, shape=shape)
     at_edge = np.abs(np.abs(woven((woven.breaks[1:] + woven.breaks[:-1]) / 2)[:, 1] - 0.2)
                      - WIDTH / 2) < 1e-5  # fmt: skip
@@ -197,26 +188,23 @@ def test_the_tool_stays_at_the_edges_for_the_dwell(shape: str) -> None:
     np.testing.assert_allclose(woven.speeds[at_edge], 0.005, rtol=1e-3)
 
 
-def test_refuses_weaves_that_cannot_be(refuses: Callable[..., None]) -> None:
-    refuses(lambda: weave_path(BENT, width=0.04, pitch=PITCH), InvalidInput, "40 mm", "20 mm")
-    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=1e-9), InvalidInput, "longer pitch")
-    refuses(lambda: weave_path(LINE, width=-1.0, pitch=PITCH), InvalidInput, "width")
-    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=0.0), InvalidInput, "pitch")
-    refuses(
-        lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, shape="moon"), InvalidInput, "zigzag"
-    )
-    refuses(
-        lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, up=[0, 0, 0]), InvalidInput, "direction"
-    )
+def test_refuses_weaves_that_cannot_be():
+    def woven(path=LINE, **values):
+        return lambda: weave_path(path, **{"width": WIDTH, "pitch": PITCH, **values})
+
     tall = Path.polyline([[0, 0, 0], [0, 0, 0.1]])
-    refuses(lambda: weave_path(tall, width=WIDTH, pitch=PITCH), InvalidInput, "parallel")
-    refuses(lambda: weave_path(LINE, width=WIDTH), InvalidInput, "pitch or a frequency")
-    refuses(lambda: weave_path(BENT, width=WIDTH, frequency=2.0), InvalidInput, "assigned velocity")
-    refuses(lambda: weave_path(LINE, width=WIDTH, pitch=PITCH, dwell=0.3), InvalidInput, "0.2 s")
     comb = Path.polyline([[k * 1e-3, 1e-3 * (k % 2)] for k in range(20)])
-    refuses(lambda: weave_path(comb, width=WIDTH, pitch=PITCH), InvalidInput, "nothing is woven")
-    refuses(
-        lambda: weave_path(BENT, width=WIDTH, pitch=PITCH, tolerance=1e-14),
-        InvalidInput,
-        "tolerance",
+    refused(
+        (woven(BENT, width=0.04), "40 mm", "20 mm"),
+        (woven(pitch=1e-9), "longer pitch"),
+        (woven(width=-1.0), "width"),
+        (woven(pitch=0.0), "pitch"),
+        (woven(shape="moon"), "zigzag"),
+        (woven(up=[0, 0, 0]), "direction"),
+        (woven(tall), "parallel"),
+        (woven(pitch=None), "pitch or a frequency"),
+        (woven(BENT, pitch=None, frequency=2.0), "assigned velocity"),
+        (woven(dwell=0.3), "0.2 s"),
+        (woven(comb), "nothing is woven"),
+        (woven(BENT, tolerance=1e-14), "tolerance"),
     )

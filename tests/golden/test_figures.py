@@ -1,7 +1,5 @@
 """The published and converged figures of figures.yaml, measured one by one."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
@@ -12,17 +10,8 @@ import yaml
 import armcontour as ac
 
 FIGURES = yaml.safe_load((Path(__file__).parent / "figures.yaml").read_text(encoding="utf-8"))
-FIELDS = {
-    "id",
-    "quantity",
-    "source",
-    "section",
-    "table_or_figure",
-    "value",
-    "unit",
-    "why_this_tolerance",
-    "erratum",
-}
+FIELDS = set("id quantity source section table_or_figure value unit erratum".split())
+FIELDS.add("why_this_tolerance")
 OPTIONAL = {"tolerance", "relation", "reproduced"}
 MM = 1e3  # mm per m
 
@@ -57,13 +46,10 @@ class Bench:
         corners = self.rounded.corners
         stretch = [x for x in self.mac.stretches if x.kind == "corner"][i]
         return {
-            "turn": np.degrees(corners.turn[i]),
-            "radius": corners.radius[i] * MM,
-            "speed": stretch.speed * MM,
-            "time": stretch.t[1] - stretch.t[0],
-            "demand1": stretch.demand[0],
-            "demand2": stretch.demand[1],
-        }[what]
+            "turn": np.degrees(corners.turn[i]), "radius": corners.radius[i] * MM,
+            "speed": stretch.speed * MM, "time": stretch.t[1] - stretch.t[0],
+            "demand1": stretch.demand[0], "demand2": stretch.demand[1],
+        }[what]  # fmt: skip
 
     def middle(self, what):
         (stretch,) = (x for x in self.mac.stretches if x.kind == "AVC")
@@ -75,12 +61,9 @@ class Bench:
         until = self.conventional_plan.duration if what == "rms_of_the_motion" else 12.06
         done = self.executed("conventional", "even", "none", 2e-4, None)
         found = ac.evaluate(done, self.objective, until=until)
-        return {
-            "settled": found.settled,
-            "rms": found.contour_error.rms * MM,
-            "rms_of_the_motion": found.contour_error.rms * MM,
-            "max": found.contour_error.max * MM,
-        }[what]
+        error = found.contour_error
+        rms = {"rms": error.rms * MM, "rms_of_the_motion": error.rms * MM}
+        return {**rms, "settled": found.settled, "max": error.max * MM}[what]
 
     def share_of_time(self):
         return 100 * self.T() / self.conventional("settled")
@@ -97,12 +80,10 @@ class Bench:
         if what == "tracking_share":
             return 100 * found.tracking_error.rms * MM / self.none(gains, "tracking")
         return {
-            "rms": found.contour_error.rms * MM,
-            "max": found.contour_error.max * MM,
-            "tracking": found.tracking_error.rms * MM,
+            "rms": found.contour_error.rms * MM, "max": found.contour_error.max * MM,
+            "tracking": found.tracking_error.rms * MM, "speed_ratio": found.speed_ratio,
             "demand_ratio": found.demand_ratio.max(),
-            "speed_ratio": found.speed_ratio,
-        }[what]
+        }[what]  # fmt: skip
 
     def _executed(self, timing, gains, compensation, period, poles):
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)

@@ -5,8 +5,6 @@ Robot Arms Under Assigned Velocity and Torque Constraints", by its equation numb
 these tests prove is docs/misprints.md.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -18,29 +16,11 @@ from armcontour.timing._laps import laps
 L0, L1, L2 = 0.135, 0.250, 0.215  # m, Sec. IV-A
 KP, KV = 25.0, 150.0  # 1/s, Sec. IV-A
 LIMIT = 0.72  # rad/s², Sec. IV-A
-POINTS = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]  # m, Sec. IV-A
 CORNER_ERROR = 5e-3  # m, Sec. IV-A
 CENTRIPETAL = 0.09  # Sec. IV-A, printed in m/s
 ASSIGNED = 0.15  # m/s, Sec. IV-A
 # Sec. IV-A, s: P0 ... P9
 STAMPS = np.array([0.000, 0.712, 1.182, 1.758, 2.294, 2.848, 3.344, 3.894, 4.490, 5.770])
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return ac.load_arm("pmk3s")
-
-
-@pytest.fixture(scope="module")
-def rounded():
-    return ac.round_corners(
-        ac.Path.polyline(POINTS), tolerance=CORNER_ERROR, acceleration=CENTRIPETAL
-    )
-
-
-@pytest.fixture(scope="module")
-def limits(arm):
-    return arm.limits.replace(speed=ASSIGNED, centripetal_acceleration=CENTRIPETAL)
 
 
 @pytest.fixture(scope="module")
@@ -50,20 +30,15 @@ def planned(arm, rounded, limits):
 
 def forward(theta1, theta2):
     """(1) and (2), which are printed right."""
-    return np.array(
-        [
-            L0 + L1 * np.sin(theta1) + L2 * np.sin(theta1 + theta2),
-            L1 * np.cos(theta1) + L2 * np.cos(theta1 + theta2),
-        ]
-    )
+    x = L0 + L1 * np.sin(theta1) + L2 * np.sin(theta1 + theta2)
+    return np.array([x, L1 * np.cos(theta1) + L2 * np.cos(theta1 + theta2)])
 
 
 def printed_inverse(x, y):
     """(3) and (4) as printed."""
     c = x - L0
-    theta1 = np.arctan(c / y) - np.arccos(
-        (L1**2 - L2**2 + c**2 + y**2) / (2 * L1 * np.sqrt(c**2 + y**2))
-    )
+    cosine = (L1**2 - L2**2 + c**2 + y**2) / (2 * L1 * np.sqrt(c**2 + y**2))
+    theta1 = np.arctan(c / y) - np.arccos(cosine)
     theta2 = np.pi - np.arccos((L1**2 + L2**2 - c**2 - y**2) / (2 * L1 * L2))
     return theta1, theta2
 
@@ -71,26 +46,21 @@ def printed_inverse(x, y):
 class TestArm:
     def test_eq3_printed_arctangent_is_right_above_the_base_only(self, arm):
         above, below = (0.30, 0.20), (0.30, -0.20)
-
         assert_allclose(forward(*printed_inverse(*above)), above, atol=1e-12)
         assert np.linalg.norm(forward(*printed_inverse(*below)) - below) > 0.1
-
         assert_allclose(forward(*arm.inverse(above)), above, atol=1e-12)
         assert_allclose(forward(*arm.inverse(below)), below, atol=1e-12)
 
     def test_eq3_printed_arctangent_is_undefined_beside_the_base(self, arm):
-        beside = (0.30, 0.0)
-
+        beside = np.float64(0.30), np.float64(0.0)
         with np.errstate(all="raise"), pytest.raises((FloatingPointError, ZeroDivisionError)):
-            printed_inverse(np.float64(beside[0]), np.float64(beside[1]))
-
+            printed_inverse(*beside)
         assert_allclose(forward(*arm.inverse(beside)), beside, atol=1e-12)
 
     def test_eq4_printed_form_knows_one_elbow_of_two(self, arm):
         point = (0.30, 0.20)
         theta1, theta2 = printed_inverse(*point)
         other = arm.inverse(point, branch="negative")
-
         assert theta2 > 0
         assert_allclose(other[1], -theta2, atol=1e-12)
         # The other elbow needs its own theta1: a change of sign alone misses the point.
@@ -108,12 +78,8 @@ class TestCorners:
     def test_eq11_difference_of_headings_must_be_wrapped(self):
         alpha1, alpha2 = np.radians([170.0, -170.0])
         corner = np.array([np.cos(alpha1), np.sin(alpha1)])
-        path = ac.Path.polyline(
-            [(0.0, 0.0), corner, corner + [np.cos(alpha2), np.sin(alpha2)]],
-        )
-
+        path = ac.Path.polyline([(0.0, 0.0), corner, corner + [np.cos(alpha2), np.sin(alpha2)]])
         assert printed_radius(CORNER_ERROR, alpha1, alpha2) < 0
-
         wrapped = np.radians(20.0)
         radius = ac.round_corners(path, tolerance=CORNER_ERROR).corners.radius[0]
         assert_allclose(radius, printed_radius(CORNER_ERROR, 0.0, wrapped), rtol=1e-9)
@@ -123,9 +89,7 @@ class TestCorners:
         side, turn = 0.01, np.pi / 2
         path = ac.Path.polyline([(0.0, 0.0), (side, 0.0), (side, side)])
         printed = printed_radius(CORNER_ERROR, 0.0, turn)
-
         assert printed * np.tan(turn / 2) > side
-
         corners = ac.round_corners(path, tolerance=CORNER_ERROR).corners
         assert corners.shrunk.all()
         assert corners.tangent[0] <= side * (1 + 1e-12)
@@ -135,9 +99,7 @@ class TestCorners:
         path = ac.Path.polyline([(0.25, 0.25), (0.30, 0.25), (0.35, 0.2586)])
         rounded = ac.round_corners(path, tolerance=2e-4, acceleration=0.09)
         limits = arm.limits.replace(speed=0.03, centripetal_acceleration=0.09)
-
         assert rounded.corners.speed[0] > 0.03
-
         planned = ac.plan(rounded, arm, limits, method="mac")
         corner = next(x for x in planned.stretches if x.kind == "corner")
         assert_allclose(corner.speed, 0.03, rtol=1e-6)
@@ -148,20 +110,14 @@ class TestCorners:
         beta = np.linspace(0, sweep, 50)
         heading = np.array([np.cos(alpha1), np.sin(alpha1)])
         printed = r * np.sin(beta)[:, None] * heading
-
         # Every printed point is on the tangent through R, and none but R on the circle.
         left = np.array([-heading[1], heading[0]])
         assert_allclose(printed @ left, 0, atol=1e-17)
         centre = turn * r * left
         assert (np.abs(np.linalg.norm(printed[1:] - centre, axis=1) - r) > 1e-7).all()
-
-        mended = np.stack(
-            [
-                r * (np.sin(beta) * np.cos(alpha1) - turn * (1 - np.cos(beta)) * np.sin(alpha1)),
-                r * (np.sin(beta) * np.sin(alpha1) + turn * (1 - np.cos(beta)) * np.cos(alpha1)),
-            ],
-            axis=1,
-        )
+        x = r * (np.sin(beta) * np.cos(alpha1) - turn * (1 - np.cos(beta)) * np.sin(alpha1))
+        y = r * (np.sin(beta) * np.sin(alpha1) + turn * (1 - np.cos(beta)) * np.cos(alpha1))
+        mended = np.stack([x, y], axis=1)
         arc = ac.Path.from_segments([ac.Arc(start=(0, 0), center=centre, angle=turn * sweep)])
         assert_allclose(np.linalg.norm(mended - centre, axis=1), r, rtol=1e-12)
         assert_allclose(arc(r * beta), mended, atol=1e-15)
@@ -176,12 +132,8 @@ def printed_lap_time(velocity, step, limit):
 def one_lap(velocity, step, limit=LIMIT):
     """Time and acceleration of one lap of one joint, by the library."""
     way = np.sign(step) or np.sign(velocity) or 1.0
-    h, _, _, acceleration, *_ = laps(
-        np.array([[0.0], [step]]),
-        np.array([[way], [way]]),
-        abs(velocity),
-        np.array([limit]),
-    )
+    given = np.array([[0.0], [step]]), np.array([[way], [way]])
+    h, _, _, acceleration, *_ = laps(*given, abs(velocity), np.array([limit]))
     return float(h[0]), float(acceleration[0, 0])
 
 
@@ -194,9 +146,7 @@ class TestLaps:
     def test_eq18_printed_denominator_has_a_displacement_too_many(self):
         velocity, step = 0.2, 0.01
         printed = printed_lap_time(velocity, step, LIMIT)
-
         assert step_after(velocity, LIMIT, printed) > 100 * step
-
         time, acceleration = one_lap(velocity, step)
         assert_allclose(acceleration, LIMIT, rtol=1e-9)
         assert_allclose(step_after(velocity, LIMIT, time), step, rtol=1e-12)
@@ -205,9 +155,7 @@ class TestLaps:
     def test_eq18_printed_sign_of_the_root_gives_a_negative_time_backwards(self):
         velocity, step = -0.2, -0.01
         plus = (-velocity + np.sqrt(velocity**2 + 2 * LIMIT * abs(step))) / -LIMIT
-
         assert plus < 0
-
         time, acceleration = one_lap(velocity, step)
         assert time > 0
         assert_allclose(acceleration, -LIMIT, rtol=1e-9)
@@ -215,10 +163,8 @@ class TestLaps:
 
     def test_eq18_joint_that_returns_to_its_place_has_no_printed_time(self):
         velocity = 0.2
-
         with np.errstate(all="raise"), pytest.raises(FloatingPointError):
             printed_lap_time(np.float64(velocity), np.float64(0.0), LIMIT)
-
         time, acceleration = one_lap(velocity, 0.0)
         assert_allclose(time, 2 * velocity / LIMIT, rtol=1e-12)
         assert_allclose(step_after(velocity, acceleration, time), 0, atol=1e-15)
@@ -229,9 +175,7 @@ class TestLaps:
         own = one_lap(velocity, step, limit)[0]
         slower = one_lap(0.0, 0.5, limit)[0]
         printed = max(own, slower)
-
         assert abs(2 * (step - velocity * printed) / printed**2) > limit
-
         root = np.sqrt(velocity**2 - 2 * limit * step)
         for time, feasible in (
             ((velocity - root) / limit * (1 - 1e-6), True),
@@ -242,19 +186,14 @@ class TestLaps:
             needed = abs(2 * (step - velocity * time) / time**2)
             assert bool(needed <= limit) is feasible
         # The library stops there, and names the joint and what it would need.
-        *_, done, joint, needed = laps(
-            np.array([[0.0, 0.0], [step, 0.5]]),
-            np.array([[velocity, 0.0], [velocity, 1.0]]),
-            1.0,
-            np.array([limit, limit]),
-        )
+        given = np.array([[0.0, 0.0], [step, 0.5]]), np.array([[velocity, 0.0], [velocity, 1.0]])
+        *_, done, joint, needed = laps(*given, 1.0, np.array([limit, limit]))
         assert (done, joint) == (0, 0)
         assert_allclose(needed, 1.8, rtol=1e-12)
 
     def test_eq19_line_on_which_a_joint_turns_round_is_refused(self, arm):
         line = ac.Path.polyline([(-0.065, 0.300), (0.335, 0.300)])
         limits = arm.limits.replace(speed=0.3)
-
         with pytest.raises(ac.NotRealizable) as caught:
             ac.plan(line, arm, limits, method="mac", knots=1000)
         assert caught.value.joint == 2
@@ -264,7 +203,6 @@ class TestLaps:
     def test_eq18_text_calls_an_acceleration_a_velocity(self):
         time, acceleration = one_lap(0.2, 0.01)
         faster_time, faster = one_lap(0.4, 0.01, 4 * LIMIT)
-
         # With the clock twice as fast a velocity doubles; what the text names quadruples.
         assert_allclose(faster_time, time / 2, rtol=1e-12)
         assert not np.isclose(faster, 2 * acceleration)
@@ -275,7 +213,6 @@ class TestLaps:
         time, acceleration = one_lap(velocity, step, LIMIT / 2)
         printed = 2 * (step - velocity * time) / time
         mended = 2 * (step - velocity * time) / time**2
-
         assert abs(step_after(velocity, printed, time) - step) > 0.01 * step
         assert_allclose(step_after(velocity, mended, time), step, rtol=1e-12)
         assert_allclose(acceleration, mended, rtol=1e-9)
@@ -286,7 +223,6 @@ class TestLaps:
         begin, end = law.breaks[k], law.breaks[k + 1]
         state = planned(begin), planned(begin, 1), planned(begin, 2)
         place = arm.inverse(rounded([rounded.project(arm.forward(law.q[k + 1])[None]).s[0]]))[0]
-
         printed = state[0] + state[1] * end + state[2] * end**2 / 2
         mended = state[0] + state[1] * (end - begin) + state[2] * (end - begin) ** 2 / 2
         assert np.abs(printed - place).max() > 0.01
@@ -297,12 +233,8 @@ class TestLaps:
         knots = arm.inverse(rounded(np.linspace(0, rounded.breaks[1], 201)))
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
-        _, _, _, shipped, done, *_ = laps(
-            knots,
-            joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1),
-            0.0,
-            np.array([LIMIT, LIMIT]),
-        )
+        slopes = joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1)
+        _, _, _, shipped, done, *_ = laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
 
         def zigzag(acceleration):
             """Largest second difference of joint 1, which does not set the laps' times."""
@@ -317,10 +249,8 @@ class TestLaps:
     def test_eq21_plain_hand_over_never_forgets_an_error(self, arm, rounded):
         knots = arm.inverse(rounded(np.linspace(0, rounded.breaks[1], 201)))
         error = 1e-5
-
         exact, _ = plain_laps(knots, np.array([0.0, 0.0]))
         wrong, _ = plain_laps(knots, np.array([error, 0.0]))
-
         assert_allclose((wrong - exact)[1:, 0], error * (-1.0) ** np.arange(1, 201), rtol=1e-3)
 
     def test_eq21_velocities_of_the_library_fit_at_the_knots_to_second_order(self, arm, rounded):
@@ -328,14 +258,12 @@ class TestLaps:
         gaps = []
         for count in (100, 200, 400):
             s = np.linspace(0, rounded.breaks[1] * (1 - 1e-15), count + 1)
-            h, _, begin, acceleration, *_ = laps(
-                joint_path(s), joint_path(s, 1), 0.01, np.array([LIMIT, LIMIT])
-            )
+            given = joint_path(s), joint_path(s, 1)
+            h, _, begin, acceleration, *_ = laps(*given, 0.01, np.array([LIMIT, LIMIT]))
             end = begin + acceleration * h[:, None]
             jumps = np.abs(end[:-1] - begin[1:])
             assert jumps[:, 1].max() < 1e-15  # joint 2 sets the laps' times
             gaps.append(jumps[count // 2, 0])
-
         assert gaps[0] < 1e-5  # rad/s
         assert_allclose([gaps[0] / gaps[1], gaps[1] / gaps[2]], 4.0, rtol=0.05)
 
@@ -362,7 +290,6 @@ class TestMiddlePath:
         chord = self.p2 - self.p1
         phi = np.arcsin(chord[1] / np.linalg.norm(chord))
         printed = np.array([np.cos(phi), np.sin(phi)])
-
         assert printed @ chord < 0.5 * np.linalg.norm(chord)
         assert_allclose(abs(printed), abs(chord / np.linalg.norm(chord)), rtol=1e-12)
 
@@ -391,7 +318,6 @@ class TestMiddlePath:
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         v_f = np.linalg.norm(arm.tool_velocity(q, dq)[0])
         v_r = np.linalg.norm(arm.tool_velocity(q, dq)[-1])
-
         expected = (v_r - v_f) / (t[-1] - t[0]) * along
         acceleration = arm.tool_acceleration(q, dq, ddq)
         assert_allclose(acceleration, np.tile(expected, (len(t), 1)), atol=2e-4)
@@ -399,7 +325,6 @@ class TestMiddlePath:
     def test_eq24_total_time_is_the_line_s_own(self):
         # Line 2 of the paper: P3 P4 (MAC), P4 P5 (AVC), P5 P6 (MDC).
         t_f, middle, t_r = np.diff(STAMPS)[3:6]
-
         assert STAMPS[-1] - t_r - t_f > 8 * middle  # T as the time of the whole job
         assert_allclose((STAMPS[6] - STAMPS[3]) - t_r - t_f, middle, atol=1e-12)
 
@@ -419,7 +344,6 @@ class TestCompensator:
 
     def test_eq26_printed_minus_turns_the_motion_round(self):
         numerator, denominator = printed_compensator(*self.poles)
-
         assert_allclose(numerator[-1] / denominator[-1], -1.0, rtol=1e-12)
         assert_allclose(-numerator[-1] / denominator[-1], 1.0, rtol=1e-12)
 
@@ -427,21 +351,18 @@ class TestCompensator:
         poles = (-60.0, -100.0, -40.0)
         numerator, denominator = printed_compensator(*poles)
         zeros = np.roots(numerator)
-
         assert len(denominator) - 1 == 3
         # No zero cancels a pole, so that the order is three and not two.
         assert np.abs(zeros[:, None] - np.array(poles)[None]).min() > 1
 
     def test_eq26_without_the_minus_is_what_the_library_does(self, planned):
         servo = ac.ServoModel(kp=KP, kv=KV)
-        taught = ac.compensate(
-            planned, servo, method="pole_placement", poles=self.poles, period=4e-3
-        )
+        how = {"method": "pole_placement", "poles": self.poles, "period": 4e-3}
+        taught = ac.compensate(planned, servo, **how)
         t = np.arange(0, taught.t[-1], 1e-4)
         start = planned(0.0)
         moved = planned(np.minimum(t, planned.duration)) - start
         numerator, denominator = printed_compensator(*self.poles)
-
         for j in range(2):
             _, printed, _ = signal.lsim((numerator, denominator), moved[:, j], t)
             ours = taught.q[:-1, j] - start[j]
@@ -455,7 +376,6 @@ class TestCompensator:
         numerator, _ = printed_compensator(*poles)
         x = (KV + g) * (m1 + m2) + KV**2 + m1 * m2 + KV * g
         inverse = [1 / (KP * KV), 1 / KP, 1.0]
-
         assert_allclose(-numerator, np.polymul(inverse, [x, -m1 * m2 * g]), rtol=1e-12)
 
 
@@ -464,35 +384,19 @@ def printed_eq27(theta1, theta2, rate1, rate2):
     s1, c1 = np.sin(theta1), np.cos(theta1)
     s2, c2 = np.sin(theta2), np.cos(theta2)
     s12, c12 = np.sin(theta1 + theta2), np.cos(theta1 + theta2)
-    p = np.array(
-        [
-            [s12 / (L1 * s2), c12 / (L1 * s2)],
-            [-(L1 * s1 + L2 * s12) / (L1 * L2 * s2), (-L1 * c1 + L2 * c12) / (L1 * L2 * s2)],
-        ]
-    )
-    q = np.array(
-        [
-            [
-                c12 / (L1 * s2) * rate1 - s1 / (L1 * s2**2) * rate2,
-                -(s12 / (L1 * s2) * rate1 + c1 / (L1 * s2**2) * rate2),
-            ],
-            [
-                -(L1 * c1 + L2 * c12) / (L1 * L2 * s2) * rate1
-                + s1 * (L2 + L1 * c2) / (L1 * L2 * s2**2) * rate2,
-                (L1 * s1 + L2 * s12) / (L1 * L2 * s2) * rate1
-                + c1 * (L2 + L1 * c2) / (L1 * L2 * s2) * rate2,
-            ],
-        ]
-    )
-    return p, q
+    d = L1 * L2 * s2
+    p11, p12 = s12 / (L1 * s2), c12 / (L1 * s2)
+    p21, p22 = -(L1 * s1 + L2 * s12) / d, (-L1 * c1 + L2 * c12) / d
+    q11 = c12 / (L1 * s2) * rate1 - s1 / (L1 * s2**2) * rate2
+    q12 = -(s12 / (L1 * s2) * rate1 + c1 / (L1 * s2**2) * rate2)
+    q21 = -(L1 * c1 + L2 * c12) / d * rate1 + s1 * (L2 + L1 * c2) / (d * s2) * rate2
+    q22 = (L1 * s1 + L2 * s12) / d * rate1 + c1 * (L2 + L1 * c2) / d * rate2
+    return np.array([[p11, p12], [p21, p22]]), np.array([[q11, q12], [q21, q22]])
 
 
 class TestMiddlePathAcceleration:
-    theta, rate, acceleration = (
-        np.array([0.31, 1.27]),
-        np.array([0.4, -0.7]),
-        np.array([0.15, 0.35]),
-    )
+    theta, rate = np.array([0.31, 1.27]), np.array([0.4, -0.7])
+    acceleration = np.array([0.15, 0.35])
 
     def tool_motion(self):
         """Tool velocity and acceleration by differences of (1) and (2)."""
@@ -505,17 +409,12 @@ class TestMiddlePathAcceleration:
 
     def matrices(self, **mended):
         p, q = printed_eq27(*self.theta, *self.rate)
-        theta1, theta2 = self.theta
+        (x, y), s2 = forward(*self.theta) - [L0, 0], np.sin(self.theta[1])
         if mended.get("p22"):
-            p[1, 1] = -(L1 * np.cos(theta1) + L2 * np.cos(theta1 + theta2)) / (
-                L1 * L2 * np.sin(theta2)
-            )
+            p[1, 1] = -y / (L1 * L2 * s2)
         if mended.get("q22"):
-            q[1, 1] = (L1 * np.sin(theta1) + L2 * np.sin(theta1 + theta2)) / (
-                L1 * L2 * np.sin(theta2)
-            ) * self.rate[0] + np.cos(theta1) * (L2 + L1 * np.cos(theta2)) / (
-                L1 * L2 * np.sin(theta2) ** 2
-            ) * self.rate[1]
+            square = np.cos(self.theta[0]) * (L2 + L1 * np.cos(self.theta[1])) / (L1 * L2 * s2**2)
+            q[1, 1] = x / (L1 * L2 * s2) * self.rate[0] + square * self.rate[1]
         return p, q
 
     def joint_acceleration(self, **mended):
@@ -526,7 +425,6 @@ class TestMiddlePathAcceleration:
     def test_eq27_p22_needs_a_bracket(self, arm):
         p, _ = self.matrices()
         inverse = np.linalg.inv(arm.jacobian(self.theta))
-
         assert_allclose(p.ravel()[:3], inverse.ravel()[:3], rtol=1e-12)
         assert not np.isclose(p[1, 1], inverse[1, 1])
         assert_allclose(self.matrices(p22=True)[0], inverse, rtol=1e-12)
@@ -535,7 +433,6 @@ class TestMiddlePathAcceleration:
         _, q = self.matrices()
         inverse = np.linalg.inv(arm.jacobian(self.theta))
         rate = -inverse @ arm.jacobian_rate(self.theta, self.rate) @ inverse
-
         assert_allclose(q.ravel()[:3], rate.ravel()[:3], rtol=1e-12)
         assert not np.isclose(q[1, 1], rate[1, 1])
         assert_allclose(self.matrices(q22=True)[1], rate, rtol=1e-12)
@@ -543,7 +440,6 @@ class TestMiddlePathAcceleration:
     def test_eq27_gives_the_joint_acceleration_only_with_both(self, arm):
         for mended in ({}, {"p22": True}, {"q22": True}):
             assert np.abs(self.joint_acceleration(**mended) - self.acceleration).max() > 0.005
-
         found = self.joint_acceleration(p22=True, q22=True)
         assert_allclose(found, self.acceleration, atol=1e-6)
         library = arm.joint_acceleration(self.theta, self.rate, self.tool_motion()[1])
@@ -562,7 +458,6 @@ class TestJob:
         corners = rounded.corners
         stamps = np.diff(STAMPS)[[2, 6]]  # P2 P3 and P6 P7
         way = corners.radius * corners.turn
-
         as_speed = way / CENTRIPETAL
         as_acceleration = way / np.sqrt(CENTRIPETAL * corners.radius)
         assert (as_speed < 0.5 * stamps).all()
@@ -572,13 +467,11 @@ class TestJob:
 
     def test_sec4_ratio_of_the_errors_is_6_2_percent(self):
         ratio = 0.164 / 2.630  # Table I, mm
-
         assert round(100 * ratio, 1) != 6.3
         assert round(100 * ratio, 1) == 6.2
 
     def test_table1_and_the_time_stamps_disagree(self, planned):
         table = 5.600  # s, Table I, proposed (simulation)
-
         assert STAMPS[-1] - table > 0.1
         # All of it, and more, is in the last stretch: ours are the paper's up to P8.
         assert_allclose(np.diff(planned.switching_points)[:8], np.diff(STAMPS)[:8], atol=0.06)

@@ -1,11 +1,9 @@
 """The exact simulation of a joint and its derivatives, against steps far below a sample."""
 
-from __future__ import annotations
-
 import math
+from itertools import product
 
 import numpy as np
-import pytest
 from soak.joint import move
 
 from armcontour.identification import _joint
@@ -13,6 +11,7 @@ from armcontour.servo._sensitivity import COLUMNS
 
 N = 400
 GAINS = ((25.0, 150.0), (10.0, 300.0), (60.0, 60.0), (40.0, 160.0))  # 40, 160: a double pole
+NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit", "feed")
 
 
 def _log(interval, seed=0):
@@ -29,40 +28,28 @@ def _run(t, u, linear, kp, kv, delay, limit, columns=1, q0=None, dq0=0.2, feed=0
     return _joint.second_order(t, u, linear, 0, len(t), False, given, columns)
 
 
-@pytest.mark.parametrize("linear", [True, False])
-@pytest.mark.parametrize(("kp", "kv"), GAINS)
-@pytest.mark.parametrize(("delay", "feed"), [(0.0, 0.0), (0.0123, 1.1), (-0.0007, 0.0)])
-def test_positions_are_those_of_fine_steps(kp, kv, delay, feed, linear):
-    t, u = _log(1e-3)
-    if delay < 0:  # what is commanded after the end is not in the log
-        t, u = t[:-2], u[:-2]
-    q, _ = _run(t, u, linear, kp, kv, delay, math.inf, feed=feed)
-    more = {"delay": delay, "feed": feed, "linear": linear}
-    expected = move(t, u, kp=kp, kv=kv, q0=u[0] + 0.01, dq0=0.2, steps=10, **more)
-    np.testing.assert_allclose(q[0, :-2], expected[:-2], rtol=0, atol=1e-9)
+def test_positions_are_those_of_fine_steps():
+    cases = product(GAINS, ((0.0, 0.0), (0.0123, 1.1), (-0.0007, 0.0)), (True, False))
+    for (kp, kv), (delay, feed), linear in cases:
+        t, u = _log(1e-3)
+        if delay < 0:  # what is commanded after the end is not in the log
+            t, u = t[:-2], u[:-2]
+        q, _ = _run(t, u, linear, kp, kv, delay, math.inf, feed=feed)
+        more = {"delay": delay, "feed": feed, "linear": linear}
+        expected = move(t, u, kp=kp, kv=kv, q0=u[0] + 0.01, dq0=0.2, steps=10, **more)
+        case = str((kp, kv, delay, feed, linear))
+        np.testing.assert_allclose(q[0, :-2], expected[:-2], rtol=0, atol=1e-9, err_msg=case)
 
 
-@pytest.mark.parametrize("linear", [True, False])
-@pytest.mark.parametrize(("kp", "kv"), GAINS)
-@pytest.mark.parametrize("limit", [20.0, 5.0])
-def test_saturated_positions_are_those_of_fine_steps(kp, kv, limit, linear):
-    t, u = _log(1e-3)
-    q, seen = _run(t, u, linear, kp, kv, 0.0123, limit)
-    expected = move(
-        t,
-        u,
-        kp=kp,
-        kv=kv,
-        delay=0.0123,
-        limit=limit,
-        linear=linear,
-        q0=u[0] + 0.01,
-        dq0=0.2,
-        steps=400,
-    )
-    np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7)
-    assert seen[0] > limit
-    assert seen[1] > 0.1
+def test_saturated_positions_are_those_of_fine_steps():
+    for (kp, kv), limit, linear in product(GAINS, (20.0, 5.0), (True, False)):
+        t, u = _log(1e-3)
+        q, seen = _run(t, u, linear, kp, kv, 0.0123, limit)
+        more = {"limit": limit, "linear": linear, "q0": u[0] + 0.01, "dq0": 0.2, "steps": 400}
+        expected = move(t, u, kp=kp, kv=kv, delay=0.0123, **more)
+        case = str((kp, kv, limit, linear))
+        np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7, err_msg=case)
+        assert seen[0] > limit and seen[1] > 0.1, case
 
 
 def test_times_need_not_be_uniform():
@@ -72,48 +59,41 @@ def test_times_need_not_be_uniform():
     np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("limit", "feed"), [(math.inf, 0.0), (20.0, 0.0), (math.inf, 0.9), (2000.0, 1.2)]
-)
-@pytest.mark.parametrize("linear", [True, False])
-@pytest.mark.parametrize(("kp", "kv"), GAINS)
-def test_derivatives_are_those_of_differences(kp, kv, linear, limit, feed):
+def test_derivatives_are_those_of_differences():
     t, u = _log(1e-3)
-    q0, dq0, delay = u[0] + 0.01, 0.2, 0.0123
-    found, _ = _run(t, u, linear, kp, kv, delay, limit, COLUMNS, feed=feed)
-    names = ("kp", "kv", "delay", "q0", "dq0", "limit", "feed")
-    base = dict(zip(names, (kp, kv, delay, q0, dq0, limit, feed), strict=True))
-    steps = dict(zip(names, (1e-5, 1e-4, 1e-8, 1e-8, 1e-7, 1e-5, 1e-6), strict=True))
-    for row, name in enumerate(names, start=1):
-        if name == "limit" and limit == math.inf:
-            assert not found[row].any()
-            continue
-        ends = []
-        for sign in (1, -1):
-            x = base | {name: base[name] + sign * steps[name]}
-            given = (x["kp"], x["kv"], x["delay"], x["limit"])
-            ends.append(_run(t, u, linear, *given, 1, x["q0"], x["dq0"], x["feed"])[0][0])
-        expected = (ends[0] - ends[1]) / (2 * steps[name])
-        assert np.abs(found[row] - expected).max() < 1e-5 * np.abs(expected).max(), name
+    steps = (1e-5, 1e-4, 1e-8, 1e-8, 1e-7, 1e-5, 1e-6)
+    limits = ((math.inf, 0.0), (20.0, 0.0), (math.inf, 0.9), (2000.0, 1.2))
+    for (kp, kv), (limit, feed), linear in product(GAINS, limits, (True, False)):
+        base = np.array([kp, kv, 0.0123, u[0] + 0.01, 0.2, limit, feed])
+        found, _ = _joint.second_order(t, u, linear, 0, N, False, base, COLUMNS)
+        for k, (name, step) in enumerate(zip(NAMES, steps, strict=True)):
+            case = str((name, kp, kv, limit, feed, linear))
+            if name == "limit" and limit == math.inf:
+                assert not found[k + 1].any(), case
+                continue
+            ends = [
+                _joint.second_order(t, u, linear, 0, N, False, base + x, 1)[0][0]
+                for x in np.outer((step, -step), np.arange(7) == k)
+            ]
+            expected = (ends[0] - ends[1]) / (2 * step)
+            assert np.abs(found[k + 1] - expected).max() < 1e-5 * np.abs(expected).max(), case
 
 
-@pytest.mark.parametrize("feed", [0.0, 0.9])
-@pytest.mark.parametrize("linear", [True, False])
-def test_the_lag_is_a_loop_with_an_infinite_velocity_gain(linear, feed):
+def test_the_lag_is_a_loop_with_an_infinite_velocity_gain():
     t, u = _log(1e-3)
-    base = np.array([25.0, 0.0, 0.0123, u[0], 0.0, 0.0, feed])
-    lag = _joint.first_order(t, u, linear, 0, N, False, base, COLUMNS)
-    for kv in (1e5, 1e6):
-        loop, _ = _run(t, u, linear, 25.0, kv, 0.0123, math.inf, 1, u[0], 0.0, feed)
-        assert np.abs(loop[0] - lag[0]).max() < 200 / kv
-    for row, step in ((1, 1e-5), (3, 1e-8), (4, 1e-6), (7, 1e-6)):
-        ends = []
-        for sign in (1, -1):
-            given = base.copy()
-            given[row - 1] += sign * step
-            ends.append(_joint.first_order(t, u, linear, 0, N, False, given, 1)[0])
-        expected = (ends[0] - ends[1]) / (2 * step)
-        assert np.abs(lag[row] - expected).max() < 1e-5 * np.abs(expected).max()
+    for feed, linear in product((0.0, 0.9), (True, False)):
+        base = np.array([25.0, 0.0, 0.0123, u[0], 0.0, 0.0, feed])
+        lag = _joint.first_order(t, u, linear, 0, N, False, base, COLUMNS)
+        for kv in (1e5, 1e6):
+            loop, _ = _run(t, u, linear, 25.0, kv, 0.0123, math.inf, 1, u[0], 0.0, feed)
+            assert np.abs(loop[0] - lag[0]).max() < 200 / kv
+        for row, step in ((1, 1e-5), (3, 1e-8), (4, 1e-6), (7, 1e-6)):
+            ends = [
+                _joint.first_order(t, u, linear, 0, N, False, base + x, 1)[0]
+                for x in np.outer((step, -step), np.arange(1, 8) == row)
+            ]
+            expected = (ends[0] - ends[1]) / (2 * step)
+            assert np.abs(lag[row] - expected).max() < 1e-5 * np.abs(expected).max(), row
 
 
 def test_a_joint_at_rest_stays_until_the_first_set_point_reaches_it():

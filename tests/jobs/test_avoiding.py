@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.geometry.tables import refused
 
 import armcontour as ac
 from armcontour.clearance import Cell
@@ -14,7 +15,7 @@ from armcontour.errors import Collision
 from armcontour.frames import Frame
 from armcontour.io import parse_job
 from armcontour.io.summary import summarise_taught
-from armcontour.jobs import RunPlan, teach
+from armcontour.jobs import teach
 from armcontour.report import render_report
 from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
@@ -24,19 +25,13 @@ LINKS = (
     ("forearm", 3, Capsule(radius=0.05, length=0.39), ([-0.195, 0, 0.01], [0, np.pi / 2, 0])),
     ("wrist 1", 4, Capsule(radius=0.045, length=0.06), ([0, 0, 0], [0, 0, 0])),
     ("wrist 3", 6, Capsule(radius=0.04, length=0.03), ([0, 0, -0.015], [0, 0, 0])),
+    ("torch", 6, Cylinder(radius=0.005, length=0.1), ([0, 0, 0.05], [0, 0, 0])),
 )
-TORCH = LinkShape(
-    name="torch",
-    link=6,
-    shape=Cylinder(radius=0.005, length=0.1),
-    place=Frame(position=[0, 0, 0.05]),
+*BODY, TORCH = (
+    LinkShape(name=name, link=k, shape=shape, place=Frame.rpy(*place))
+    for name, k, shape, place in LINKS
 )
-SHAPES = ArmShapes(
-    shapes=tuple(
-        LinkShape(name=name, link=k, shape=shape, place=Frame.rpy(*place))
-        for name, k, shape, place in LINKS
-    )
-).with_tool([TORCH])
+SHAPES = ArmShapes(shapes=tuple(BODY)).with_tool([TORCH])
 JOB = """
 name: cell
 title: two seams
@@ -47,42 +42,54 @@ servo: {kp: 25, kv: 150}
 command_interval: 0.004
 runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
+OTHER = "another configuration is taken, in which the contours are clear"
+
+
+def seams(*places):
+    """Contours of 40 mm along y at these places."""
+    ends = [[[x, y - 0.02, 0.1], [x, y + 0.02, 0.1]] for x, y in places]
+    paths = [ac.Path.polyline(x).pointing([0, 0, -1]) for x in ends]
+    contours = (ac.Contour(path=x, name=f"seam {k}") for k, x in enumerate(paths))
+    return ac.Program(moves=tuple(contours))
 
 
 @pytest.fixture(scope="module")
-def job() -> ac.Job:
+def job():
     found = parse_job(JOB, source="test")
     arm = found.arm.with_tool(Frame(position=[0, 0, 0.1])).with_shapes(SHAPES)
-    seams = [
-        ac.Path.polyline([[x, -0.02, 0.1], [x, 0.02, 0.1]]).pointing([0, 0, -1])
-        for x in (0.40, 0.50)
-    ]
-    program = ac.Program(
-        moves=tuple(ac.Contour(path=x, name=f"seam {k}") for k, x in enumerate(seams))
-    )
-    return dataclasses.replace(found, arm=arm, path=program)
+    return dataclasses.replace(found, arm=arm, path=seams((0.40, 0), (0.50, 0)))
 
 
-def wall(x: float, height: float, *, y: float = 0.0, width: float = 0.2) -> Scene:
-    """A thin wall across x."""
-    shape = Box(size=[0.01, width, height])
-    place = Frame(position=[x, y, 0.08 + height / 2])
-    return Scene(obstacles=(Obstacle(name="wall", shape=shape, place=place),))
+def plan_of(job, **changed):
+    (plan,) = teach(dataclasses.replace(job, **changed)).values()
+    return plan
 
 
-def test_a_clear_job_says_so(job: ac.Job) -> None:
-    (plan,) = teach(job).values()
-    assert plan.clearance is not None and plan.clearance.kept
-    assert plan.avoided == ()
-    assert plan.clearance_note is not None and plan.clearance_note.startswith("Run taught: Clear: ")
+@pytest.fixture(scope="module")
+def free(job):
+    return plan_of(job)
 
 
-def test_a_rapid_goes_around_a_wall(job: ac.Job) -> None:
-    walled = dataclasses.replace(job, scene=wall(0.45, 0.06))
-    (plan,) = teach(walled).values()
-    assert plan.clearance is not None and plan.clearance.kept
-    assert plan.avoided == ("1 rapid goes around what the direct way would come too near to",)
-    (free,) = teach(job).values()
+def box(name, size, position, **values):
+    place = Frame(position=position)
+    return Obstacle(name=name, shape=Box(size=size), place=place, **values)
+
+
+def wall(x, width=0.2):
+    """A thin wall of 60 mm across x."""
+    return Scene(obstacles=(box("wall", [0.01, width, 0.06], [x, 0.0, 0.11]),))
+
+
+def post_at_elbow(job, plan, t=0.0):
+    """A post where a plan has the elbow at a time."""
+    elbow = job.arm.links(plan.trajectory(t))[3]
+    return Scene(obstacles=(box("post", [0.06, 0.06, 0.06], elbow + [0, 0, 0.03]),))
+
+
+def test_a_rapid_goes_around_a_wall(job, free):
+    assert free.clearance.kept and free.avoided == () and "Clear: " in free.clearance_note
+    plan = plan_of(walled := dataclasses.replace(job, scene=wall(0.45)))
+    assert plan.clearance.kept and len(plan.avoided) == 1 and "1 rapid" in plan.avoided[0]
     assert plan.trajectory.duration > free.trajectory.duration
     # Contours stay the same, and the rapid starts and ends where they end and start.
     kinds = [x.kind for x in plan.trajectory.spans]
@@ -90,109 +97,61 @@ def test_a_rapid_goes_around_a_wall(job: ac.Job) -> None:
     torch = job.arm.forward(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
     inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
     assert not inside.any()
-    data = json.loads(summarise_taught(walled, {"taught": plan}))
-    assert data["runs"]["taught"]["clearance"]["kept"] is True
-    assert data["runs"]["taught"]["clearance"]["avoided"] == list(plan.avoided)
+    data = json.loads(summarise_taught(walled, {"taught": plan}))["runs"]["taught"]["clearance"]
+    assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
-def test_collisions_are_refused_with_pair_place_and_time(job: ac.Job) -> None:
-    blocked = dataclasses.replace(job, scene=wall(0.50, 0.06, width=0.02))
+def test_collisions_are_refused_with_pair_place_and_time(job):
+    blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
     with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
         teach(blocked)
-    assert e.value.t is not None and e.value.point is not None and e.value.exit_code == 8
+    assert e.value.t is not None and e.value.exit_code == 8
     assert abs(e.value.point[0] - 0.5) < 0.02
-    ignored = dataclasses.replace(blocked, ignore_collisions=True)
-    (plan,) = teach(ignored).values()
+    plan = plan_of(blocked, ignore_collisions=True)
     assert any("collisions are ignored: torch and wall" in x for x in plan.warnings)
     # One cause, one sentence.
-    assert plan.clearance_note is None
-    assert plan.clearance is not None and not plan.clearance.kept
+    assert plan.clearance_note is None and not plan.clearance.kept
 
 
-def post_at_elbow(job: ac.Job, free: RunPlan) -> ac.Job:
-    """The job with a post where a plan has the elbow at its start."""
-    elbow = job.arm.links(free.trajectory(0.0))[3]
-    post = Obstacle(
-        name="post", shape=Box(size=[0.06, 0.06, 0.06]), place=Frame(position=elbow + [0, 0, 0.03])
-    )
-    return dataclasses.replace(job, scene=Scene(obstacles=(post,)))
-
-
-def test_the_first_contour_decides_before_all_are_timed(job: ac.Job, monkeypatch) -> None:
-    (free,) = teach(job).values()
-    monkeypatch.setattr("armcontour.jobs.avoiding.avoid", None)
-    (plan,) = teach(post_at_elbow(job, free)).values()
-    assert plan.clearance is not None and plan.clearance.kept
-    assert plan.avoided == ("another configuration is taken, in which the contours are clear",)
-
-
-def test_a_single_contour_is_followed_in_another_configuration(job: ac.Job) -> None:
+def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     alone = dataclasses.replace(job, path=job.program.contours[0].path)
-    (free,) = teach(alone).values()
-    (plan,) = teach(post_at_elbow(alone, free)).values()
-    assert plan.clearance is not None and plan.clearance.kept
-    assert plan.avoided == ("another configuration is taken, in which the contours are clear",)
-
-
-def test_contours_are_followed_in_another_configuration(job: ac.Job) -> None:
-    (free,) = teach(job).values()
-    (plan,) = teach(post_at_elbow(job, free)).values()
-    assert plan.clearance is not None and plan.clearance.kept
-    assert plan.avoided[0] == "another configuration is taken, in which the contours are clear"
+    single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
+    assert single.clearance.kept and single.avoided == (OTHER,)
+    # The first contour decides before all are timed.
+    monkeypatch.setattr("armcontour.jobs.avoiding.avoid", None)
+    plan = plan_of(job, scene=post_at_elbow(job, free))
+    assert plan.clearance.kept and plan.avoided == (OTHER,)
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1
     assert job.arm.forward(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
 
 
-def test_the_executed_motion_is_looked_at_too(job: ac.Job) -> None:
-    study = ac.run(job)
-    result = study.runs["taught"]
-    assert result.executed_clearance is not None and result.executed_clearance.kept
-    planned, executed = result.clearance, result.executed_clearance
-    assert planned is not None
-    assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
-
-
-def test_shapes_that_cannot_be_read_matter_where_a_scene_asks_for_clearance(job: ac.Job) -> None:
-    def lacking() -> ArmShapes:
+def test_shapes_that_are_not_known_or_cannot_be_read(job):
+    def lacking():
         raise ac.InvalidInput("The mesh is not there.")
 
     bare = dataclasses.replace(job, arm=job.arm.with_shapes(lacking))
-    (plan,) = teach(bare).values()
+    plan = plan_of(bare)
     assert plan.clearance is None
-    with pytest.raises(ac.InvalidInput, match="mesh is not there"):
-        teach(dataclasses.replace(bare, scene=Scene()))
-
-
-def test_without_its_library_no_clearance_is_a_warning(
-    job: ac.Job, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "coal", None)
-    (plan,) = teach(job).values()
-    assert plan.clearance is None and plan.clearance_note is None
-    assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
-    with pytest.raises(ac.InvalidInput, match="coal"):
-        teach(dataclasses.replace(job, scene=Scene()))
-
-
-def test_an_arm_whose_shapes_nobody_knows_is_a_warning(job: ac.Job) -> None:
-    (plan,) = teach(dataclasses.replace(job, arm=job.arm.with_shapes(None))).values()
+    assert not [x for x in plan.warnings if "how near the arm comes to itself" in x]
+    # They matter where a scene asks for clearance.
+    refused((lambda: plan_of(bare, scene=Scene()), "mesh is not there"))
+    plan = plan_of(job, arm=job.arm.with_shapes(None))
     assert plan.clearance is None
     assert [x for x in plan.warnings if "shapes of its links are not known" in x]
 
 
-def test_meshes_that_are_not_there_are_a_note_of_the_arm_and_no_warning(job: ac.Job) -> None:
-    def lacking() -> ArmShapes:
-        raise ac.InvalidInput("The mesh is not there.")
+def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
+    monkeypatch.setitem(sys.modules, "coal", None)
+    plan = plan_of(job)
+    assert plan.clearance is None and plan.clearance_note is None
+    assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
+    refused((lambda: plan_of(job, scene=Scene()), "coal"))
 
-    (plan,) = teach(dataclasses.replace(job, arm=job.arm.with_shapes(lacking))).values()
-    assert not [x for x in plan.warnings if "how near the arm comes to itself" in x]
 
+def test_the_executed_motion_is_looked_at_too_and_all_share_one_cell(job, monkeypatch):
+    made, own = [], Cell.__init__
 
-def test_a_run_and_its_report_make_one_cell(job: ac.Job, monkeypatch) -> None:
-    made = []
-    own = Cell.__init__
-
-    def count(self, arm, scene) -> None:
+    def count(self, arm, scene):
         made.append(scene)
         own(self, arm, scene)
 
@@ -201,37 +160,28 @@ def test_a_run_and_its_report_make_one_cell(job: ac.Job, monkeypatch) -> None:
     other = dataclasses.replace(job)
     study = ac.run(other)
     assert "clearance" in render_report(study)
-    assert study.runs["taught"].executed_clearance is not None and len(made) == 1
+    result = study.runs["taught"]
+    planned, executed = result.clearance, result.executed_clearance
+    assert executed.kept and len(made) == 1
+    assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
     assert other.cell is other.cell and other.cell is not dataclasses.replace(other).cell
-
-
-def test_a_job_with_a_cell_goes_to_other_processes_without_it(job: ac.Job) -> None:
-    pairs = job.cell.pairs
+    # It goes to other processes without its cell.
     there = pickle.loads(pickle.dumps(job))
-    assert [(x.first.name, x.second.name) for x in there.cell.pairs] == [
-        (x.first.name, x.second.name) for x in pairs
-    ]
-    assert there.cell is not job.cell and there.cell.pairs
+    names = [[(x.first.name, x.second.name) for x in y.cell.pairs] for y in (job, there)]
+    assert names[0] == names[1] and there.cell is not job.cell and there.cell.pairs
 
 
 def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
     planar = parse_job(JOB.replace("ur5e", "pmk3s").replace(", 0.1]", "]"), source="test")
-    planar = dataclasses.replace(planar, path=ac.Program.of(path))
     for fixed_to in ("base", "part"):
-        post = Obstacle(
-            name="post",
-            shape=Box(size=[0.01, 0.01, 0.1]),
-            place=Frame(position=[0.50, 0.15, 0.0]),
-            fixed_to=fixed_to,
-        )
-        (plan,) = teach(dataclasses.replace(planar, scene=Scene(obstacles=(post,)))).values()
+        post = box("post", [0.01, 0.01, 0.1], [0.50, 0.15, 0.0], fixed_to=fixed_to)
+        plan = plan_of(planar, path=ac.Program.of(path), scene=Scene(obstacles=(post,)))
         (pair,) = (x for x in plan.clearance.pairs if {x.first, x.second} == {"link 2", "post"})
         # From the post to the stretch within the second link, over all of the motion.
-        elbow, tool = arm.links(plan.trajectory(np.linspace(0, plan.trajectory.duration, 500)))[
-            :, 1:
-        ].swapaxes(0, 1)
+        q = plan.trajectory(np.linspace(0, plan.trajectory.duration, 500))
+        elbow, tool = arm.links(q)[:, 1:].swapaxes(0, 1)
         along = np.linspace(0, 1 - 0.03 / 0.215, 300)[:, None, None]
         corners = np.abs(elbow + along * (tool - elbow) - [0.50, 0.15]) - 0.005
         brute = np.linalg.norm(np.maximum(corners, 0), axis=-1).min() - 0.03
@@ -249,39 +199,27 @@ runs: {taught: {}}
 """
 
 
-def test_a_tool_without_shapes_is_a_capsule_from_the_flange() -> None:
-    with pytest.raises(Collision, match="tool and clamp touch"):
-        teach(parse_job(CLAMPED.replace("SHAPES", "")))
+def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
+    def clamped(text, shapes):
+        return plan_of(parse_job(text.replace("SHAPES", shapes)))
+
+    refused((lambda: clamped(CLAMPED, ""), "tool and clamp touch"), kind=Collision)
     far = CLAMPED.replace("0.43, 0.1, 0.26", "0.43, 0.4, 0.26")
-    clear = teach(parse_job(far.replace("SHAPES", "")))["taught"]
-    assert clear.clearance is not None and clear.clearance.kept
-    assert any("capsule" in x for x in clear.avoided)
+    clear = clamped(far, "")
+    assert clear.clearance.kept and any("capsule" in x for x in clear.avoided)
     # Own shapes, or none at all, take its place.
-    for shapes, said in ((", shapes: {}", "no shape"), (
-        ", shapes: {spheres: [{name: tip, at: [0, 0, 150 mm], radius: 5 mm}]}", "")):  # fmt: skip
-        plan = teach(parse_job(far.replace("SHAPES", shapes)))["taught"]
-        assert plan.clearance is not None
-        assert [said in x for x in plan.avoided if "tool" in x] == ([True] if said else [])
-    thin = teach(parse_job(CLAMPED.replace("SHAPES", ", shapes: {}")))["taught"]
+    tip = ", shapes: {spheres: [{name: tip, at: [0, 0, 150 mm], radius: 5 mm}]}"
+    assert not [x for x in clamped(far, tip).avoided if "tool" in x]
+    thin = clamped(CLAMPED, ", shapes: {}")
+    assert ["no shape" in x for x in thin.avoided if "tool" in x] == [True]
     assert "nothing looked at" in str(thin.clearance_note)
 
 
-def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(
-    job: ac.Job,
-) -> None:
+def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(job):
     # A post stops the configuration that is tried first at the second seam, and a wall stops the
     # others at the third one.
-    ends = [[[x, y - 0.02, 0.1], [x, y + 0.02, 0.1]] for x, y in ((0.4, 0), (0.4, 0.4), (0.5, 0))]
-    moves = [
-        ac.Contour(path=ac.Path.polyline(x).pointing([0, 0, -1]), name=f"seam {k}")
-        for k, x in enumerate(ends)
-    ]
-    three = dataclasses.replace(job, path=ac.Program(moves=tuple(moves)))
-    (free,) = teach(three).values()
-    elbow = job.arm.links(free.trajectory(free.trajectory.contour_spans[1].t[0]))[3]
-    post = Obstacle(
-        name="post", shape=Box(size=[0.06, 0.06, 0.06]), place=Frame(position=elbow + [0, 0, 0.03])
-    )
-    both = Scene(obstacles=(post, *wall(0.50, 0.06, width=0.02).obstacles))
-    with pytest.raises(Collision, match="seam 2: torch and wall touch"):
-        teach(dataclasses.replace(three, scene=both))
+    three = dataclasses.replace(job, path=seams((0.4, 0), (0.4, 0.4), (0.5, 0)))
+    free = plan_of(three)
+    (post,) = post_at_elbow(job, free, free.trajectory.contour_spans[1].t[0]).obstacles
+    both = Scene(obstacles=(post, *wall(0.50, width=0.02).obstacles))
+    refused((lambda: plan_of(three, scene=both), "seam 2: torch and wall touch"), kind=Collision)

@@ -1,19 +1,20 @@
-"""Axes, grids and frames of places."""
+"""Axes, grids and frames of places, and where a placement looks."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.geometry.tables import refused
 
-from armcontour.errors import InvalidInput
+from armcontour.jobs import PlaceSearch
 from armcontour.jobs.axes import corners_of, read_axes, read_uncertainty
 from armcontour.placement import Moves
 
 NUMBERS = st.floats(-2, 2)
+OVER = {"x": (0.0, 0.1, 3), "yaw": (0.0, 0.2, 2)}
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.lists(NUMBERS, min_size=3, max_size=3))
-def test_angles_turn_about_the_anchor_and_lengths_move_it(x, y, z, yaw, tilt, anchor) -> None:
+def test_angles_turn_about_the_anchor_and_lengths_move_it(x, y, z, yaw, tilt, anchor):
     a = np.array(anchor)
     frame = Moves(anchor=a).frame({"x": x, "y": y, "z": z, "yaw": yaw, "tilt": tilt})
     np.testing.assert_allclose(frame.position + frame.rotation @ a, a + [x, y, z], atol=1e-12)
@@ -22,15 +23,14 @@ def test_angles_turn_about_the_anchor_and_lengths_move_it(x, y, z, yaw, tilt, an
     np.testing.assert_allclose(frame.rotation[:, 2], lean, atol=1e-12)
 
 
-def test_absolute_values_are_where_the_anchor_goes() -> None:
+def test_absolute_values_are_where_the_anchor_goes():
     moves = Moves(anchor=np.array([0.4, 0.1, 0.2]), absolute=("x",))
     frame = moves.frame({"x": 0.7, "yaw": np.pi / 2})
     np.testing.assert_allclose(frame.position + frame.rotation @ moves.anchor, [0.7, 0.1, 0.2])
 
 
-def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice() -> None:
-    yaw, x = (0, 2 * np.pi, 4), (-0.1, 0.1, 5)
-    axes = read_axes({"yaw": yaw, "x": x}, 3)
+def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
+    axes = read_axes({"yaw": (0, 2 * np.pi, 4), "x": (-0.1, 0.1, 5)}, 3)
     assert [a.name for a in axes] == ["x", "yaw"]
     assert axes[0].values.tolist() == [-0.1, -0.05, 0.0, 0.05, 0.1]
     np.testing.assert_allclose(axes[1].values, np.array([0, 1, 2, 3]) * np.pi / 2, atol=1e-11)
@@ -39,17 +39,26 @@ def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice() -> Non
     np.testing.assert_allclose(half.values, [0, np.pi / 2, np.pi], atol=1e-11)
 
 
-def test_corners_are_all_combinations() -> None:
-    found = corners_of({"x": 0.1, "yaw": 0.2})
-    assert {(c["x"], c["yaw"]) for c in found} == {
-        (-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)
-    }  # fmt: skip
+def test_corners_are_all_combinations():
+    found = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
+    assert found == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
     assert corners_of({}) == []
+    # An axis without uncertainty is as if not named.
+    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}
 
 
-@pytest.mark.parametrize(
-    ("over", "words"),
-    [
+def test_of_axes_only_those_given_are_replaced():
+    own = PlaceSearch(over=OVER, uncertainty={"x": 1e-3}, every=True, run="only")
+    over = {"yaw": (0.1, 0.1, 1), "y": (0, 1, 2)}
+    new = own.replaced({"over": over, "every": False, "objective": None})
+    assert new.over == {"x": OVER["x"], **over} and list(new.over) == ["x", "y", "yaw"]
+    assert (new.every, new.objective, new.run) == (False, "cycle", "only")
+    assert new.replaced({"uncertainty": {"yaw": 0.1}}).uncertainty == {"x": 1e-3, "yaw": 0.1}
+    assert own.over == OVER
+
+
+def test_wrong_axes_and_searches_are_refused():
+    axes = (
         ({}, "over names the axes"),
         ({"w": (0, 1, 2)}, "no axis 'w': axes are x, y, z, yaw, tilt"),
         ({"x": (0.1, -0.1, 3)}, "range of x from 0.1 to -0.1 m is empty"),
@@ -62,21 +71,26 @@ def test_corners_are_all_combinations() -> None:
         ({"x": (0, 1e5, 3)}, "over x"),
         ({"yaw": (0, 1e5, 3)}, "over yaw"),
         ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
-    ],
-)
-def test_wrong_axes_are_refused_with_a_sentence(over, words: str) -> None:
-    with pytest.raises(InvalidInput, match=words):
-        read_axes(over, 3)
-
-
-def test_the_plane_has_three_axes() -> None:
-    with pytest.raises(InvalidInput, match="no axis 'z' for an arm in the plane"):
-        read_axes({"z": (0, 1, 2)}, 2)
-    with pytest.raises(InvalidInput, match="uncertainty has no axis 'tilt'"):
-        read_uncertainty({"tilt": 0.1}, 2)
-    with pytest.raises(InvalidInput, match="uncertainty of x"):
-        read_uncertainty({"x": -0.1}, 2)
-
-
-def test_an_axis_without_uncertainty_is_as_if_not_named() -> None:
-    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}
+    )
+    refused(*((lambda x=x: read_axes(x, 3), word) for x, word in axes))
+    searches = (
+        ({"over": {"w": (0, 1, 2)}}, "over has no axis 'w'"),
+        ({"over": {"x": (1, 0, 2)}}, "range of x from 1 to 0 m is empty"),
+        ({"over": {"x": (0, 1e5, 2)}}, "over x"),
+        ({"uncertainty": {"x": -1}}, "uncertainty of x"),
+        ({"objective": "beauty"}, "objective"),
+        ({"what": "table"}, "what must be one of part, base"),
+        ({"about": "end"}, "about must be one of middle, origin"),
+        ({"about": (0, 0)}, "about is a point of 3 coordinates"),
+        ({"about": (0, 0, 1e6)}, "about"),
+        ({"about": ("a", 0, 0)}, "about"),
+    )
+    refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))
+    refused(*((lambda x=x: PlaceSearch(over=OVER).replaced(x), word) for x, word in searches))
+    refused(
+        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for an arm in the plane"),
+        (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
+        (lambda: read_uncertainty({"x": -0.1}, 2), "uncertainty of x"),
+        (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
+        (lambda: PlaceSearch(uncertainty={"tilt": 0.1}).check(2), "uncertainty"),
+    )

@@ -1,10 +1,9 @@
 """Width and frequency of the weaves that runs plan."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
+from tests.geometry.tables import each
 
 from armcontour.io.job_file import parse_job
 from armcontour.io.summary import plan_summary
@@ -23,7 +22,7 @@ runs:
 """
 
 
-def test_a_run_reports_what_its_plan_makes_of_the_weave() -> None:
+def test_a_run_reports_what_its_plan_makes_of_the_weave():
     job = parse_job(JOB)
     plan = teach(job)["only"]
     (found,) = plan.weaves
@@ -33,18 +32,17 @@ def test_a_run_reports_what_its_plan_makes_of_the_weave() -> None:
     assert json.loads(json.dumps(plan_summary(job, plan)["weaves"]))[0]["left_out"] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ("joint_acceleration: 20", "joint_acceleration: 0.5", "in place of 2 Hz"),
-        ("frequency: 2 Hz", "shape: zigzag, pitch: 3 mm", "in place of 3 mm"),
-        ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "is not woven along"),
-    ],
+ODD = (
+    ("joint_acceleration: 20", "joint_acceleration: 0.5", "in place of 2 Hz"),
+    ("frequency: 2 Hz", "shape: zigzag, pitch: 3 mm", "in place of 3 mm"),
+    ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "is not woven along"),
 )
-def test_it_warns_of_a_weave_that_is_not_as_asked(old: str, new: str, word: str) -> None:
+
+
+@each("old, new, word", ODD)
+def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     text = JOB.replace(old, new).replace("0.1 mm", "0.2 mm")
     assert text != JOB
     plan = teach(parse_job(text))["only"]
     (found,) = plan.weaves
-    assert any(word in x for x in found.warnings)
-    assert any(word in x for x in plan.warnings)
+    assert any(word in x for x in found.warnings) and any(word in x for x in plan.warnings)

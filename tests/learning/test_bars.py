@@ -3,8 +3,6 @@
 Bounds are 1.5 to 4 times what was measured: 0.00035 mm, and 0.054 and 0.0057 mm.
 """
 
-from __future__ import annotations
-
 from importlib import resources
 
 import numpy as np
@@ -46,7 +44,8 @@ def test_the_papers_job_with_a_gain_that_is_not_known():
     assert after <= 1.5e-6
 
 
-def test_a_loaded_arm_in_space():
+def in_space(runs):
+    """Errors of a loaded arm in space [m]."""
     arm = ac.load_arm("ur5e").with_dynamics(armature=np.full(6, 0.1))
     true = arm.with_dynamics(
         payload=ac.Payload(mass=2.0),
@@ -65,7 +64,10 @@ def test_a_loaded_arm_in_space():
         real = SERVO.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
         return ac.RigidBodyPlant(true, real, noise=1e-5, seed=seed, known=arm)
 
-    found = teach(taught, arm, robot, path, objective, runs=3)
-    assert found[0] > 1.5e-3
-    assert found[1] <= 8e-5
-    assert found[3] <= 1.2e-5
+    return teach(taught, arm, robot, path, objective, runs)
+
+
+def test_a_loaded_arm_in_space():
+    # tests/slow has three runs.
+    before, after = in_space(runs=1)
+    assert before > 1.5e-3 and after <= 8e-5

@@ -1,32 +1,27 @@
 """Learning from run to run: what lessons hold, and what they make plants do."""
 
-from __future__ import annotations
-
-from dataclasses import fields, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.learning import Lesson
 from armcontour.motion import smooth
 
+from .robots import SERVO, loaded, rods, rounded, with_inertias
+
 pytest.importorskip("mujoco")
-SERVO = ac.ServoModel(kp=25.0, kv=150.0)
-# A robot with a load, friction and gains that its model does not have.
-GAINS = (23.0, 26.5)
 
 
 @pytest.fixture(scope="module")
 def arm():
-    arm = ac.load_arm("pmk3s")
-    return arm._copy(chain=arm.chain.replace(armature=np.array([0.02, 0.005])))
+    return with_inertias()
 
 
 @pytest.fixture(scope="module")
 def path():
-    points = [(0.35, 0.10), (0.38, 0.13), (0.35, 0.16)]
-    return ac.round_corners(ac.Path.polyline(points), tolerance=2e-3)
+    return rounded()
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +32,7 @@ def taught(arm, path):
 
 
 def plant(arm, run, *, dead_time=0.0, noise=1e-6):
-    chain = arm.chain.replace(
-        payload=ac.Payload(mass=0.05), coulomb=np.array([0.3, 0.05]), viscous=np.array([0.4, 0.05])
-    )
-    return ac.RigidBodyPlant(
-        arm._copy(chain=chain),
-        SERVO.replace(kp=GAINS, dead_time=dead_time),
-        ac.Limits(joint_torque=1e3).for_joints(2),
-        noise=noise,
-        seed=run,
-        known=arm,
-    )
+    return loaded(arm, seed=run, dead_time=dead_time, noise=noise)
 
 
 def teach(arm, taught, runs, **options):
@@ -85,9 +70,7 @@ def test_dead_time_is_known_after_a_run(late, taught):
 def test_a_lesson_comes_back_from_its_numbers(arm, late):
     """The history of a folder gives the same next set-points as the history in memory."""
     done, lessons = late
-    parts = {x.name: getattr(lessons[1], x.name) for x in fields(Lesson)}
-    again = Lesson(**{**parts, "lifted": None})
-    found = ac.learn(again, done[2], arm=arm, servo=SERVO)
+    found = ac.learn(replace(lessons[1], lifted=None), done[2], arm=arm, servo=SERVO)
     np.testing.assert_allclose(found.q, lessons[2].q, atol=1e-9)
     assert found.predicted == pytest.approx(lessons[2].predicted, rel=1e-6)
 
@@ -95,17 +78,13 @@ def test_a_lesson_comes_back_from_its_numbers(arm, late):
 def test_it_never_goes_on_from_a_worse_run(arm, taught, late):
     """Set-points that are worse than their forerunners count as a setback, and are left again."""
     done, lessons = late
-    spoiled = replace(
-        lessons[0], q=lessons[0].q + 0.05 * np.sin(0.2 * np.arange(len(taught.q)))[:, None]
-    )
+    wave = 0.05 * np.sin(0.2 * np.arange(len(taught.q)))[:, None]
+    spoiled = replace(lessons[0], q=lessons[0].q + wave)
     bad = ac.execute(spoiled, plant(arm, 1, dead_time=9e-3))
     after = ac.learn(spoiled, bad, arm=arm, servo=SERVO)
     good = ac.learn(lessons[0], done[1], arm=arm, servo=SERVO)
     assert after.runs[1].rms > after.runs[0].rms
-    assert after.best == 0
-    assert after.setbacks == 1
-    assert good.best == 1
-    assert good.setbacks == 0
+    assert (after.best, after.setbacks, good.best, good.setbacks) == (0, 1, 1, 0)
 
 
 def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
@@ -118,7 +97,7 @@ def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
     np.testing.assert_array_equal(last.q, taught.q)
 
 
-@pytest.mark.parametrize("noise", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("noise", [1e-6, 1e-4])
 def test_a_recording_with_the_noise_of_encoders_is_learned_from(taught, path, noise):
     arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
     robot = ac.ServoPlant(arm, robot, ac.Limits(joint_acceleration=30.0).for_joints(2))
@@ -150,10 +129,10 @@ def test_it_stops_when_only_noise_is_left(arm, taught):
 
 def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     done, _ = late
+    teach_again = partial(ac.learn, taught, done[0], arm=arm, servo=SERVO)
     rate = np.abs(np.diff(taught.q, axis=0)).max(axis=0) / taught.period
     close = ac.Limits(joint_velocity=1.0005 * rate)
-    free = ac.learn(taught, done[0], arm=arm, servo=SERVO)
-    held = ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=close)
+    free, held = teach_again(), teach_again(limits=close)
     fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / taught.period for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
@@ -162,25 +141,17 @@ def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     only = int(np.argmax(fastest[0] / rate))
     one = np.full(len(rate), 100.0)
     one[only] = 1.0005 * rate[only]
-    half = ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=ac.Limits(joint_velocity=one))
+    half = teach_again(limits=ac.Limits(joint_velocity=one))
     others = np.arange(len(rate)) != only
     np.testing.assert_array_equal(half.q[:, others], free.q[:, others])
     assert (half.q[:, only] != free.q[:, only]).any()
-    slow = ac.Limits(joint_velocity=0.5 * rate)
-    refuses(
-        lambda: ac.learn(taught, done[0], arm=arm, servo=SERVO, limits=slow),
-        ac.CompensationError, "joint_velocity",
-    )  # fmt: skip
+    slow = partial(teach_again, limits=ac.Limits(joint_velocity=0.5 * rate))
+    refuses(slow, ac.CompensationError, "joint_velocity")
 
 
-def test_the_first_order_servo_learns_without_masses(path):
+def test_the_first_order_servo_learns_without_masses():
     """One run takes all of a wrong gain's error away that the model explains."""
-    arm = ac.PlanarTwoLink(
-        name="rods",
-        links=(0.25, 0.25),
-        base=0.0,
-        limits=ac.Limits(joint_velocity=[3.0] * 2, joint_acceleration=[5.0] * 2),
-    )
+    arm = rods()
     servo = ac.ServoModel(kp=25.0, order="first")
     plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.02)
     taught = ac.compensate(plan, servo, method="inverse")

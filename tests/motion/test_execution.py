@@ -1,21 +1,16 @@
 """Executions: what follows from the joints' motion."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw
+from armcontour.motion import stand_still
 
 
 def test_tool_speed_and_saturation(arm):
-    law = LapLaw(
-        breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
-    )
-    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    trajectory = ac.Trajectory(laws=(stand_still(np.zeros(2), 1.0),), method="hand")
     executed = ac.Execution(
         arm=arm,
         taught=ac.TaughtData(period=1.0, q=np.zeros((2, 2)), trajectory=trajectory, method="none"),
@@ -49,7 +44,6 @@ def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(c
         (np.r_[0:8, 300:500], False),
         (np.r_[0, 0:300], False),
     ):
-        rows = {name: getattr(whole, name)[part] for name in names}
-        cut = dataclasses.replace(whole, **rows)
+        cut = dataclasses.replace(whole, **{name: getattr(whole, name)[part] for name in names})
         assert (cut.between(here) is not None) == known, part
     assert dataclasses.replace(whole, plant=None).between(here) is None

@@ -9,6 +9,12 @@ T = np.arange(4000) * 2e-3
 WANTED = np.stack(
     [np.sin(2 * T) + 0.4, 0.5 * np.sin(3.1 * T + 1) - 1.0, 0.3 * np.cos(1.3 * T) + 2.0], axis=1
 )
+CHANGES = {
+    "in the order b, a, c,": lambda q: q[:, [1, 0, 2]],
+    "of b have opposite signs": lambda q: q * [1, -1, 1],
+    "measured positions look like degrees": np.degrees,
+    "look like radians, but those they belong to like degrees": np.radians,
+}
 
 
 def _follow(u, lag=0.05, delay=0.02):
@@ -20,22 +26,12 @@ def _follow(u, lag=0.05, delay=0.02):
 
 
 @pytest.mark.parametrize("late", [None, 0.25])
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda q: q[:, [1, 0, 2]], "in the order b, a, c,"),
-        (lambda q: q * [1, -1, 1], "of b have opposite signs"),
-        (np.degrees, "measured positions look like degrees"),
-        (np.radians, "look like radians, but those they belong to like degrees"),
-        (lambda q: q, ""),
-        (lambda q: np.roll(q[::-1], 777, axis=0) ** 3, ""),
-    ],
-    ids=["order", "sign", "degrees", "radians", "right", "nonsense"],
-)
-def test_what_is_wrong(late, change, words):
+def test_what_is_wrong(late):
     q = WANTED if late is None else _follow(WANTED) + [0.01, 0.0, -0.02]
-    found = find_misreading(T, change(q), WANTED, names="abc", late=late)
-    assert words in found and bool(words) == bool(found)
+    for words, change in CHANGES.items():
+        assert words in find_misreading(T, change(q), WANTED, names="abc", late=late)
+    for right in (q, np.roll(q[::-1], 777, axis=0) ** 3):
+        assert not find_misreading(T, right, WANTED, names="abc", late=late)
 
 
 def test_exchanged_columns_are_told_of_commands_alone():

@@ -1,7 +1,5 @@
 """A path law whose path acceleration is linear in s: against an ODE solver, and its times."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
@@ -26,64 +24,47 @@ RATES = {
 }
 
 
-def end_speed(begin, u, slope, width):
-    """From ds d(ds) = dds ds."""
-    return np.sqrt(begin**2 + 2 * u * width + slope * width**2)
-
-
-def time_of(case):
-    begin, u, slope, width = RATES[case]
-    end = end_speed(begin, u, slope, width)
-    return float(interval_times(*(np.array([x]) for x in (width, begin, end, slope)))[0])
-
-
-@pytest.mark.parametrize("case", RATES)
-def test_the_motion_solves_its_equation(case):
-    begin, u, slope, width = RATES[case]
-    duration = time_of(case)
-    law = PathLaw(
-        joint_path=PATH,
+def law_of(duration, length, *rates, path=PATH):
+    """One interval; the rates are ds, dds, slope and jerk."""
+    return PathLaw(
+        joint_path=path,
         breaks=np.array([0.0, duration]),
-        s=np.array([0.0, width]),
-        rates=Rates(*np.array([[begin], [u], [slope], [0.0]])),
+        s=np.array([0.0, length]),
+        rates=Rates(*np.array(rates)[:, None]),
     )
-    t = np.linspace(0, duration, 21)
-    found = solve_ivp(
-        lambda _, y: [y[1], u + slope * y[0]],
-        (0, duration),
-        [0.0, begin],
-        t_eval=t,
-        rtol=1e-11,
-        atol=1e-14,
-        method="DOP853",
-    )
+
+
+def test_the_motion_solves_its_equation_in_the_integral_of_one_over_the_speed():
     i = np.zeros(21, dtype=int)
-    size = max(begin, end_speed(begin, u, slope, width))
-    np.testing.assert_allclose(law.path_position(i, t), found.y[0], atol=1e-9 * width)
-    np.testing.assert_allclose(law.path_position(i, t, 1), found.y[1], atol=1e-9 * size)
-    np.testing.assert_allclose(
-        law.path_position(i, t, 2), u + slope * found.y[0], rtol=1e-9, atol=1e-12
-    )
-    assert law.path_position(i[:1], t[-1:])[0] == pytest.approx(width, rel=1e-12)
+    for case, (begin, u, slope, width) in RATES.items():
 
+        def end_speed(width, begin=begin, u=u, slope=slope):  # from ds d(ds) = dds ds
+            return np.sqrt(begin**2 + 2 * u * width + slope * width**2)
 
-@pytest.mark.parametrize("case", RATES)
-def test_interval_times_are_the_integral_of_one_over_the_speed(case):
-    begin, u, slope, width = RATES[case]
-    # s = r² takes out the root at rest.
-    expected, _ = quad(
-        lambda r: 2 * r / end_speed(begin, u, slope, r * r),
-        0,
-        np.sqrt(width),
-        epsabs=0,
-        epsrel=1e-11,
-    )
-    assert time_of(case) == pytest.approx(expected, rel=1e-9)
+        end = end_speed(width)
+        duration = float(interval_times(*np.array([[width], [begin], [end], [slope]]))[0])
+        # s = r² takes out the root at rest.
+        expected, _ = quad(
+            lambda r, x=end_speed: 2 * r / x(r * r), 0, np.sqrt(width), epsabs=0, epsrel=1e-11
+        )
+        assert duration == pytest.approx(expected, rel=1e-9), case
+        law, t = law_of(duration, width, begin, u, slope, 0.0), np.linspace(0, duration, 21)
+
+        def rates(_, y, u=u, slope=slope):
+            return [y[1], u + slope * y[0]]
+
+        options = {"t_eval": t, "rtol": 1e-11, "atol": 1e-14, "method": "DOP853"}
+        s, ds = solve_ivp(rates, (0, duration), [0, begin], **options).y
+        near = 1e-9 * width, 1e-9 * max(begin, end), 1e-12
+        for order, wanted in enumerate((s, ds, u + slope * s)):
+            found, options = law.path_position(i, t, order), {"rtol": 1e-9, "err_msg": case}
+            np.testing.assert_allclose(found, wanted, atol=near[order], **options)
+        assert law.path_position(i[:1], t[-1:])[0] == pytest.approx(width, rel=1e-12), case
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_times_do_not_jump_where_the_series_ends(sign):
-    # slope (time / 2)² = z; the formulas change over at |z| = 1e-4.
+def test_nothing_jumps_where_the_series_ends(sign):
+    # slope (time / 2)² = z; the formulas of times change over at |z| = 1e-4.
     width, begin, end = np.full(2, 0.1), np.full(2, 0.4), np.full(2, 0.6)
     z = sign * 1e-4 * np.array([1 - 1e-9, 1 + 1e-9])
     below, above = interval_times(width, begin, end, z / 0.1**2)
@@ -95,22 +76,12 @@ def test_times_do_not_jump_where_the_series_ends(sign):
     assert uniform == pytest.approx(0.2, rel=1e-15)
     assert np.sign(below - uniform) == sign  # 1 + z / 3 + ...
     assert below / uniform - 1 == pytest.approx(sign * 1e-4 / 3, rel=1e-3)
-
-
-@pytest.mark.parametrize("order", [0, 1, 2])
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_the_motion_does_not_jump_where_the_series_ends(sign, order):
-    # |slope| t² = 1e-4 is where the formulas change over.
-    slope, t = sign * 1.0, 1e-2 * np.array([1 - 1e-9, 1 + 1e-9])
-    law = PathLaw(
-        joint_path=PATH,
-        breaks=np.array([0.0, 0.1]),
-        s=np.array([0.0, 0.1]),
-        rates=Rates(*np.array([[0.5], [0.3], [slope], [0.0]])),
-    )
-    before, after = law.path_position(np.zeros(2, dtype=int), t, order)
-    expected = [0.5, 0.3, 0.5 * slope][order] * 2e-11  # what time itself changes
-    assert after - before == pytest.approx(expected, rel=0.1, abs=2e-15)
+    # |slope| t² = 1e-4 is where those of the motion do.
+    law, t = law_of(0.1, 0.1, 0.5, 0.3, sign, 0.0), 1e-2 * np.array([1 - 1e-9, 1 + 1e-9])
+    for order, rate in enumerate((0.5, 0.3, 0.5 * sign)):
+        before, after = law.path_position(np.zeros(2, dtype=int), t, order)
+        # What time itself changes.
+        assert after - before == pytest.approx(rate * 2e-11, rel=0.1, abs=2e-15), order
 
 
 @pytest.mark.parametrize("ends", [False, True])
@@ -118,30 +89,15 @@ def test_uniform_jerk_from_rest_and_to_rest(ends):
     # Closed form: s = j t³ / 6 from rest, and its mirror image to rest.
     jerk, duration = 3.0, 0.8
     length = jerk * duration**3 / 6
-    speed, rate = jerk * duration**2 / 2, jerk * duration
-    start = (speed, -rate) if ends else (0.0, 0.0)
-    law = PathLaw(
-        joint_path=ac.JointPath.spline(np.array([[0.0, 0.0], [length, 2 * length]]), [0, length]),
-        breaks=np.array([0.0, duration]),
-        s=np.array([0.0, length]),
-        rates=Rates(*np.array([[start[0]], [start[1]], [0.0], [jerk]])),
-    )
-    t = np.linspace(0.0, duration, 9)
-    i = np.zeros(9, dtype=int)
-    since = duration - t if ends else t
+    start = (jerk * duration**2 / 2, -jerk * duration) if ends else (0.0, 0.0)
+    path = ac.JointPath.spline(np.array([[0.0, 0.0], [length, 2 * length]]), [0, length])
+    law = law_of(duration, length, *start, 0.0, jerk, path=path)
+    t, i = np.linspace(0.0, duration, 9), np.zeros(9, dtype=int)
+    since, side = (duration - t, -1.0) if ends else (t, 1.0)
     way = jerk * since**3 / 6
-    side = -1.0 if ends else 1.0
-    for order, expected in enumerate(
-        (
-            length - way if ends else way,
-            jerk * since**2 / 2,
-            side * jerk * since,
-            np.full(9, jerk),
-        )
-    ):
-        found = law.path_position(i, t, order)
-        np.testing.assert_allclose(found, expected, atol=1e-14)
-        np.testing.assert_allclose(
-            law.on_interval(i, t, order), np.outer(expected, [1, 2]), atol=1e-13
-        )
+    wanted = length - way if ends else way, jerk * since**2 / 2, side * jerk * since, 0 * t + jerk
+    for k, expected in enumerate(wanted):
+        np.testing.assert_allclose(law.path_position(i, t, k), expected, atol=1e-14)
+        both = np.outer(expected, [1, 2])
+        np.testing.assert_allclose(law.on_interval(i, t, k), both, atol=1e-13)
     np.testing.assert_allclose(law.reach(law.path_position(i, t))[1], t, atol=1e-8)

@@ -99,19 +99,9 @@ class Author:
 
     def body(self, count):
         makers = [
-            *[self.move] * 4,
-            *[self.arc] * 2,
-            *[self.assign] * 2,
-            self.cycle,
-            self.condition,
-            self.loop,
-            self.offset,
-            self.system,
-            self.reference,
-            self.switch,
-            self.feed,
-            self.call,
-        ]
+            *[self.move] * 4, *[self.arc] * 2, *[self.assign] * 2, self.cycle, self.condition,
+            self.loop, self.offset, self.system, self.reference, self.switch, self.feed, self.call,
+        ]  # fmt: skip
         for _ in range(count):
             self.r.choice(makers)()
 
@@ -144,9 +134,8 @@ class Author:
         dx = cx + radius * math.cos(math.radians(end))
         dy = cy + radius * math.sin(math.radians(end))
         self.indented(f"#33 = {dx:.6f} #34 = {dy:.6f}")
-        self.indented(
-            f"{plane} G91 {code} {i}#33 {j}#34 {offsets[i]}{cx:.6f} {offsets[j]}[{cy:.6f}]"
-        )
+        center = f"{offsets[i]}{cx:.6f} {offsets[j]}[{cy:.6f}]"
+        self.indented(f"{plane} G91 {code} {i}#33 {j}#34 {center}")
         self.indented("G90 G17")
 
     def turned(self):

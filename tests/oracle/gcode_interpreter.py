@@ -10,7 +10,7 @@ import cmath
 import math
 import operator
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -37,20 +37,9 @@ class Contour:
     events: list = field(default_factory=list)  # (number of segments before it, name, value)
 
 
-@dataclass
-class Rapid:
-    points: list
-
-
-@dataclass
-class Event:
-    name: str
-    value: object
-
-
-@dataclass
-class Dwell:
-    duration: float
+Rapid = make_dataclass("Rapid", ["points"])
+Event = make_dataclass("Event", ["name", "value"])
+Dwell = make_dataclass("Dwell", ["duration"])
 
 
 def number(text):
@@ -77,22 +66,17 @@ def bare(line):
 
 WORDS = ("ATAN ACOS ASIN ABS COS EXP FIX FUP LN ROUND SIN SQRT TAN EXISTS").split()
 BINARY = {
-    "**": (5, operator.pow),
-    "*": (4, operator.mul),
-    "/": (4, operator.truediv),
+    "**": (5, operator.pow), "*": (4, operator.mul), "/": (4, operator.truediv),
     "MOD": (4, lambda a, b: math.fmod(a, b) + (abs(b) if math.fmod(a, b) < 0 else 0)),
-    "+": (3, operator.add),
-    "-": (3, operator.sub),
+    "+": (3, operator.add), "-": (3, operator.sub),
     "EQ": (2, lambda a, b: float(abs(a - b) < 1e-6)),
     "NE": (2, lambda a, b: float(not abs(a - b) < 1e-6)),
-    "GT": (2, lambda a, b: float(a > b)),
-    "GE": (2, lambda a, b: float(a >= b)),
-    "LT": (2, lambda a, b: float(a < b)),
-    "LE": (2, lambda a, b: float(a <= b)),
+    "GT": (2, lambda a, b: float(a > b)), "GE": (2, lambda a, b: float(a >= b)),
+    "LT": (2, lambda a, b: float(a < b)), "LE": (2, lambda a, b: float(a <= b)),
     "AND": (1, lambda a, b: float(bool(a) and bool(b))),
     "OR": (1, lambda a, b: float(bool(a) or bool(b))),
     "XOR": (1, lambda a, b: float(bool(a) != bool(b))),
-}
+}  # fmt: skip
 
 
 def rounded(x):
@@ -101,19 +85,14 @@ def rounded(x):
 
 
 UNARY = {
-    "ABS": abs,
+    "ABS": abs, "EXP": math.exp, "FIX": math.floor, "FUP": math.ceil, "LN": math.log,
+    "ROUND": rounded, "SQRT": math.sqrt,
     "ACOS": lambda x: math.acos(x) * 180 / math.pi,
     "ASIN": lambda x: math.asin(x) * 180 / math.pi,
     "COS": lambda x: math.cos(x * math.pi / 180),
-    "EXP": math.exp,
-    "FIX": math.floor,
-    "FUP": math.ceil,
-    "LN": math.log,
-    "ROUND": rounded,
     "SIN": lambda x: math.sin(x * math.pi / 180),
-    "SQRT": math.sqrt,
     "TAN": lambda x: math.tan(x * math.pi / 180),
-}
+}  # fmt: skip
 
 
 class Formula:
@@ -219,17 +198,11 @@ class Leaving(Exception):
 
 O_LINE = re.compile(r"(?:N\d+)?O(?:0*(\d+)|<(.*?)>)(.*)$")
 ENDS = {
-    "SUB": ("ENDSUB",),
-    "IF": ("ELSEIF", "ELSE", "ENDIF"),
-    "ELSEIF": ("ELSEIF", "ELSE", "ENDIF"),
-    "ELSE": ("ENDIF",),
-    "WHILE": ("ENDWHILE",),
-    "DO": ("WHILE",),
-    "REPEAT": ("ENDREPEAT",),
-}
-KINDS = (
-    "SUB ENDSUB RETURN CALL IF ELSEIF ELSE ENDIF WHILE ENDWHILE DO REPEAT ENDREPEAT BREAK CONTINUE"
-).split()
+    "SUB": ("ENDSUB",), "DO": ("WHILE",), "REPEAT": ("ENDREPEAT",), "WHILE": ("ENDWHILE",),
+    "IF": ("ELSEIF", "ELSE", "ENDIF"), "ELSEIF": ("ELSEIF", "ELSE", "ENDIF"), "ELSE": ("ENDIF",),
+}  # fmt: skip
+KINDS = "SUB ENDSUB RETURN CALL IF ELSEIF ELSE ENDIF WHILE ENDWHILE DO REPEAT".split()
+KINDS += ["ENDREPEAT", "BREAK", "CONTINUE"]
 
 
 class Tree:
@@ -290,30 +263,22 @@ class Interpreter:
     def __init__(self, unit=1e-3):
         self.unit = unit
         self.x = [0.0, 0.0, 0.0]
-        self.plane = (0, 1, 2)
+        self.plane, self.motion = (0, 1, 2), None
         self.relative = self.centers_absolute = False
-        self.motion = None
-        self.speed = math.nan
-        self.tolerance = math.nan
+        self.speed = self.tolerance = math.nan
         self.moves, self.contour, self.rapid = [], None, None
-        self.started = False
-        self.states = {}
-        self.memory = Memory(self)
+        self.started, self.states, self.memory = False, {}, Memory(self)
         self.system = 1
         self.systems = {k: [[0.0, 0.0, 0.0], 0.0] for k in range(1, 10)}
-        self.shift = [0.0, 0.0, 0.0]
-        self.kept = [0.0, 0.0, 0.0]
+        self.shift, self.kept = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         self.touched, self.machine_known = set(), set()
-        self.homes = {}
-        self.lost = set()
-        self.gap = False
+        self.homes, self.lost, self.gap = {}, set(), False
         self.feed_mode, self.feed = 94, None
         self.retract_to_r = False
         self.cycle, self.sticky, self.series = None, {}, {}
-        self.tool = None
+        self.tool = self.spindle_rpm = None
         self.extruded, self.extruder_absolute, self.m83 = 0.0, True, False
         self.saved = []
-        self.spindle_rpm = None
 
     # Where the program's coordinates are in the machine.
 
@@ -334,30 +299,23 @@ class Interpreter:
             return self.inside(self.x)["xyz".index(key[1])] / self.unit
         if isinstance(key, str) and key.startswith("_hal["):
             return math.nan
-        named = {
-            "_metric": float(self.unit == 1e-3),
-            "_absolute": float(not self.relative),
-            "_feed": (self.feed or 0.0) * 60 / self.unit,
-            "_task": 0.0,
-            "_value": 0.0,
-        }
+        named = {"_metric": float(self.unit == 1e-3), "_absolute": float(not self.relative)}
+        named |= {"_feed": (self.feed or 0.0) * 60 / self.unit, "_task": 0.0, "_value": 0.0}
         return named.get(key, default)
 
     # The tree.
 
     def run(self, text):
         self.m6 = any("M6" in re.findall(r"[A-Z][0-9.]+", bare(x)) for x in text.split("\n"))
-        frames, kept = 0, []
-        for line in text.split("\n"):
+        frames, kept, marks = 0, [], set()
+        for i, line in enumerate(text.split("\n"), 1):
             if line.strip().startswith("%") and frames < 2:
                 frames += 1
                 kept.append("M2" if frames == 2 or any(bare(x) for x in kept) else "")
-                self.soft = True
+                marks |= {i} if kept[-1] else set()
             else:
                 kept.append(line)
-        self.percent = {i + 1 for i, x in enumerate(kept) if x == "M2"} & {
-            i + 1 for i, x in enumerate(text.split("\n")) if x.strip().startswith("%")
-        }
+        self.percent = marks
         self.tree = Tree("\n".join(kept))
         try:
             self.walk(self.tree.body)
@@ -527,7 +485,7 @@ class Interpreter:
         if 70 in m or 73 in m:
             self.saved_modes = self.modes()
         if 72 in m:
-            self.restore(self.saved_modes)
+            vars(self).update(self.saved_modes)
         if {82, 83} & set(m):
             self.m83 = 83 in m
         if {82, 83} & set(m) or {90, 91} & set(codes):
@@ -566,45 +524,24 @@ class Interpreter:
 
     def switches(self, m):
         for code, name, value in (
-            (3, "spindle", True),
-            (4, "spindle", "reverse"),
-            (5, "spindle", False),
-            (7, "coolant", "mist"),
-            (8, "coolant", "flood"),
-            (9, "coolant", False),
-        ):
+            (3, "spindle", True), (4, "spindle", "reverse"), (5, "spindle", False),
+            (7, "coolant", "mist"), (8, "coolant", "flood"), (9, "coolant", False),
+        ):  # fmt: skip
             if code in m:
-                other = {"mist": "flood", "flood": "mist"}.get(value)
-                if (
-                    name == "coolant"
-                    and value
-                    and self.states.get(name) in (other, "mist and flood")
-                ):
+                both = ({"mist": "flood", "flood": "mist"}.get(value), "mist and flood")
+                if name == "coolant" and value and self.states.get(name) in both:
                     value = "mist and flood"
                 self.switch(self.spindle if name == "spindle" else name, value)
 
-    NAMES = (
-        "unit plane relative centers_absolute tolerance system feed_mode feed retract_to_r"
-    ).split()
-
     def modes(self):
-        return {k: getattr(self, k) for k in self.NAMES}
-
-    def restore(self, modes):
-        for k, value in modes.items():
-            setattr(self, k, value)
+        names = "unit plane relative centers_absolute tolerance system feed_mode feed retract_to_r"
+        return {k: getattr(self, k) for k in names.split()}
 
     def set_mode(self, code, v):
-        if code == 17:
-            self.plane = (0, 1, 2)
-        elif code == 18:
-            self.plane = (2, 0, 1)
-        elif code == 19:
-            self.plane = (1, 2, 0)
-        elif code == 20:
-            self.unit = 0.0254
-        elif code == 21:
-            self.unit = 0.001
+        if code in (17, 18, 19):
+            self.plane = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}[code]
+        elif code in (20, 21):
+            self.unit = {20: 0.0254, 21: 0.001}[code]
         elif code in (61, 61.1):
             self.tolerance = 0.0
         elif code == 64:
@@ -783,9 +720,7 @@ class Interpreter:
         down += [("G1", bottom)]
         now = self.states.get("spindle")
         plans = {
-            81: down + up,
-            73: down + up,
-            83: down + up,
+            **dict.fromkeys((81, 73, 83), down + up),
             82: down + stand + up,
             85: [*down, ("G1", top), *up],
             89: down + stand + [("G1", back)],
@@ -837,12 +772,9 @@ class Interpreter:
                 self.rapid = self.rapid or Rapid([start])
                 self.rapid.points.append(end)
         else:
-            self.add(
-                "line",
-                lambda u: [a + (b - a) * u for a, b in zip(start, end, strict=True)],
-                math.dist(start, end),
-                line,
-            )
+            between = list(zip(start, end, strict=True))
+            at = lambda u: [a + (b - a) * u for a, b in between]  # noqa: E731
+            self.add("line", at, math.dist(start, end), line)
 
     def speed_of(self, length):
         if self.feed is None:
@@ -905,16 +837,13 @@ class Interpreter:
             return point
 
         def turned(center, s, angle):
-            return lambda u: place(
-                center + (s - center) * cmath.exp(1j * way * angle * u), start[c]
-            )
+            to = s - center
+            return lambda u: place(center + to * cmath.exp(1j * way * angle * u), start[c])
 
         full = abs(e - s) <= NANOMETRE
-        sweep = (
-            2 * math.pi
-            if full
-            else (way * cmath.phase((e - center) / (s - center))) % (2 * math.pi)
-        )
+        sweep = 2 * math.pi
+        if not full:
+            sweep = (way * cmath.phase((e - center) / (s - center))) % (2 * math.pi)
         if sweep * abs(s - center) <= NANOMETRE:
             sweep += 2 * math.pi
         if abs(end[c] - start[c]) > NANOMETRE:
@@ -959,10 +888,10 @@ class Interpreter:
         across = cmath.rect(1, cmath.phase(e - s) + math.pi / 2)
         height = math.sqrt(max(radius**2 - half**2, 0.0))
         candidates = [(s + e) / 2 + across * height, (s + e) / 2 - across * height]
-        sweeps = [
-            (way * cmath.phase((e - x) / (s - x))) % (2 * math.pi) if height else math.pi
-            for x in candidates
-        ]
+        sweeps = [math.pi] * 2
+        if height:
+            turns = [cmath.phase((e - x) / (s - x)) for x in candidates]
+            sweeps = [(way * x) % (2 * math.pi) for x in turns]
         pick = min if radius > 0 else max
         return candidates[sweeps.index(pick(sweeps))]
 

@@ -4,8 +4,6 @@ Formulas and constants of libfranka, `include/franka/rate_limiting.h` and `src/r
 version 0.9.2 for the Panda and 0.15.0 for the FR3; written anew in NumPy.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -107,13 +105,11 @@ def test_the_limiter_changes_no_command_of_the_recipe(name, move):
     assert commands_changed(name, commands_of(planned)) == 0
 
 
-def test_the_limiter_changes_commands_at_the_limits_of_the_data_sheet():
+def test_the_limiter_changes_commands_at_the_limits_of_the_data_sheet_and_they_hold():
     arm = ac.load_arm("panda")
     sheet = arm.limits.replace(joint_jerk=JERK["panda"] + EPS)
     assert commands_changed("panda", commands_of(joint_line(arm, sheet))) > 100
-
-
-def test_velocity_limits_of_the_fr3_hold_in_its_whole_range():
+    # The velocity limits of the FR3 in its whole range.
     limits = ac.load_arm("fr3").limits
     for q in (limits.joint_lower, limits.joint_upper):
         low, high = velocity_limits("fr3", q)

@@ -1,30 +1,17 @@
 """The reader of G-code against an independent interpreter, on the corpus and on random programs."""
 
-from __future__ import annotations
-
-import importlib.util
 import math
 import random
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.oracle import gcode_author
+from tests.oracle import gcode_interpreter as oracle
 
 from armcontour.io.drawings.gcode import read_gcode
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Dwell, Event, Rapid
-
-_spec = importlib.util.spec_from_file_location(
-    "gcode_interpreter", Path(__file__).with_name("gcode_interpreter.py")
-)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
-
-_spec = importlib.util.spec_from_file_location(
-    "gcode_author", Path(__file__).with_name("gcode_author.py")
-)
-gcode_author = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(gcode_author)
 
 CORPUS = Path(__file__).parents[1] / "io" / "drawings" / "gcode"
 SHARES = np.linspace(0.0, 1.0, 9)
@@ -76,17 +63,13 @@ def compare_contour(found, expected, chord_tolerance):
             points = path.on_segment(np.full(len(u), i), u)
             compare_points(points, np.array([segment.at(x) for x in SHARES]))
         assert path.speeds[i : i + n] == pytest.approx(segment.speed, rel=1e-9, nan_ok=True)
-        np.testing.assert_array_equal(
-            np.isnan(path.tolerances[i : i + n]), math.isnan(segment.tolerance)
-        )
-        if not math.isnan(segment.tolerance):
-            assert path.tolerances[i : i + n] == pytest.approx(segment.tolerance, rel=1e-12)
+        tolerances = path.tolerances[i : i + n]
+        assert tolerances == pytest.approx(segment.tolerance, rel=1e-12, nan_ok=True)
         i += n
     assert i == len(path)
     places.append(path.breaks[i])
-    assert [(e.name, e.value, e.s) for e in found.events] == [
-        (name, value, places[at]) for at, name, value in expected.events
-    ]
+    events = [(name, value, places[at]) for at, name, value in expected.events]
+    assert [(e.name, e.value, e.s) for e in found.events] == events
 
 
 def compare_helix(path, i, segment, chord_tolerance):
@@ -106,21 +89,16 @@ def compare_helix(path, i, segment, chord_tolerance):
     return n
 
 
-ACCEPTED = [
-    x for x in sorted(CORPUS.rglob("*.ngc")) if b"refused in line" not in x.read_bytes()[:400]
-]
-
-
-@pytest.mark.parametrize(
-    "file",
-    [x for x in ACCEPTED if x.parent.name not in ("skipped", "refused")],
-    ids=lambda x: f"{x.parent.name}/{x.stem}",
-)
-def test_corpus_is_read_as_the_oracle_reads_it(file):
-    data = file.read_bytes()
-    program = read_gcode(data, source=file.name, reading=Reading(mend_vertices=0.0))
-    text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    compare(program, oracle.interpret(text.removeprefix("\xef\xbb\xbf")))
+def test_corpus_is_read_as_the_oracle_reads_it():
+    known = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
+    accepted = {x: y for x, y in known.items() if b"refused in line" not in y[:400]}
+    assert len(accepted) > 50
+    for file, data in accepted.items():
+        if file.parent.name not in ("skipped", "refused"):
+            print(file)  # pytest shows it of a failure
+            program = read_gcode(data, source=file.name, reading=Reading(mend_vertices=0.0))
+            text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+            compare(program, oracle.interpret(text.removeprefix("\xef\xbb\xbf")))
 
 
 class Author:
@@ -138,15 +116,14 @@ class Author:
     def text(self):
         r = self.r
         self.write(["G" + self.code(r.choice(["21", "17", "90"])), "F" + self.number(600.0)])
-        makers = [
-            *[self.straight] * 6,
-            *[self.rapid] * 2,
-            *[self.arc] * 6,
-            *[self.mode] * 3,
-            self.switch,
-            self.dwell,
-            self.rate,
-            self.noise,
+        makers = [*[self.straight] * 6, *[self.rapid] * 2, *[self.arc] * 6, *[self.mode] * 3]
+        switches = "M3 M4 M5 M7 M8 M9 S100 S2000.5 M0 M1".split()
+        noise = ["", "  ", "(nothing)", "/ G1 X1", "; G0", "G40"]
+        makers += [
+            lambda: self.write([r.choice(switches)]),
+            lambda: self.write(["G4", r.choice(["P0", "P.25", "P1"])]),
+            lambda: self.write(["F" + self.number(r.uniform(1, 3000))]),
+            lambda: self.lines.append(r.choice(noise)),
         ]
         for _ in range(r.randint(20, 50)):
             r.choice(makers)()
@@ -154,10 +131,9 @@ class Author:
         self.write([r.choice(["M2", "M30", "m02"])])
         return "\n".join(self.lines) + "\n"
 
-    def write(self, words, shuffle=True):
+    def write(self, words):
         r = self.r
-        if shuffle:
-            r.shuffle(words)
+        r.shuffle(words)
         if r.random() < 0.15:
             words.insert(r.randrange(len(words) + 1), "(a; comment)")
         line = r.choice(["", " ", "\t"]).join(words)
@@ -258,35 +234,22 @@ class Author:
         self.write(words)
 
     def mode(self):
-        kind = self.r.randrange(6)
+        words, kind = [self.r.choice(["G61", "G61.1", "G64"])], self.r.randrange(6)
         if kind == 0:
             self.absolute = not self.absolute
-            self.write(["G90" if self.absolute else "G91"])
+            words = ["G90" if self.absolute else "G91"]
         elif kind == 1:
             self.centers_absolute = not self.centers_absolute
-            self.write(["G90.1" if self.centers_absolute else "G91.1"])
+            words = ["G90.1" if self.centers_absolute else "G91.1"]
         elif kind == 2:
             self.plane = self.r.choice([17, 18, 19])
-            self.write([f"G{self.plane}"])
+            words = [f"G{self.plane}"]
         elif kind == 3:
             self.unit = 26.4 - self.unit
-            self.write(["G21" if self.unit == 1.0 else "G20"])
+            words = ["G21" if self.unit == 1.0 else "G20"]
         elif kind == 4:
-            self.write([self.r.choice(["G61", "G61.1", "G64"])])
-        else:
-            self.write(["G64", "P" + self.number(self.r.uniform(0.01, 1))])
-
-    def switch(self):
-        self.write([self.r.choice("M3 M4 M5 M7 M8 M9 S100 S2000.5 M0 M1".split())])
-
-    def dwell(self):
-        self.write(["G4", self.r.choice(["P0", "P.25", "P1"])])
-
-    def rate(self):
-        self.write(["F" + self.number(self.r.uniform(1, 3000))])
-
-    def noise(self):
-        self.lines.append(self.r.choice(["", "  ", "(nothing)", "/ G1 X1", "; G0", "G40"]))
+            words = ["G64", "P" + self.number(self.r.uniform(0.01, 1))]
+        self.write(words)
 
 
 AUTHORS = {
@@ -318,9 +281,8 @@ def test_relative_cycles_keep_the_initial_level_of_their_series():
 def test_the_last_hole_of_a_series_returns_to_the_initial_level():
     text = "G90 G0 X0 Y0 Z25\nG99 G81 X10 Y0 Z-5 R2 F40\nX20\nG98 X30\nG80\nG0 X0 Y50\nG1 Z0\n"
     rapids = [x for x in read(text).moves if isinstance(x, Rapid)]
-    assert rapids[-1].path.vertices[-2:] * 1e3 == pytest.approx(
-        np.array([[30.0, 0.0, 25.0], [0.0, 50.0, 25.0]])
-    )
+    expected = np.array([[30.0, 0.0, 25.0], [0.0, 50.0, 25.0]])
+    assert rapids[-1].path.vertices[-2:] * 1e3 == pytest.approx(expected)
 
 
 def test_random_programs_with_parameters_have_all_features():
@@ -337,43 +299,28 @@ def test_random_programs_have_all_features():
     programs = [oracle.interpret(x) for x in texts]
     kinds = {s.kind for p in programs for m in p if hasattr(m, "segments") for s in m.segments}
     assert kinds == {"line", "arc", "helix"}
-    assert {type(m) for p in programs for m in p} == {
-        oracle.Contour,
-        oracle.Rapid,
-        oracle.Dwell,
-        oracle.Event,
-    }
+    moves = {oracle.Contour, oracle.Rapid, oracle.Dwell, oracle.Event}
+    assert {type(m) for p in programs for m in p} == moves
     for feature in ("G20", "G91", "G90.1", "G18", "G19", "G61", "G64", "R-", "P2", "(", ";", "\n/"):
         assert any(feature in x.replace(" ", "") for x in texts)
     assert {read(x).dimension for x in texts} == {2, 3}
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("X10", "X10.00001"),
-        ("G3", "G2"),
-        ("F600", "F601"),
-        ("P.05", "P.06"),
-        ("M8", "M7"),
-        ("G1 X10\nG64 P.05\nM8", "M8\nG1 X10\nG64 P.05"),
-        ("G4 P1", "G4 P2"),
-        ("R-10", "R10"),
-        ("G18", "G17"),
-        ("Z2", "Z2.00001"),
-        ("G0 X0", "G0 X0.00001"),
-    ],
-)
-def test_the_comparison_sees_a_changed_program(old, new):
+def test_the_comparison_sees_a_changed_program():
     text = (
         "F600\nG1 X10\nG64 P.05\nM8\nG3 Y10 I-2 J5\nG2 X20 R-10\nG4 P1\nG18 G3 X30 I5\n"
         "G17 G3 X20 Y0 I-5 J-5 Z2\nG0 X0\nG1 X5\nM2\n"
     )
     compare(read(text), oracle.interpret(text))
-    changed = text.replace(old, new, 1)
-    assert changed != text
-    with pytest.raises(AssertionError):
-        compare(read(changed), oracle.interpret(text))
+    for old, new in (
+        ("X10", "X10.00001"), ("G3", "G2"), ("F600", "F601"), ("P.05", "P.06"), ("M8", "M7"),
+        ("G1 X10\nG64 P.05\nM8", "M8\nG1 X10\nG64 P.05"), ("G4 P1", "G4 P2"), ("R-10", "R10"),
+        ("G18", "G17"), ("Z2", "Z2.00001"), ("G0 X0", "G0 X0.00001"),
+    ):  # fmt: skip
+        changed = text.replace(old, new, 1)
+        assert changed != text
+        with pytest.raises(AssertionError):
+            compare(read(changed), oracle.interpret(text))
 
 
 def test_the_oracle_turns_a_quarter_circle():

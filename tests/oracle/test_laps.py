@@ -1,7 +1,5 @@
 """MAC's laps against (18)-(20) in plain Python, and its passes against the phase plane."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -51,9 +49,8 @@ def test_laps_18_to_20(arm, seed):
     limit = rng.uniform(0.5, 1.0, 2)
     speed = rng.choice([0.0, 0.02])
     h, speeds, dq, ddq, done, joint, _ = laps(q, dq_ds, speed, limit)
-    times, expected_speeds, accelerations, expected_done = slow_laps(
-        q.tolist(), dq_ds.tolist(), speed, limit.tolist()
-    )
+    slow = slow_laps(q.tolist(), dq_ds.tolist(), speed, limit.tolist())
+    times, expected_speeds, accelerations, expected_done = slow
     assert done == expected_done > 0
     assert (joint == -1) == (done == 40)
     np.testing.assert_allclose(h[:done], times, rtol=1e-7)
@@ -101,25 +98,23 @@ def phase_plane(traced, limit, s, speed):
         return [2 * np.min((limit - np.sign(dq) * ddq * y[0]) / np.abs(dq))]
 
     # Small steps: the slope has kinks where another joint begins to bind.
-    span = (s[0], s[-1])
-    found = solve_ivp(
-        slope, span, [speed**2], t_eval=s, rtol=1e-9, atol=1e-12, max_step=(s[-1] - s[0]) / 500
-    )
+    how = {"rtol": 1e-9, "atol": 1e-12, "max_step": (s[-1] - s[0]) / 500}
+    found = solve_ivp(slope, (s[0], s[-1]), [speed**2], t_eval=s, **how)
     return np.sqrt(found.y[0])
 
 
-@pytest.mark.parametrize("segment", [0, 2, 4])
-@pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("begin", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("segment", "backwards", "begin"),
+    [(0, False, 0.0), (2, True, 0.02)],
+)
 def test_passes_follow_the_phase_plane(arm, rounded, limits, segment, backwards, begin):
     path = ac.Path.polyline(rounded.vertices[[segment, segment + 1]][:: -1 if backwards else 1])
     traced = ac.trace(path, arm, tolerance=1e-11)
     s = np.linspace(0, path.length, 401)
-    line = Line(
-        name="line", joint_path=traced, arm=arm, limit=limits.joint_acceleration, s=s, assigned=0.15
-    )
+    limit = limits.joint_acceleration
+    line = Line(name="line", joint_path=traced, arm=arm, limit=limit, s=s, assigned=0.15)
     run = line.forward(begin)
     last = run.last_within(0.15)
     assert last > 40
-    expected = phase_plane(traced, limits.joint_acceleration, s[: last + 1], begin)
+    expected = phase_plane(traced, limit, s[: last + 1], begin)
     np.testing.assert_allclose(run.speed[: last + 1], expected, rtol=1e-4)

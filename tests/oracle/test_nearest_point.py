@@ -1,7 +1,5 @@
 """Nearest points against the obvious: every segment in turn, in plain Python, and dense samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -44,10 +42,8 @@ def brute_force(segments, p):
             best = min(best, distance_to_line(list(p), list(x.start), list(x.end)))
         else:
             normal = (0.0, 0.0, 1.0) if x.normal is None else x.normal
-            found = distance_to_arc(
-                in_space(p), in_space(x.start), in_space(x.center), normal, x.angle
-            )
-            best = min(best, found)
+            points = (in_space(y) for y in (p, x.start, x.center))
+            best = min(best, distance_to_arc(*points, normal, x.angle))
     return best
 
 
@@ -120,11 +116,8 @@ def test_queries_at_and_near_arc_centres(dimension):
     rng = np.random.default_rng(6)
     arcs = [x for x in random_chain(rng, dimension, 20, [0.1, 1.0]) if isinstance(x, ac.Arc)]
     for arc in arcs:
-        center = np.asarray(arc.center)
-        queries = center + np.concatenate(
-            [np.zeros((1, dimension)), 1e-9 * rng.normal(size=(20, dimension))]
-        )
-        assert_nearest([arc], queries, 1e-13)
+        off = [np.zeros((1, dimension)), 1e-9 * rng.normal(size=(20, dimension))]
+        assert_nearest([arc], np.asarray(arc.center) + np.concatenate(off), 1e-13)
 
 
 def test_a_long_winding_path():

@@ -5,8 +5,6 @@ with x = ds² at the grid points and a path acceleration uniform on every interv
 the sum of 2 width / (sqrt(x_i) + sqrt(x_i+1)), which is convex, and all limits are linear or round.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,15 +39,8 @@ class Cones:
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
         n = self.variables
         matrix = sparse.vstack(self.rows, format="csc")
-        solver = clarabel.DefaultSolver(
-            sparse.csc_matrix((n, n)),
-            cost,
-            matrix,
-            np.concatenate(self.right),
-            self.cones,
-            settings,
-        )
-        solution = solver.solve()
+        given = sparse.csc_matrix((n, n)), cost, matrix, np.concatenate(self.right)
+        solution = clarabel.DefaultSolver(*given, self.cones, settings).solve()
         assert str(solution.status) in ("Solved", "AlmostSolved")
         return np.array(solution.x)
 
@@ -136,9 +127,8 @@ def test_random_splines(seed, worst_ratios):
     arm = SimpleNamespace(dof=dof, limits=limits)
     s = np.unique(np.append(np.linspace(0, joint_path.length, INTERVALS + 1), joint_path.breaks))
     s[-1] = joint_path.breaks[-1]
-    reference = convex_duration(
-        joint_path, s, *limits.acceleration_bounds(dof), limits.joint_velocity
-    )
+    bounds = (*limits.acceleration_bounds(dof), limits.joint_velocity)
+    reference = convex_duration(joint_path, s, *bounds)
     # The same problem, solved another way. The forward pass always takes the fastest end of an
     # interval, which next to a point without inertia is not always the best; it costs 3e-4 at most.
     assert 1 - 1e-6 < first_pass(joint_path, s, arm, limits) / reference < 1 + 5e-4
@@ -150,18 +140,15 @@ def test_random_splines(seed, worst_ratios):
 
 @pytest.mark.parametrize("radius", [0.03, 0.1])
 def test_tool_acceleration_on_an_arc(arm, radius):
-    turn = np.pi / 2
-    path = ac.Path.from_segments(
-        [ac.Arc(start=(0.35 + radius, 0.2), center=(0.35, 0.2), angle=turn)]
-    )
+    arc = ac.Arc(start=(0.35 + radius, 0.2), center=(0.35, 0.2), angle=np.pi / 2)
+    path = ac.Path.from_segments([arc])
     joint_path = ac.trace(path, arm)
     limits = ac.Limits(tool_acceleration=0.3, joint_acceleration=[1.0, 1.5])
     s = np.unique(np.append(np.linspace(0, path.length, INTERVALS + 1), joint_path.breaks))
     s = np.delete(s, np.flatnonzero(np.diff(s) < 1e-9))
     s[-1] = joint_path.breaks[-1]
-    reference = convex_duration(
-        joint_path, s, *limits.acceleration_bounds(2), None, (1 / radius, 0.3)
-    )
+    bounds = (*limits.acceleration_bounds(2), None)
+    reference = convex_duration(joint_path, s, *bounds, (1 / radius, 0.3))
     # The planner measures the curvature of the traced path and adds its spread.
     assert first_pass(joint_path, s, arm, limits) == pytest.approx(reference, rel=2e-5)
     planned = ac.plan(joint_path, arm, limits)

@@ -5,8 +5,6 @@ scaled to the parameter range [0, 1], because its tolerances are absolute. Refer
 `toppra_durations.json`; some are computed again here.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,15 +17,12 @@ pytest.importorskip("toppra", reason="toppra has wheels for linux-x86_64 only")
 
 from toppra import SplineInterpolator, setup_logging  # noqa: E402
 from toppra.algorithm import TOPPRA  # noqa: E402
-from toppra.constraint import (  # noqa: E402
-    DiscretizationType,
-    JointAccelerationConstraint,
-    JointVelocityConstraint,
-)
+from toppra.constraint import DiscretizationType as Scheme  # noqa: E402
+from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint  # noqa: E402
 
 setup_logging("CRITICAL")
 
-PROBLEMS, BATCHES = 200, 8
+PROBLEMS, JUDGED = 200, 2  # one in so many is judged here
 FINE, TEN_TIMES_FINER = 5000, 40_000  # toppra's intervals; ours are 4000
 REFERENCES = [
     *(("joint", FINE, seed) for seed in range(PROBLEMS)),
@@ -64,19 +59,14 @@ def peer(points, velocity, acceleration, grid, scheme):
         JointVelocityConstraint(np.column_stack([-velocity, velocity])),
         JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]), scheme),
     ]
-    instance = TOPPRA(
-        constraints,
-        path,
-        gridpoints=grid,
-        solver_wrapper="seidel",
-        parametrizer="ParametrizeConstAccel",
-    )
+    how = {"solver_wrapper": "seidel", "parametrizer": "ParametrizeConstAccel"}
+    instance = TOPPRA(constraints, path, gridpoints=grid, **how)
     return instance.compute_trajectory(0, 0).duration
 
 
 def by_toppra(seed, intervals):
     """The reference of a problem."""
-    return peer(*problem(seed), np.linspace(0, 1, intervals + 1), DiscretizationType.Interpolation)
+    return peer(*problem(seed), np.linspace(0, 1, intervals + 1), Scheme.Interpolation)
 
 
 def compare(seed, intervals):
@@ -86,14 +76,14 @@ def compare(seed, intervals):
     return planned.duration / kept("joint", intervals, seed), planned, limits
 
 
-@pytest.mark.parametrize(("kind", "intervals", "seed"), REFERENCES[3:PROBLEMS:25] + REFERENCES[-1:])
+@pytest.mark.parametrize(("kind", "intervals", "seed"), REFERENCES[3:PROBLEMS:50] + REFERENCES[-1:])
 def test_references_are_what_toppra_finds(kind, intervals, seed):
     assert by_toppra(seed, intervals) == pytest.approx(kept(kind, intervals, seed), rel=SAME)
 
 
-@pytest.mark.parametrize("batch", range(BATCHES))
-def test_as_fast_as_a_fine_reference(batch, worst_ratios):
-    for seed in range(batch, PROBLEMS, BATCHES):
+@pytest.mark.parametrize("first", [0, 1])
+def test_as_fast_as_a_fine_reference(first, worst_ratios):
+    for seed in range(first * JUDGED, PROBLEMS, 2 * JUDGED):
         ratio, planned, limits = compare(seed, FINE)
         assert 1 - OWN_ERROR < ratio < 1 + ALLOWED, seed
         # A plan that keeps every limit everywhere is never shorter than the true optimum.
@@ -102,10 +92,10 @@ def test_as_fast_as_a_fine_reference(batch, worst_ratios):
         assert set(found) == {"joint_velocity", "joint_acceleration"}
 
 
-@pytest.mark.parametrize("seed", range(0, PROBLEMS, 20))
-def test_as_fast_as_a_reference_ten_times_finer(seed):
-    ratio, *_ = compare(seed, TEN_TIMES_FINER)
-    assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
+def test_as_fast_as_a_reference_ten_times_finer():
+    for seed in range(0, PROBLEMS, 20):
+        ratio, *_ = compare(seed, TEN_TIMES_FINER)
+        assert 1 - OWN_ERROR < ratio < 1 + ALLOWED, seed
 
 
 def test_against_the_collocated_optimum_of_the_same_grid():
@@ -114,9 +104,9 @@ def test_against_the_collocated_optimum_of_the_same_grid():
     toppra's collocation looks at the start of every interval only, and so is faster than the true
     optimum here and slower there, by a share that falls with the grid.
     """
-    for seed in range(0, 40, 4):
+    for seed in range(0, 40, 10):
         points, velocity, acceleration = problem(seed)
         planned, _ = ours(points, velocity, acceleration)
         s = planned.s(planned.breaks)
-        bare = peer(points, velocity, acceleration, s / s[-1], DiscretizationType.Collocation)
+        bare = peer(points, velocity, acceleration, s / s[-1], Scheme.Collocation)
         assert planned.duration < bare * (1 + 1e-4), seed

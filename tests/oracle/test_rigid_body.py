@@ -1,7 +1,5 @@
 """The rigid-body plant against pinocchio's equations of motion, integrated by SciPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -34,9 +32,7 @@ def skew_arm():
         viscous=[2.0, 1.0, 0.5],
         tip=Frame.rpy([0.1, 0.2, -0.1], [0.5, 0.6, 0.7]),
         gravity=np.array([3.0, -4.0, -8.0]),
-        payload=Payload(
-            mass=1.5, center=np.array([0.1, 0.0, 0.05]), inertia=np.diag([0.01, 0.02, 0.025])
-        ),
+        payload=Payload(mass=1.5, center=[0.1, 0.0, 0.05], inertia=np.diag([0.01, 0.02, 0.025])),
     )
     return SerialArm(name="skew", chain=chain, limits=ac.Limits())
 
@@ -121,9 +117,8 @@ def error(step, limit):
     arm, period = skew_arm(), 0.008
     t = np.arange(0, 0.4, period)[:, None]
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
-    plant = ac.RigidBodyPlant(
-        arm, ac.ServoModel(kp=KP, kv=KV), ac.Limits(joint_torque=limit), step=step
-    )
+    servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits(joint_torque=limit)
+    plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
     done = ac.execute(taught_data(q, period), plant, resolution=step)
     expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, period, limit)
     n = len(expected)
@@ -149,11 +144,8 @@ def test_nominal_inertia_is_the_bare_arms():
 @pytest.mark.parametrize("options", [{}, {"joint_damping": 0.0}])
 def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
     whole = skew_arm().chain
-    first = {
-        name: getattr(whole, name)[:2]
-        for name in ("joints", "rotations", "positions", "axes", "masses", "centers", "inertias")
-    }
-    first |= {name: getattr(whole, name)[:2] for name in ("armature", "viscous")}
+    names = "joints rotations positions axes masses centers inertias armature viscous".split()
+    first = {name: getattr(whole, name)[:2] for name in names}
     arm = SerialArm(name="two", chain=whole.replace(**first, coulomb=None), limits=ac.Limits())
     step, period = 2.5e-4, 0.004
     t = np.arange(0, 0.08, period)[:, None]

@@ -1,7 +1,5 @@
 """Every servo model against SciPy: its command, its dead time, its saturation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,24 +11,17 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 
 PERIOD = 0.02
-DEAD_TIMES = {
-    "none": 0.0,
-    "whole": 0.06,
-    "fraction": 0.0137,
-    "over one": 0.0281,
-    "per joint": [0.011, 0.047],
-}
-GAINS = {"overdamped": (25.0, 150.0), "critical": (25.0, 100.0), "underdamped": (60.0, 40.0)}
+# None, whole intervals, a fraction of one, more than one, and another for each joint.
+DEAD_TIMES = (0.0, 0.06, 0.0137, 0.0281, [0.011, 0.047])
+# Overdamped, critical, underdamped.
+GAINS = ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0))
 
 
-def taught_data(q, period=PERIOD, start_time=0.0):
-    law = LapLaw(
-        breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
-    )
+def taught_data(q, period=PERIOD):
+    rest = np.zeros((1, 2))
+    law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=rest, ddq=rest)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.TaughtData(
-        period=period, q=q, trajectory=trajectory, method="x", start_time=start_time
-    )
+    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
 
 
 def command(q, interpolation, period=PERIOD):
@@ -75,32 +66,29 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), period
 
 @pytest.mark.parametrize("order", ["second", "first"])
 @pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
-@pytest.mark.parametrize("dead", DEAD_TIMES)
-def test_unsaturated_against_an_integrator(arm, order, interpolation, dead):
-    kv = [150.0, 70.0] if order == "second" else None
-    servo = ac.ServoModel(
-        kp=[25.0, 40.0], kv=kv, interpolation=interpolation, dead_time=DEAD_TIMES[dead], order=order
-    ).for_joints(2)
+def test_unsaturated_against_an_integrator(arm, order, interpolation):
+    gains = {"kp": [25.0, 40.0], "kv": [150.0, 70.0] if order == "second" else None}
     q = 0.1 * np.random.default_rng(2).normal(size=(9, 2))
-    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.005)
-    n = round(0.3 / done.t[1])
-    times = done.t[: n + 1]
-    for j in range(2):
-        u = command(q[:, j], interpolation)
-        expected = integrated(servo, j, u, servo.dead_time[j], times, q[0, j])
-        np.testing.assert_allclose(done.q[: n + 1, j], expected[:, 0], atol=1e-9)
-        if order == "second":
-            np.testing.assert_allclose(done.dq[: n + 1, j], expected[:, 1], atol=1e-7)
+    for dead in DEAD_TIMES if order == "second" else DEAD_TIMES[3:]:
+        servo = ac.ServoModel(**gains, interpolation=interpolation, dead_time=dead, order=order)
+        servo = servo.for_joints(2)
+        done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.005)
+        n = round(0.3 / done.t[1])
+        times = done.t[: n + 1]
+        for j in range(2):
+            u = command(q[:, j], interpolation)
+            expected = integrated(servo, j, u, servo.dead_time[j], times, q[0, j])
+            np.testing.assert_allclose(done.q[: n + 1, j], expected[:, 0], atol=1e-9)
+            if order == "second":
+                np.testing.assert_allclose(done.dq[: n + 1, j], expected[:, 1], atol=1e-7)
 
 
 @pytest.mark.parametrize("gains", GAINS)
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "step"])
-@pytest.mark.parametrize("dead", [0.0, 0.0137])
-def test_saturated_against_an_integrator(arm, gains, interpolation, dead):
-    kp, kv = GAINS[gains]
-    servo = ac.ServoModel(
-        kp=kp, kv=kv, interpolation=interpolation, dead_time=dead
-    ).for_joints(2)  # fmt: skip
+def test_saturated_against_an_integrator(arm, gains, interpolation):
+    # With and without dead time, in turn.
+    (kp, kv), dead = gains, 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
+    servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits(joint_acceleration=[0.72, 3.0], joint_deceleration=[2.0, 1.0])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
     done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
@@ -125,11 +113,10 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
     rng = np.random.default_rng(7)
     for _ in range(20):
         q = np.cumsum(rng.normal(size=(8, 2)), axis=0) * 1e-3
-        servo = ac.ServoModel(
-            kp=25.0, kv=150.0, interpolation="cubic", dead_time=rng.uniform(0, 0.03)
-        )
-        free = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=PERIOD)
-        fine = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=1e-5)
+        dead = rng.uniform(0, 0.03)
+        servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=dead)
+        plant = ac.ServoPlant(arm, servo, ac.Limits())
+        free, fine = (ac.execute(taught_data(q), plant, resolution=x) for x in (PERIOD, 1e-5))
         most = np.abs(fine.demand).max(axis=0)
         np.testing.assert_allclose(free.peak_demand, most, rtol=1e-6)
         limits = ac.Limits(joint_acceleration=free.peak_demand * (1 - 1e-9))
@@ -164,7 +151,6 @@ def test_torque_limits_against_an_integrator():
                 u = np.array([c(k * PERIOD + t - 0.013) for c in commands])
                 return np.concatenate([x[6:], np.clip(150 * (25 * (u - x[:6]) - x[6:]), low, high)])
 
-            state = solve_ivp(
-                motion, (a, b), state, method="RK45", rtol=1e-9, atol=1e-11, max_step=5e-4
-            ).y[:, -1]
+            how = {"method": "RK45", "rtol": 1e-9, "atol": 1e-11, "max_step": 5e-4}
+            state = solve_ivp(motion, (a, b), state, **how).y[:, -1]
         at, rate = state[:6], state[6:]

@@ -1,7 +1,5 @@
 """The oracle of shaped paths against closed forms, and shaped paths against the oracle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from soak.shaped_oracle import Job, draw, solve
@@ -35,7 +33,7 @@ def test_the_paper_s_job(tolerance, duration):
     assert found.duration == pytest.approx(duration, rel=3e-4)
 
 
-@pytest.mark.parametrize(("seed", "start"), [(0, "stops"), (4, 0.7), (3, 0.7)])
+@pytest.mark.parametrize(("seed", "start"), [(0, "stops"), (3, 0.7)])
 def test_shaped_paths_are_near_it(seed, start):
     """Of the kept jobs, these are solved again; `python -m soak.shapes --oracle` compares all."""
     # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.

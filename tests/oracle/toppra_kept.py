@@ -4,8 +4,6 @@
 some; its exit code is 1 if one has changed. With `--write` it writes them.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor

@@ -4,8 +4,6 @@ After the three parallel axes: the first joint from the wrist's centre, the fift
 direction of those axes seen by the tool, the second to fourth from the triangle in their plane.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -22,9 +20,8 @@ def link(name, k, angle):
     """The transform of one link."""
     a, d = (x[k] for x in PARAMETERS[name])
     c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(ALPHA[k]), np.sin(ALPHA[k])
-    return np.array(
-        [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-    )
+    first, second = [c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s]
+    return np.array([first, second, [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 def solutions(name, point, rotation):

@@ -1,13 +1,10 @@
 """A small job on an arm in space, and one in the plane."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
 
 from armcontour.io import parse_job
-from armcontour.jobs import Job
 
 SQUARE = """
 name: square
@@ -32,12 +29,12 @@ runs: {only: {compensation: {method: pole_placement}}}
 
 
 @pytest.fixture(scope="session")
-def square() -> Job:
+def square():
     """Without shapes of the links, so that nothing but limits refuses a place."""
     job = parse_job(SQUARE)
     return replace(job, arm=job.arm.with_shapes(None))
 
 
 @pytest.fixture(scope="session")
-def plane() -> Job:
+def plane():
     return parse_job(PLANE)

@@ -11,7 +11,7 @@ from armcontour.placement.configurations import Configurations
 WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""
 
 
-def urdf(offset: float) -> str:
+def urdf(offset):
     """An arm whose last three axes meet, but for an offset [m]."""
     frames = ["0 0 0.4", "0.1 0 0", "0 0 0.5", "0.05 0 0", "0.45 0 0", f"0 0 {offset}"]
     axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
@@ -25,7 +25,7 @@ def urdf(offset: float) -> str:
 
 
 @pytest.fixture(scope="module")
-def arms(tmp_path_factory) -> dict[str, ac.SerialArm]:
+def arms(tmp_path_factory):
     """Arms with a tool, somewhere before their work."""
     file = tmp_path_factory.mktemp("arms") / "wrist.urdf"
     file.write_text(urdf(0.0))
@@ -37,13 +37,13 @@ def arms(tmp_path_factory) -> dict[str, ac.SerialArm]:
     return {k: ac.load_arm(x).with_tool(tool).with_work(work) for k, x in names.items()}
 
 
-def poses_of(arm: ac.SerialArm, q: np.ndarray) -> np.ndarray:
+def poses_of(arm, q):
     points, turned = arm.pose(q)
     return np.concatenate([turned, points[..., None]], axis=2)
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
-def test_it_finds_what_the_search_finds(arms, name: str) -> None:
+def test_it_finds_what_the_search_finds(arms, name):
     arm = arms[name]
     found = Configurations(arm, 6)
     assert found.closed is not None and found.closed.wrist == (name == "wrist")
@@ -62,7 +62,7 @@ def test_it_finds_what_the_search_finds(arms, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ur5e", "wrist"])
-def test_singular_poses_are_searched(arms, name: str) -> None:
+def test_singular_poses_are_searched(arms, name):
     arm = arms[name]
     q = np.array([[0.3, -1.2, 1.4, -0.5, 0.0, 0.7]])
     pose = poses_of(arm, q)[0]
@@ -72,7 +72,7 @@ def test_singular_poses_are_searched(arms, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ur5e", "wrist"])
-def test_only_what_no_posture_reaches_is_beyond(arms, name: str) -> None:
+def test_only_what_no_posture_reaches_is_beyond(arms, name):
     """Poses that a posture has are within reach, and those beyond are not met by any search."""
     arm = arms[name]
     closed = Configurations(arm, 6).closed
@@ -89,7 +89,7 @@ def test_only_what_no_posture_reaches_is_beyond(arms, name: str) -> None:
         assert (gap > 1e-6) == (len(configurations(arm, pose, 6)) == 0)
 
 
-def test_other_arms_are_searched(tmp_path) -> None:
+def test_other_arms_are_searched(tmp_path):
     (tmp_path / "wrist.urdf").write_text(urdf(0.08))
     for arm in (ac.load_arm(tmp_path / "wrist.urdf"), ac.load_arm("panda")):
         assert Configurations(arm, 6).closed is None

@@ -1,7 +1,5 @@
 """The best place of a grid is that of planning every place, which these tests do by themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +8,7 @@ import pytest
 import armcontour as ac
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
 from armcontour.io import parse_job
-from armcontour.jobs import Job
-from armcontour.placement import Moves, Placement
+from armcontour.placement import Moves
 from armcontour.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
@@ -29,19 +26,19 @@ SAME = 1e-5
 MIDDLE = np.array([0.53, 0.03, 0.2])
 
 
-def moved(job: Job, frame: ac.Frame) -> Job:
+def moved(job, frame):
     """The job with its path moved, where `place` moves the frame that the path is given in."""
     path = ac.Program.of(job.path).placed(frame).single_path
     return replace(job, path=path)
 
 
-def plan(job: Job) -> ac.Trajectory:
+def plan(job):
     (run,) = job.runs
     path = ac.round_corners(job.path, tolerance=run.rounding.tolerance)
     return ac.plan(path, job.arm, run.limits, start=job.start, **run.plan_options)
 
 
-def durations(found: Placement, job: Job, anchor: np.ndarray) -> np.ndarray:
+def durations(found, job, anchor):
     """Durations of all places by brute force; infinite where there is no plan."""
     known = []
     for k in range(len(found.verdicts)):
@@ -54,16 +51,16 @@ def durations(found: Placement, job: Job, anchor: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def placed(square: Job) -> Placement:
+def placed(square):
     return ac.place(square, over=GRID)
 
 
 @pytest.fixture(scope="module")
-def brute(square: Job, placed: Placement) -> np.ndarray:
+def brute(square, placed):
     return durations(placed, square, MIDDLE)
 
 
-def test_the_best_of_the_grid_is_that_of_all_plans(placed: Placement, brute: np.ndarray) -> None:
+def test_the_best_of_the_grid_is_that_of_all_plans(placed, brute):
     k = int(np.argmin(brute))
     assert placed.best.values == placed.place(k)
     assert placed.best.verdict.duration == pytest.approx(brute[k], rel=SAME)
@@ -74,14 +71,14 @@ def test_the_best_of_the_grid_is_that_of_all_plans(placed: Placement, brute: np.
     assert (bounds[finite] <= brute[finite]).all() and (bounds[finite] > 0.9 * brute[finite]).all()
 
 
-def test_places_are_refused_where_there_is_no_plan(placed: Placement, brute: np.ndarray) -> None:
+def test_places_are_refused_where_there_is_no_plan(placed, brute):
     refused = np.array([bool(x.refusal) for x in placed.verdicts])
     assert refused.any() and not refused.all()
     assert (refused == np.isinf(brute)).all()
     assert placed.refusals == {"reach": int(refused.sum())}
 
 
-def test_a_refined_place_is_better_and_planned_in_full(placed: Placement, square: Job) -> None:
+def test_a_refined_place_is_better_and_planned_in_full(placed, square):
     refined, best = placed.refined, placed.best
     assert refined.verdict.duration < best.verdict.duration < placed.own.duration
     assert placed.own.duration == pytest.approx(plan(square).duration, rel=1e-12)
@@ -94,7 +91,7 @@ def test_a_refined_place_is_better_and_planned_in_full(placed: Placement, square
     assert "x " in str(refined) and "mm" in str(refined) and "planned)" in repr(placed)
 
 
-def test_every_place_can_be_planned(square: Job) -> None:
+def test_every_place_can_be_planned(square):
     over = {"z": (0.0, 0.1, 2), "tilt": (-0.2, 0.2, 2)}
     found = ac.place(square, over=over, every=True, refined=False)
     assert found.planned == 4 and found.refined is found.best
@@ -108,12 +105,12 @@ def test_every_place_can_be_planned(square: Job) -> None:
     assert found.best.verdict.torque_margin == pytest.approx(1 - used.max(), abs=2e-3)
 
 
-def test_the_worst_corner_counts(square: Job) -> None:
+def test_the_worst_corner_counts(square):
     off = {"x": 0.02, "yaw": 0.1}
     found = ac.place(square, over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
     plain = ac.place(square, over={"x": (0.0, 0.1, 2)}, refined=False)
 
-    def worst(x: float) -> float:
+    def worst(x):
         frames = [
             Moves(anchor=MIDDLE).frame({"x": x + a, "yaw": b})
             for a, b in [(0, 0), *((a, b) for a in (-0.02, 0.02) for b in (-0.1, 0.1))]
@@ -126,13 +123,13 @@ def test_the_worst_corner_counts(square: Job) -> None:
     assert found.best.verdict.duration > plain.best.verdict.duration
 
 
-def test_a_place_is_refused_if_a_corner_is(square: Job) -> None:
+def test_a_place_is_refused_if_a_corner_is(square):
     over = {"x": (0.0, 0.2, 2)}
     found = ac.place(square, over=over, uncertainty={"x": 0.2}, every=True, refined=False)
     assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
 
 
-def test_the_largest_manipulability_is_found(square: Job) -> None:
+def test_the_largest_manipulability_is_found(square):
     found = ac.place(square, over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False)
     values = []
     for k in range(3):
@@ -154,22 +151,20 @@ def test_the_largest_manipulability_is_found(square: Job) -> None:
     assert found.best.verdict.singular == pytest.approx(values[k], rel=1e-3)
 
 
-def with_ball(job: Job, *obstacles: Obstacle) -> Job:
+def with_ball(job, *obstacles):
     """The job with a ball as the arm's tool, among obstacles."""
     ball = LinkShape(name="ball", link=6, shape=Sphere(radius=0.02), tool=True)
     arm = job.arm.with_shapes(ArmShapes(shapes=(ball,)))
     return replace(job, arm=arm, scene=Scene(obstacles=obstacles))
 
 
-def post(fixed_to: str, x: float) -> Obstacle:
+def post(fixed_to, x):
     """A post beside the path, whose end at the start of the path is at (0.5, 0.0)."""
     size, place = Box(size=[0.01, 0.01, 1.0]), ac.Frame(position=[x, -0.05, 0.0])
     return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
 
 
-def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(
-    square: Job,
-) -> None:
+def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
     options = {"over": {"y": (-0.05, 0.0, 2)}, "refined": False}
     cell = ac.place(with_ball(square, post("base", 0.53)), every=True, **options)
     assert [x.refusal for x in cell.verdicts] == ["clearance", ""]
@@ -183,7 +178,7 @@ def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(
     np.testing.assert_allclose(base.values("clearance"), 0.025, atol=1.1e-3)
 
 
-def test_a_base_that_moves_sees_the_part_move_back(square: Job) -> None:
+def test_a_base_that_moves_sees_the_part_move_back(square):
     one = {"x": (0.1, 0.1, 1), "yaw": (0.3, 0.3, 1)}
     found = ac.place(square, over=one, what="base", refined=False)
     frame = Moves(anchor=np.zeros(3)).frame({"x": 0.1, "yaw": 0.3})
@@ -192,7 +187,7 @@ def test_a_base_that_moves_sees_the_part_move_back(square: Job) -> None:
     assert plan(found.placed()).duration == found.best.verdict.duration
 
 
-def test_an_arm_in_the_plane_is_placed_too(plane: Job) -> None:
+def test_an_arm_in_the_plane_is_placed_too(plane):
     over = {"x": (-0.04, 0.04, 3), "yaw": (-0.5, 0.5, 2)}
     found = ac.place(plane, over=over, refined=False)
     known = durations(found, plane, np.array([0.33, 0.22, 0.0]))
@@ -201,23 +196,9 @@ def test_an_arm_in_the_plane_is_placed_too(plane: Job) -> None:
     assert plan(found.placed()).duration == pytest.approx(known.min(), rel=SAME)
 
 
-def test_other_processes_find_the_same(plane: Job) -> None:
-    over = {"x": (-0.04, 0.04, 3)}
-    told: list[float] = []
-    alone = ac.place(plane, over=over, refined=False)
-    both = ac.place(
-        plane, over=over, refined=False, processes=2, progress=lambda x: told.append(x.done or 0.0)
-    )
-    assert both.best.values == alone.best.values
-    assert both.best.verdict.duration == alone.best.verdict.duration
-    assert both.best.verdict.singular == alone.best.verdict.singular
-    assert told[-1] == 1.0
-
-
-def test_no_feasible_place_says_how_far_out_of_reach_it_is(square: Job) -> None:
+def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
     with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
         ac.place(square, over={"x": (1.0, 2.0, 4)})
-    assert "x 1000 mm" in str(caught.value)
     # The corner of the path that is the farthest from the base.
     assert 0.5 < caught.value.needed < 1.0
     with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
@@ -228,33 +209,27 @@ def test_no_feasible_place_says_how_far_out_of_reach_it_is(square: Job) -> None:
         ac.place(with_ball(square, post("base", 0.5)), over={"y": (-0.06, -0.04, 2)})
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"objective": "beauty"}, "objective must be one of cycle, manipulability"),
-        ({"objective": "clearance"}, "shapes of the arm UR5e are not known"),
-        ({"what": "table"}, "what must be one of part, base"),
-        ({"run": "first"}, "no run 'first': its runs are taught"),
-        ({"about": "corner"}, "about must be one of middle, origin"),
-        ({"about": [1.0, 2.0]}, "about is a point of 3 coordinates"),
-        ({"what": "base", "about": "origin"}, "A base turns about its own origin"),
-        ({"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
-        ({"processes": 0}, "processes"),
-    ],
-)
-def test_wrong_wishes_are_refused(square: Job, wrong, words: str) -> None:
-    with pytest.raises(InvalidInput, match=words):
-        ac.place(square, **{"over": {"x": (0, 0.1, 2)}, **wrong})
-
-
-def test_a_given_duration_has_no_shortest_cycle(square: Job) -> None:
+def test_wrong_wishes_are_refused(square):
     (run,) = square.runs
     slow = replace(square, runs=(replace(run, duration=5.0),))
-    with pytest.raises(InvalidInput, match="given duration of 5 s"):
-        ac.place(slow, over={"x": (0, 0.1, 2)})
+    for job, wrong, words in (
+        (square, {"objective": "beauty"}, "objective must be one of cycle, manipulability"),
+        (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
+        (square, {"what": "table"}, "what must be one of part, base"),
+        (square, {"run": "first"}, "no run 'first': its runs are taught"),
+        (square, {"about": "corner"}, "about must be one of middle, origin"),
+        (square, {"about": [1.0, 2.0]}, "about is a point of 3 coordinates"),
+        (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
+        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
+        (square, {"processes": 0}, "processes"),
+        (slow, {}, "given duration of 5 s"),
+        (parse_job(CORNER), {"over": None}, "they are the key placement.over"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            ac.place(job, **{"over": {"x": (0, 0.1, 2)}, **wrong})
 
 
-def test_the_job_holds_the_question() -> None:
+def test_the_job_holds_the_question():
     asked = (
         "placement: {over: {x: {from: 0 mm, to: 20 mm, places: 2}}, refine: false, about: origin}\n"
     )
@@ -266,13 +241,8 @@ def test_the_job_holds_the_question() -> None:
     more = ac.place(parse_job(CORNER + asked), over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
     assert [x.name for x in more.axes] == ["x", "yaw"]
     assert more.moves.anchor.tolist() == [0.3, 0.2, 0.0]
-    with pytest.raises(InvalidInput, match="they are the key placement.over"):
-        ac.place(parse_job(CORNER))
-
-
-def test_arms_to_compare_are_for_the_command() -> None:
-    asked = "placement: {over: {x: {from: 0, to: 0, places: 1}}, arms: [pmk3s], refine: false}\n"
-    (note,) = ac.place(parse_job(CORNER + asked)).notes
+    arms = asked.replace("about: origin", "arms: [pmk3s]")
+    (note,) = (x for x in ac.place(parse_job(CORNER + arms)).notes if "arms" in x)
     assert note.startswith("The arms of the key placement are compared by the command")
 
 

@@ -9,7 +9,7 @@ from armcontour.placement.reach import beyond_links, longest_reach
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
 @pytest.mark.parametrize("task", [5, 6])
-def test_no_posture_leaves_the_ball(name: str, task: int) -> None:
+def test_no_posture_leaves_the_ball(name, task):
     arm = ac.load_arm(name).with_tool(ac.Frame(position=[0.02, 0.0, 0.1]))
     rng = np.random.default_rng(1)
     points, rotations = arm.pose(rng.uniform(-np.pi, np.pi, (20_000, arm.dof)))
@@ -19,7 +19,7 @@ def test_no_posture_leaves_the_ball(name: str, task: int) -> None:
     assert 0.8 * radius < far.max() <= radius + 1e-12
 
 
-def test_distances_beyond_are_those_of_the_farthest_pose() -> None:
+def test_distances_beyond_are_those_of_the_farthest_pose():
     arm = ac.load_arm("ur5e")
     _, middle, radius = longest_reach(arm.chain, 5)
     poses = np.zeros((2, 3, 4))

@@ -7,11 +7,10 @@ import pytest
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.jobs import Job
 from armcontour.placement import Case, best_case, with_arm, with_tool
 
 
-def test_another_arm_has_its_own_limits_and_those_of_the_tool_stay(square: Job) -> None:
+def test_another_arm_has_its_own_limits_and_those_of_the_tool_stay(square):
     arm = ac.load_arm("panda")
     found = with_arm(square, arm)
     assert found.arm is arm and found.servo.kp.shape == (7,)
@@ -26,7 +25,7 @@ def test_another_arm_has_its_own_limits_and_those_of_the_tool_stay(square: Job) 
         with_arm(square, ac.load_arm("pmk3s"))
 
 
-def test_another_tool_is_another_frame(square: Job, plane: Job) -> None:
+def test_another_tool_is_another_frame(square, plane):
     tool = ac.Frame(position=[0, 0, 0.1])
     found = with_tool(square, tool)
     assert found.arm.chain.tool is tool
@@ -34,7 +33,7 @@ def test_another_tool_is_another_frame(square: Job, plane: Job) -> None:
         with_tool(plane, tool)
 
 
-def test_the_best_case_has_the_least_score(square: Job) -> None:
+def test_the_best_case_has_the_least_score(square):
     over = {"x": (0.0, 0.0, 1)}
     cases = [
         Case(name=name, placement=ac.place(with_arm(square, ac.load_arm(name)), over=over))

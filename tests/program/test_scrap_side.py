@@ -1,11 +1,8 @@
 """Leads on the side of the waste, whichever way contours are drawn and wherever they lie."""
 
-from __future__ import annotations
-
-import dataclasses
-
 import numpy as np
 import pytest
+from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
@@ -15,8 +12,15 @@ from armcontour.program.scrap_side import waste_sides
 
 PLAIN = ac.Process()
 OUTLINE = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06), (0, 0)])
-HOLE = ac.Path.from_segments([ac.Arc.circle((0.03, 0.03), (0.02, 0.03))])
-ISLAND = ac.Path.from_segments([ac.Arc.circle((0.024, 0.03), (0.02, 0.03))])
+CENTER = np.array([0.02, 0.03])
+
+
+def circle(radius, center=CENTER):
+    start = (center[0] + radius, center[1])
+    return ac.Path.from_segments([ac.Arc.circle(start, center)])
+
+
+HOLE, ISLAND = circle(0.01), circle(0.004)
 OPEN = ac.Path.polyline([(0.05, 0.01), (0.09, 0.05)])
 
 
@@ -24,102 +28,83 @@ def contours(*paths, layer="CUT"):
     return [ac.Contour(path=x, layer=layer) for x in paths]
 
 
+def prepared(moves, *lengths, **values):
+    return ac.prepare(ac.Program(moves=tuple(moves)), ac.Process(**values), *lengths)
+
+
+def lead(length=4e-3):
+    return ac.Lead(length=length, shape="arc")
+
+
+def ends(contour):
+    return contour.path([0.0, contour.path.length])
+
+
 def test_waste_is_outside_of_outlines_inside_of_holes_and_left_of_open_contours():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), PLAIN)
     assert sides == ["right", "left", "right", "left"]
     turned = [reverse_path(x) for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), PLAIN) == ["left", "right", "left"]
-
-
-def test_a_hole_is_a_hole_whatever_layers_it_and_its_outline_are_on():
+    # A hole is a hole whatever layers it and its outline are on.
     found = [*contours(OUTLINE), *contours(HOLE, layer="HOLES"), *contours(ISLAND, layer="PARTS")]
     assert waste_sides(found, PLAIN) == ["right", "left", "right"]
+    # In space it is looked at from above.
+    frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
+    placed = ac.Program(moves=tuple(contours(OUTLINE, HOLE))).placed(frame).contours
+    up = frame.rotation[:, 2]
+    assert waste_sides(placed, ac.Process(up=up)) == ["right", "left"]
+    assert waste_sides(placed, ac.Process(up=-up)) == ["left", "right"]
 
 
 def test_contours_of_layers_that_are_not_cut_hold_no_holes():
-    ring = ac.Path.from_segments([ac.Arc.circle((0.035, 0.03), (0.02, 0.03))])
+    ring = circle(0.015)
     found = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
     assert waste_sides(found, PLAIN)[1] == "right"
-    marked = ac.Process(kerf=1e-3, by_layer={"MARK": {"kerf": None}})
-    assert waste_sides(found, marked) == ["right", "left", "left"]
-    hole, mark, outline = ac.prepare(ac.Program(moves=tuple(found)), marked).contours
+    marked = {"kerf": 1e-3, "by_layer": {"MARK": {"kerf": None}}}
+    assert waste_sides(found, ac.Process(**marked)) == ["right", "left", "left"]
+    hole, mark, outline = prepared(found, **marked).contours
     assert mark.path is ring
     np.testing.assert_allclose(1 / hole.path.curvatures, 9.5e-3)
     assert outline.path.vertices.min() == pytest.approx(-5e-4)
 
 
-def test_in_space_it_is_looked_at_from_above():
-    frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
-    program = ac.Program(moves=tuple(contours(OUTLINE, HOLE))).placed(frame)
-    assert waste_sides(program.contours, ac.Process(up=frame.rotation[:, 2])) == ["right", "left"]
-    assert waste_sides(program.contours, ac.Process(up=-frame.rotation[:, 2])) == ["left", "right"]
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_arcs_of_leads_lie_in_the_waste(turned):
-    paths = [reverse_path(x) if turned else x for x in (OUTLINE, HOLE)]
-    lead = ac.Lead(length=4e-3, shape="arc")
-    process = ac.Process(lead_in=lead, lead_out=lead, overlap=2e-3)
-    # What lies inside is cut first.
-    hole, outline = ac.prepare(ac.Program(moves=tuple(contours(*paths))), process).contours
-    for x in (outline, hole):
-        assert x.closed
-        ends = x.path([0.0, x.path.length])
-        inside = (ends > 0).all() and (ends < [0.1, 0.06]).all()
-        assert inside == (x is hole)
-    away = np.linalg.norm(hole.path([0.0, hole.path.length]) - (0.02, 0.03), axis=1)
-    assert (away < 0.01).all()
-
-
-def test_where_it_is_resumed_the_sides_are_those_of_what_is_left():
-    lead = ac.Lead(length=4e-3, shape="arc")
-    program = ac.Program(moves=tuple(contours(OUTLINE, HOLE)))
-    process = ac.Process(lead_in=lead, order="drawn", from_s=OUTLINE.length)
-    rest = ac.prepare(program, process)
+def test_arcs_of_leads_lie_in_the_waste():
+    for paths in ((OUTLINE, HOLE), (reverse_path(OUTLINE), reverse_path(HOLE))):
+        # What lies inside is cut first.
+        done = prepared(contours(*paths), lead_in=lead(), lead_out=lead(), overlap=2e-3)
+        hole, outline = done.contours
+        assert hole.closed and outline.closed
+        inside = [((ends(x) > 0) & (ends(x) < [0.1, 0.06])).all() for x in (hole, outline)]
+        assert inside == [True, False]
+        assert (np.linalg.norm(ends(hole) - CENTER, axis=1) < 0.01).all()
+    # Where it is resumed, the sides are those of what is left.
+    rest = prepared(contours(OUTLINE, HOLE), lead_in=lead(), order="drawn", from_s=OUTLINE.length)
     (hole,) = rest.contours
-    assert np.linalg.norm(hole.path(0.0) - (0.02, 0.03)) < 0.01
+    assert np.linalg.norm(hole.path(0.0) - CENTER) < 0.01
 
 
-LEAD = ac.Lead(length=4e-3, shape="arc")
-
-
-def circle(radius, center=(0.02, 0.03), **values):
-    start = (center[0] + radius, center[1])
-    return ac.Contour(path=ac.Path.from_segments([ac.Arc.circle(start, center)]), **values)
-
-
-def refused_lead(*moves, **values):
+def longest(*moves, **values):
     """What the refusal of a lead says is the longest that fits [m]."""
     with pytest.raises(InvalidInput) as caught:
-        ac.prepare(ac.Program(moves=moves), ac.Process(**{"order": "drawn", **values}))
+        prepared(moves, **{"order": "drawn", **values})
     return caught.value.allowed
 
 
 def test_a_lead_that_leaves_its_hole_is_refused_on_every_layer_with_the_longest_that_fits():
-    plate = contours(OUTLINE)[0]
+    (plate,), small = contours(OUTLINE), circle(3e-3)
     for layer in ("CUT", "HOLES"):
-        hole = circle(3e-3, layer=layer)
-        fits = refused_lead(plate, hole, lead_in=dataclasses.replace(LEAD, length=0.02))
+        (hole,) = contours(small, layer=layer)
+        fits = longest(plate, hole, lead_in=lead(0.02))
         # A quarter circle of the hole's own radius runs along the hole.
         assert fits == pytest.approx(3e-3 * np.pi / 2, rel=0.02)
-        assert refused_lead(
-            plate, hole, lead_out=dataclasses.replace(LEAD, length=0.02)
-        ) == pytest.approx(fits)
-        short = dataclasses.replace(LEAD, length=0.99 * fits)
-        done = ac.prepare(
-            ac.Program(moves=(plate, hole)), ac.Process(lead_in=short, lead_out=short)
-        )
+        assert longest(plate, hole, lead_out=lead(0.02)) == pytest.approx(fits)
+        done = prepared((plate, hole), lead_in=lead(0.99 * fits), lead_out=lead(0.99 * fits))
         (inner,) = (x for x in done.contours if x.layer == layer and x.path.length < 0.1)
-        assert (
-            np.linalg.norm(inner.path([0.0, inner.path.length]) - (0.02, 0.03), axis=1) < 3e-3
-        ).all()
-
-
-def test_a_lead_of_automatic_length_is_shortened_to_what_fits_with_a_note():
-    program = ac.Program(moves=(contours(OUTLINE)[0], circle(3e-3, name="small")))
-    auto = ac.Lead(shape="arc")
+        assert (np.linalg.norm(ends(inner) - CENTER, axis=1) < 3e-3).all()
+    # One of automatic length is shortened to what fits, with a note.
     lengths = [Leads(before=4e-3), Leads(before=0.02)]
-    done = ac.prepare(program, ac.Process(lead_in=auto, order="drawn"), lengths)
+    moves = plate, ac.Contour(path=small, name="small")
+    done = prepared(moves, lengths, lead_in=ac.Lead(shape="arc"), order="drawn")
     outer, hole = done.contours
     assert outer.work[0] == pytest.approx(4e-3)
     assert hole.work[0] == pytest.approx(3e-3 * np.pi / 2, rel=0.02)
@@ -128,69 +113,50 @@ def test_a_lead_of_automatic_length_is_shortened_to_what_fits_with_a_note():
 
 def test_a_lead_that_crosses_another_contour_is_refused():
     other = ac.Path.polyline([(0.02, -0.002), (0.08, -0.002), (0.08, -0.02), (0.02, -0.002)])
-    fits = refused_lead(
-        *contours(OUTLINE, layer="A"),
-        *contours(other, layer="B"),
-        lead_in=dataclasses.replace(LEAD, length=0.02),
-    )
+    moves = *contours(OUTLINE, layer="A"), *contours(other, layer="B")
     # The arc of this length touches the other contour with its free end.
-    assert fits == pytest.approx(2e-3 * np.pi / 2, rel=0.01)
-    marked = ac.Process(
-        kerf=1e-6,
-        by_layer={"B": {"kerf": None, "lead_in": None}},
-        lead_in=dataclasses.replace(LEAD, length=0.02),
-        order="drawn",
-    )
-    moves = (*contours(OUTLINE, layer="A"), *contours(other, layer="B"))
-    assert ac.prepare(ac.Program(moves=moves), marked).contours[0].work[0] == pytest.approx(0.02)
+    assert longest(*moves, lead_in=lead(0.02)) == pytest.approx(2e-3 * np.pi / 2, rel=0.01)
+    by_layer = {"B": {"kerf": None, "lead_in": None}}
+    marked = prepared(moves, kerf=1e-6, by_layer=by_layer, lead_in=lead(0.02), order="drawn")
+    assert marked.contours[0].work[0] == pytest.approx(0.02)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(turned):
-    window = ac.Path.polyline(
-        [(0.02, 0.02), (0.05, 0.02), (0.05, 0.04), (0.02, 0.04), (0.02, 0.02)]
-    )
-    window = reverse_path(window) if turned else window
-    for more in ({}, {"overlap": 1e-3}, {"kerf": 1e-3}, {"kerf": 1e-3, "passes": 2}):
-        process = ac.Process(begin="drawn", lead_in=LEAD, lead_out=LEAD, **more)
-        hole, outline = ac.prepare(
-            ac.Program(moves=tuple(contours(OUTLINE, window))), process
-        ).contours
-        on, off = hole.work
-        path = hole.path
+@each("more", [{}, {"overlap": 1e-3}, {"kerf": 1e-3}, {"kerf": 1e-3, "passes": 2}])
+def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(more):
+    corners = [(0.02, 0.02), (0.05, 0.02), (0.05, 0.04), (0.02, 0.04), (0.02, 0.02)]
+    for points in (corners, corners[::-1]):
+        window = ac.Path.polyline(points)
+        process = {"begin": "drawn", "lead_in": lead(), "lead_out": lead(), **more}
+        hole, _ = prepared(contours(OUTLINE, window), **process).contours
+        (on, off), path = hole.work, hole.path
         for s in (np.linspace(0, 0.99 * on, 20), np.linspace(off + 0.04e-3, path.length, 20)):
-            points = path(s)
-            assert ((points > (0.02, 0.02)) & (points < (0.05, 0.04))).all()
+            assert ((path(s) > (0.02, 0.02)) & (path(s) < (0.05, 0.04))).all()
         assert on == pytest.approx(4e-3) and path.length - off == pytest.approx(4e-3)
 
 
 def test_leads_of_a_contour_that_has_an_overlap_already_touch_its_tangent():
-    (around,) = ac.prepare(ac.Program(moves=(circle(0.01),)), ac.Process(overlap=2e-3)).contours
-    done = ac.prepare(
-        ac.Program(moves=(around,)), ac.Process(begin="drawn", lead_in=LEAD, lead_out=LEAD)
-    ).path
+    around = prepared(contours(circle(0.01)), overlap=2e-3).contours
+    done = prepared(around, begin="drawn", lead_in=lead(), lead_out=lead()).path
     assert done.curvatures[[0, -1]] == pytest.approx([np.pi / 2 / 4e-3] * 2)
 
 
 def test_random_leads_lie_in_the_waste_or_are_refused():
     rng = np.random.default_rng(7)
-    refused = 0
-    for _ in range(40):
+    refusals = 0
+    for _ in range(30):
         n = int(rng.integers(3, 8))
         angles = 2 * np.pi * (np.arange(n) + 0.4 * rng.random(n)) / n
         radius = 0.01 * rng.uniform(0.3, 1, n)
         points = np.column_stack([np.cos(angles), np.sin(angles)]) * radius[:, None] + (0.04, 0.03)
         points = np.vstack([points, points[:1]])[:: rng.choice([-1, 1])]
-        hole = ac.Contour(path=ac.Path.polyline(points), layer="HOLES")
-        lead = dataclasses.replace(LEAD, length=rng.uniform(1e-3, 8e-3))
-        process = ac.Process(
-            lead_in=lead, lead_out=lead, begin=str(rng.choice(["drawn", "auto"])), order="drawn"
-        )
+        moves = *contours(OUTLINE), *contours(ac.Path.polyline(points), layer="HOLES")
+        length = rng.uniform(1e-3, 8e-3)
+        both = {"lead_in": lead(length), "lead_out": lead(length), "order": "drawn"}
         try:
-            done = ac.prepare(ac.Program(moves=(*contours(OUTLINE), hole)), process)
+            done = prepared(moves, begin=str(rng.choice(["drawn", "auto"])), **both)
         except InvalidInput as error:
-            assert error.allowed < lead.length
-            refused += 1
+            assert error.allowed < length
+            refusals += 1
             continue
         path, (on, off) = done.contours[1].path, done.contours[1].work
         share = np.linspace(0, 0.98, 30)
@@ -199,4 +165,4 @@ def test_random_leads_lie_in_the_waste_or_are_refused():
             a = np.arctan2(*(points - p).T[::-1])
             turns = (np.diff(a) + np.pi) % (2 * np.pi) - np.pi
             assert abs(round(turns.sum() / (2 * np.pi))) == 1
-    assert 5 < refused < 35
+    assert 4 < refusals < 26

@@ -1,27 +1,20 @@
 """The first broken files of the readers' soak; `make soak` reads a hundred times as many."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from soak.readers import KINDS, mutated, read
 from soak.samples import samples
 
-BATCH = 80
+FILES = 50
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_broken_file_is_read_or_refused_by_name(kind):
-    outcomes = [read(kind, seed) for seed in range(BATCH)]
+    outcomes = [read(kind, seed) for seed in range(FILES)]
     failed = [f"seed {x.seed} {x.result}: {x.note}" for x in outcomes if x.failed]
     assert not failed, "\n".join(failed)
     # Broken so that both happens.
     assert {x.result for x in outcomes} == {"read", "refused"}
-
-
-def test_files_are_broken():
-    for kind in KINDS:
-        (first, *_) = samples(kind)
-        changed = [mutated(first, np.random.default_rng(seed)) for seed in range(20)]
-        # A digit may become itself.
-        assert sum(x != first for x in changed) >= 12, kind
+    (first, *_) = samples(kind)
+    changed = [mutated(first, np.random.default_rng(seed)) for seed in range(20)]
+    assert sum(x != first for x in changed) >= 12  # a digit may become itself

@@ -1,12 +1,6 @@
 """The servo plant comes to an end, whatever it is taught: also on the very edge of saturation."""
 
-from __future__ import annotations
-
-import faulthandler
-import sys
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,25 +8,15 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 
 LIMIT = 0.72
-# These tests are quick, and take a multiple of the examples of the profile.
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _watchdog():
-    yield
-    faulthandler.cancel_dump_traceback_later()
 
 
 def still(q=(0.0, 0.0)):
-    law = LapLaw(
-        breaks=np.array([0.0, 1.0]), q=np.array([q, q]), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
-    )
+    rest = np.zeros((1, 2))
+    law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.array([q, q]), dq=rest, ddq=rest)
     return ac.Trajectory(laws=(law,), method="hand")
 
 
 def run(arm, q, period, kp, kv, limit, interpolation="linear"):
-    # A loop that never ends in compiled code cannot be interrupted: give up the process.
-    faulthandler.dump_traceback_later(120, exit=True, file=sys.__stderr__)
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
     taught = ac.TaughtData(period=period, q=q, trajectory=still(), method="x")
     plant = ac.ServoPlant(arm, servo, ac.Limits(joint_acceleration=limit))
@@ -95,9 +79,8 @@ def test_plans_at_the_very_limit(arm, signs, period, share, gain, lap):
         ddq=np.stack([a, -a], axis=1),
     )
     servo = ac.ServoModel(kp=kp, kv=kv)
-    taught = ac.compensate(
-        ac.Trajectory(laws=(law,), method="hand"), servo, method="inverse", period=period
-    )
+    planned = ac.Trajectory(laws=(law,), method="hand")
+    taught = ac.compensate(planned, servo, method="inverse", period=period)
     done = run(arm, taught.q, period, kp, kv, LIMIT)
     np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
 

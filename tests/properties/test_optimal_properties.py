@@ -1,7 +1,5 @@
 """What holds for every optimal plan: symmetry, scaling, monotony, and limits between the points."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -66,9 +64,8 @@ def test_speeds_k_and_accelerations_k_squared_take_the_time_by_k(problem, power)
     k = 10**power
     velocity = None if limits.joint_velocity is None else limits.joint_velocity * k
     faster = ac.Limits(joint_velocity=velocity, joint_acceleration=limits.joint_acceleration * k**2)
-    assert plan(points, faster).duration * k == pytest.approx(
-        plan(points, limits).duration, rel=1e-9
-    )
+    own = plan(points, limits).duration
+    assert plan(points, faster).duration * k == pytest.approx(own, rel=1e-9)
 
 
 @given(problem=problems(), intervals=st.sampled_from([10, 60, 300, 1500]))
@@ -102,16 +99,15 @@ def turning_line(arm, rng):
             return ac.Path.polyline(ends)
 
 
-@pytest.mark.parametrize("batch", range(3))
-def test_lines_on_which_a_joint_turns_round(arm, batch, worst_ratios):
-    """300 of them, planned, limits kept."""
-    rng = np.random.default_rng(batch)
-    for _ in range(100):
+def test_lines_on_which_a_joint_turns_round(arm, worst_ratios):
+    """Planned, limits kept."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
         path = turning_line(arm, rng)
         limits = ac.Limits(
             joint_acceleration=10 ** rng.uniform(-0.5, 0.5, 2), speed=10 ** rng.uniform(-1.5, 0)
         )
         planned = ac.plan(path, arm, limits, intervals=INTERVALS)
-        found = worst_ratios(planned, limits, arm, places=10, seed=batch)
+        found = worst_ratios(planned, limits, arm, places=10)
         assert max(found.values()) <= 1 + LEAK, path.vertices
         assert set(found) == {"joint_acceleration", "speed"}

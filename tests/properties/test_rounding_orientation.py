@@ -1,7 +1,5 @@
 """Corner rounding with orientation: what holds for every path in space."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -32,6 +30,10 @@ def random_path(rng):
     return ac.Path.polyline(points), Rotation.from_rotvec(vectors), scale
 
 
+def rounded(path, tolerance, angular):
+    return ac.round_corners(path, tolerance=tolerance, angular_tolerance=angular)
+
+
 def angles(first, second):
     return np.linalg.norm(log(first @ np.swapaxes(second, -1, -2)), axis=-1)
 
@@ -46,12 +48,12 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     path, rotations, scale = random_path(rng)
     path = path.oriented(rotations, axis_only=axis_only)
     tolerance, angular = scale * 10.0 ** rng.uniform(-4, 0), 10.0 ** rng.uniform(-4, 0)
-    rounded = ac.round_corners(path, tolerance=tolerance, angular_tolerance=angular)
-    corners, orientation = rounded.corners, rounded.orientation
+    made = rounded(path, tolerance, angular)
+    corners, orientation = made.corners, made.orientation
     assert not corners.stopped.any()
     # In the middle of a corner, both the point and the rotation are near those of the corner.
     middle = (corners.start + corners.end) / 2
-    off = np.linalg.norm(rounded(middle) - corners.point, axis=1)
+    off = np.linalg.norm(made(middle) - corners.point, axis=1)
     assert (off <= tolerance + 1e-12).all()
     np.testing.assert_allclose(off, corners.error, atol=1e-12)
     at_corner = path.orientation.starts[corners.vertex]
@@ -61,16 +63,16 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     np.testing.assert_allclose(turned, corners.angular_error, atol=1e-9)
     # No jump and no kink is left, so that nothing has to stop.
     assert orientation.jumps.max(initial=0.0) <= 1e-9
-    assert len(rounded.stops) == 0
+    assert len(made.stops) == 0
     # Halfway along a line nothing has changed, unless a corner takes more than half of it.
     middles = (path.breaks[:-1] + path.breaks[1:]) / 2
-    kept = rounded.project(path(middles))
+    kept = made.project(path(middles))
     eased = orientation.second[orientation.locate(kept.s)].any(axis=1)
     on = (kept.distance <= 1e-12) & ~eased
     before = path.orientation(middles[on])
     assert angles(orientation(kept.s[on]), before).max(initial=0.0) <= 1e-7
     # It begins and ends as it was.
-    ends = orientation(np.array([0.0, rounded.length]))
+    ends = orientation(np.array([0.0, made.length]))
     assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
 
 
@@ -83,12 +85,8 @@ def test_turning_about_a_free_axis_makes_no_arc_smaller(seed):
     about[:, 2] = rng.uniform(-1.5, 1.5, len(about))
     turns = Rotation.from_rotvec(0.1 * tilts.as_rotvec()) * Rotation.from_rotvec(about)
     angular = 10.0 ** rng.uniform(-4, -0.5)
-    whole, free = (
-        ac.round_corners(
-            path.oriented(turns, axis_only=only), tolerance=scale, angular_tolerance=angular
-        )
-        for only in (False, True)
-    )
+    oriented = (path.oriented(turns, axis_only=only) for only in (False, True))
+    whole, free = (rounded(x, scale, angular) for x in oriented)
     assert (free.corners.tangent >= 0.5 * whole.corners.tangent - 1e-12).all()
     middle = (free.corners.start + free.corners.end) / 2
     at_corner = path.oriented(turns).orientation.starts[free.corners.vertex]
@@ -101,21 +99,15 @@ def test_only_the_tilt_of_a_free_axis_counts():
     corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     about = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1.0], [0, 0, 0]])
     for angular in (0.01, 0.0):
-        free = ac.round_corners(
-            corner.oriented(about, axis_only=True), tolerance=0.1, angular_tolerance=angular
-        )
+        free = rounded(corner.oriented(about, axis_only=True), 0.1, angular)
         assert free.corners.error[0] == pytest.approx(0.1) and not free.corners.shrunk[0]
         assert free.corners.angular_error[0] < 1e-12 and len(free.stops) == 0
     # With a tilt that stays and turning about the axis that does not, it bends to second order.
     both = Rotation.from_rotvec([[0, 0, 0], [0.8, 0, 0.0], [1.6, 0, 0]]) * about
-    found = ac.round_corners(
-        corner.oriented(both, axis_only=True), tolerance=0.5, angular_tolerance=0.01
-    ).corners
+    tilting = corner.oriented(both, axis_only=True)
+    found = rounded(tilting, 0.5, 0.01).corners
     assert found.shrunk[0] and 0.002 < found.angular_error[0] <= 0.01
-    stopped = ac.round_corners(
-        corner.oriented(both, axis_only=True), tolerance=0.5, angular_tolerance=0.0
-    ).corners
-    assert stopped.stopped.all()
+    assert rounded(tilting, 0.5, 0.0).corners.stopped.all()
 
 
 @given(seed=SEEDS)
@@ -128,8 +120,8 @@ def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
     path, rotations, scale = random_path(rng)
     path = path.oriented(rotations)
     angular = 10.0 ** rng.uniform(-4, -0.5)
-    rounded = ac.round_corners(path, tolerance=0.1 * scale, angular_tolerance=angular)
-    corners = rounded.corners
+    made = rounded(path, 0.1 * scale, angular)
+    corners = made.corners
     p = np.linspace(0, 1, 41)
     for k, vertex in enumerate(corners.vertex):
         length, t = corners.end[k] - corners.start[k], corners.tangent[k]
@@ -142,7 +134,7 @@ def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
         # Rotations are nowhere farther apart than their rotation vectors.
         bound = np.linalg.norm(np.outer(f - before, a) + np.outer(g - after, b), axis=1)
         was = path.orientation(path.breaks[vertex] + at)
-        off = angles(rounded.orientation(corners.start[k] + p * length), was)
+        off = angles(made.orientation(corners.start[k] + p * length), was)
         assert (off <= bound + 1e-9).all()
         assert off[20] <= angular + 1e-9
 
@@ -153,20 +145,18 @@ def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
     path, _, scale = random_path(rng)
     path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(rng=rng))
     angular = 10.0 ** rng.uniform(-4, -0.5)
-    rounded = ac.round_corners(
-        path, tolerance=scale * 10.0 ** rng.uniform(-4, 0), angular_tolerance=angular
-    )
+    made = rounded(path, scale * 10.0 ** rng.uniform(-4, 0), angular)
     # The tangent as the tool sees it is one direction, but for the tolerance.
     own = path.orientation.starts[0].T @ path.tangents[0]
     share = np.linspace(0, 1, 13)
-    i = np.repeat(np.arange(len(rounded.orientation)), len(share))
-    u = (np.diff(rounded.orientation.breaks)[:, None] * share).ravel()
-    s = np.clip(rounded.orientation.breaks[i] + u, 0, rounded.length)
-    along = np.einsum("nij,j->ni", rounded.orientation.on_piece(i, u), own)
-    off = np.linalg.norm(along - rounded(s, 1), axis=1)
+    i = np.repeat(np.arange(len(made.orientation)), len(share))
+    u = (np.diff(made.orientation.breaks)[:, None] * share).ravel()
+    s = np.clip(made.orientation.breaks[i] + u, 0, made.length)
+    along = np.einsum("nij,j->ni", made.orientation.on_piece(i, u), own)
+    off = np.linalg.norm(along - made(s, 1), axis=1)
     assert off.max() <= angular + 1e-7
-    assert rounded.orientation.jumps.max(initial=0.0) <= 1e-8
-    assert len(rounded.stops) == 0
+    assert made.orientation.jumps.max(initial=0.0) <= 1e-8
+    assert len(made.stops) == 0
 
 
 @given(seed=SEEDS)
@@ -174,86 +164,55 @@ def test_backwards_the_rounded_path_turns_the_same_way(seed):
     # In the middle of a corner what is after and what is before count alike.
     rng = np.random.default_rng(seed)
     path, rotations, scale = random_path(rng)
-    angular = 0.05
-    ways = []
-    for points, turns in (
-        (path.vertices, rotations),
-        (path.vertices[::-1], rotations[::-1]),
-    ):
-        given_path = ac.Path.polyline(points).oriented(turns)
-        ways.append(ac.round_corners(given_path, tolerance=0.05 * scale, angular_tolerance=angular))
-    forth, back = (x.corners for x in ways)
+    turned = ac.Path.polyline(path.vertices[::-1]).oriented(rotations[::-1])
+    ways = (path.oriented(rotations), turned)
+    forth, back = (rounded(x, 0.05 * scale, 0.05).corners for x in ways)
     np.testing.assert_allclose(forth.tangent, back.tangent[::-1], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(forth.angular_error, back.angular_error[::-1], atol=1e-6)
 
 
-def test_a_kink_without_a_corner_needs_an_angular_tolerance(refuses):
+def test_a_kink_without_a_corner_needs_an_angular_tolerance_as_others_do(refuses):
     line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)])
     turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.3]])
     kinked = line.oriented(turns)
-    refuses(
-        lambda: ac.round_corners(kinked, tolerance=0.1),
-        ac.InvalidInput,
-        "another rate after segment 2",
-        "angular_tolerance",
-    )
-    rounded = ac.round_corners(kinked, tolerance=0.1, angular_tolerance=0.01)
-    assert len(rounded.stops) == 0 and len(rounded) == 3
-    off = angles(rounded.orientation(np.array([2.0])), turns[2].as_matrix()[None])
+    made = rounded(kinked, 0.1, 0.01)
+    assert len(made.stops) == 0 and len(made) == 3
+    off = angles(made.orientation(np.array([2.0])), turns[2].as_matrix()[None])
     assert off[0] == pytest.approx(0.01)
-
-
-def test_what_follows_the_tangent_needs_an_angular_tolerance(refuses):
-    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent([0, 0, 1])
-    refuses(
-        lambda: ac.round_corners(path, tolerance=0.1),
-        ac.InvalidInput,
-        "follows the tangent",
-        "angular_tolerance",
-    )
-    refuses(
-        lambda: ac.round_corners(path, tolerance=0.1, angular_tolerance=-1.0),
-        ac.InvalidInput,
-        "angular tolerance",
-        "negative",
-    )
+    # Nor does what follows the tangent, or is negative, or rounded already, go without one.
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    following = corner.following_tangent([0, 0, 1])
+    turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    for call, word in (
+        (lambda: ac.round_corners(kinked, tolerance=0.1), "segment 2"),
+        (lambda: ac.round_corners(following, tolerance=0.1), "tangent"),
+        (lambda: rounded(following, 0.1, -1.0), "negative"),
+        (lambda: rounded(rounded(turning, 0.1, 0.1), 0.1, 0.1), "before"),
+    ):
+        refuses(call, ac.InvalidInput, word)
 
 
 def test_an_angular_tolerance_of_zero_stops():
     line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
     turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
-    rounded = ac.round_corners(line.oriented(turns), tolerance=0.1, angular_tolerance=0.0)
-    np.testing.assert_allclose(rounded.stops, [1.0, 2.0, 3.0])
-    assert rounded.corners.stopped.all() and (rounded.corners.angular_error == 0).all()
+    made = rounded(line.oriented(turns), 0.1, 0.0)
+    np.testing.assert_allclose(made.stops, [1.0, 2.0, 3.0])
+    assert made.corners.stopped.all() and (made.corners.angular_error == 0).all()
     # Not where the rate goes on, though rounding makes two numbers of it.
     corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
     steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
     for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
-        kept = ac.round_corners(held, tolerance=0.1, angular_tolerance=0.0)
+        kept = rounded(held, 0.1, 0.0)
         assert len(kept.stops) == 0 and not kept.corners.stopped.any()
-    followed = ac.round_corners(
-        corner.following_tangent([0, 0, 1]), tolerance=0.1, angular_tolerance=0.0
-    )
+    followed = rounded(corner.following_tangent([0, 0, 1]), 0.1, 0.0)
     np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
 
 
 def test_a_large_turn_makes_the_arc_smaller_and_says_so():
     corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
-    free = ac.round_corners(turning, tolerance=0.1, angular_tolerance=1.0).corners
-    tight = ac.round_corners(turning, tolerance=0.1, angular_tolerance=0.02).corners
+    free, tight = (rounded(turning, 0.1, x).corners for x in (1.0, 0.02))
     assert not free.shrunk[0] and free.error[0] == pytest.approx(0.1)
     assert tight.shrunk[0] and tight.error[0] < 0.03
     assert tight.angular_error[0] == pytest.approx(0.02, rel=1e-6)
     assert free.angular_error[0] > 0.05
-
-
-def test_rounding_twice_is_refused(refuses):
-    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
-    turning = path.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
-    once = ac.round_corners(turning, tolerance=0.1, angular_tolerance=0.1)
-    refuses(
-        lambda: ac.round_corners(once, tolerance=0.1, angular_tolerance=0.1),
-        ac.InvalidInput,
-        "rounded before",
-    )

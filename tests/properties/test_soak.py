@@ -1,19 +1,58 @@
-"""The first problems of the soak; `make soak` runs many more."""
+"""The first problems of the soaks; `make soak` runs many more."""
 
-from __future__ import annotations
+from collections import Counter
 
+import numpy as np
 import pytest
-from soak.judge import run
+from soak import check, corners, judge
 
-BATCH = 200
+BATCH, CHECKS, CORNERS = 200, 40, 150
 # Random places per interval of a law, beside its ends; `make soak` looks at 8.
 PLACES = 3
 
 
-@pytest.mark.parametrize("first", range(0, 600, BATCH))
+@pytest.mark.parametrize("first", range(0, 400, BATCH))
 def test_random_problems_are_planned_within_their_limits(first, monkeypatch):
     monkeypatch.setattr("soak.judge.PLACES", PLACES)
-    outcomes = [run(seed) for seed in range(first, first + BATCH)]
+    outcomes = [judge.run(seed) for seed in range(first, first + BATCH)]
     failed = [f"seed {x.seed} ({x.kind}) {x.result}: {x.note}" for x in outcomes if x.failed]
     assert not failed, "\n".join(failed)
     assert sum(x.result == "planned" for x in outcomes) > 0.9 * BATCH
+
+
+def test_random_corners_beside_arcs_keep_their_tolerance_and_are_tangent():
+    wrong, kinds = [], Counter()
+    for seed in range(CORNERS):
+        case = corners.draw(seed)
+        problem, stopped = corners.judge(case)
+        kinds[case.kind, stopped] += 1
+        if problem:
+            wrong.append(f"seed {seed} ({case.kind}, turn {case.turn:.6g}): {problem}")
+    assert not wrong, "\n".join(wrong)
+    # Nearly all are rounded, of every kind.
+    assert len({kind for kind, stopped in kinds if not stopped}) == 9
+    assert sum(n for (_, stopped), n in kinds.items() if stopped) < CORNERS / 50
+
+
+@pytest.mark.parametrize("violating", [True, False])
+def test_no_verdict_on_printed_trajectories_contradicts_what_the_samples_prove(violating):
+    outcomes = [check.judge(check.draw(seed, violating)) for seed in range(CHECKS)]
+    assert [(x.case.seed, x.case.kind, x.said, x.proof) for x in outcomes if x.wrong] == []
+    # Most are decided, so that "cannot tell" is no way out.
+    said = Counter(x.said for x in outcomes)
+    assert said["violated" if violating else "kept"] > CHECKS * 0.6
+
+
+def test_the_oracle_of_check_knows_where_the_tool_is():
+    for name in ("pmk3s", "ur5e"):
+        arm, forward, dof = check.load(name), check.FORWARD[name], len(check.REACH[name])
+        q = np.random.default_rng(0).uniform(-3, 3, (200, dof))
+        # The controller's base may be turned against the oracle's: distances tell.
+        for k in (1, 7):
+            pair = [np.linalg.norm(x[k:] - x[:-k], axis=1) for x in (forward(q), arm.forward(q))]
+            np.testing.assert_allclose(*pair, atol=1e-12)
+        for j in range(dof):
+            moved = q.copy()
+            moved[:, j] += 1e-6
+            step = np.linalg.norm(forward(moved) - forward(q), axis=1)
+            assert (step <= 1e-6 * check.REACH[name][j] * (1 + 1e-6)).all()

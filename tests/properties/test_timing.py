@@ -1,7 +1,5 @@
 """MAC on random polylines: either a plan that keeps every limit between knots, or a clear no."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ def random_job(rng):
     return rounded, limits, int(rng.integers(40, 200))
 
 
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize("batch", range(2))
 def test_random_polylines(arm, batch):
     rng = np.random.default_rng(batch)
     planned_ones = refused_ones = 0
@@ -53,9 +51,8 @@ def test_random_polylines(arm, batch):
         inner = breaks[1:-1]
         np.testing.assert_allclose(planned(inner, side="left"), planned(inner), atol=1e-9)
         assert np.abs(planned([0.0, planned.duration], 1)).max() < 1e-9
-        np.testing.assert_allclose(
-            arm.forward(planned([0.0, planned.duration])), path.vertices[[0, -1]], atol=1e-7
-        )
+        ends = arm.forward(planned([0.0, planned.duration]))
+        np.testing.assert_allclose(ends, path.vertices[[0, -1]], atol=1e-7)
         assert planned.duration > path.length / limits.speed
         demand = np.max([x.demand for x in planned.stretches], axis=0)
         assert (demand >= np.abs(ddq).max(axis=0) * (1 - 1e-3)).all()

@@ -1,9 +1,7 @@
 """Every figure of these tests is one that plotly.py, which knows all names and values, accepts."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Iterator
+import re
 
 import plotly.graph_objects as go
 import pytest
@@ -12,11 +10,11 @@ from armcontour.report.figure import Figure, to_json
 
 
 @pytest.fixture(autouse=True, scope="module")
-def accepted() -> Iterator[None]:
+def accepted():
     """Have the first figure of every key checked: the check takes longer than the figure."""
     write, seen = Figure.to_html, set()
 
-    def check_and_write(self: Figure, key: str) -> str:
+    def check_and_write(self, key):
         if key not in seen:
             seen.add(key)
             drawn = {"data": self.data, "layout": self.layout, "frames": self.frames}
@@ -26,3 +24,15 @@ def accepted() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "to_html", check_and_write)
         yield
+
+
+@pytest.fixture(scope="session")
+def in_order():
+    """Check that a page has these sections in this order, and loads nothing from elsewhere."""
+
+    def check(page, keys):
+        places = [page.index(f'<section id="{key}">') for key in keys.split()]
+        assert places == sorted(places)
+        assert not re.search(r"<(script|link|img|iframe)[^>]*(src|href)=", page)
+
+    return check

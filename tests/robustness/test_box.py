@@ -5,6 +5,18 @@ import pytest
 
 import armcontour as ac
 from armcontour.robustness import Box
+from armcontour.robustness.unknowns import Unknowns
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+ALL = Box(
+    gains=[[0.1], [0.05]],
+    payload=[-0.2, 0.6],
+    viscous=[2.0, 1.0],
+    coulomb=0.5,
+    friction=[0.0, 1.0],
+    armature=0.2,
+    dead_time=[1e-3, 2e-3],
+)
 
 
 def test_a_number_is_plus_and_minus_and_two_are_a_range():
@@ -16,17 +28,72 @@ def test_a_number_is_plus_and_minus_and_two_are_a_range():
     assert box.of_bodies == ("viscous", "armature", "payload_known")
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"payload": [2.0, 0.0]}, "the least and the largest"),
-        ({"payload": [0.0, 1.0, 2.0]}, "the least and the largest"),
-        ({"friction": [1.0, 0.5]}, "the least and the largest"),
-        ({"viscous": -1.0}, "N m s/rad"),
-        ({"coulomb": [[1.0]]}, "one per joint"),
-        ({"armature": 1.0}, "below 1"),
-    ],
-)
-def test_a_box_that_cannot_be_is_refused(wrong, words):
-    with pytest.raises(ac.InvalidInput, match=words):
-        Box(**wrong)
+def test_refusals(planar, refuses):
+    for wrong in (
+        *({"payload": x} for x in ([2.0, 0.0], [0.0, 1.0, 2.0], -1.0)),
+        *({"gains": x} for x in (-0.1, 1.0)),
+        {"friction": [1.0, 0.5]},
+        {"viscous": -1.0},
+        {"coulomb": [[1.0]]},
+        {"armature": 1.0},
+        {"dead_time": -1e-3},
+    ):
+        with pytest.raises(ac.InvalidInput):
+            Box(**wrong)
+    # Boxes that do not fit the arm or the servo.
+    arm, servo, _, _ = planar
+    first = ac.ServoModel(kp=25.0, order="first")
+    for box, own, model, *words in (
+        (Box(jitter=1e-3), arm, servo),
+        (Box(gains=[0.1] * 3), arm, servo, "2 joints"),
+        (Box(dead_time=3e-3), arm, servo, "cannot be negative"),
+        (Box(payload=1.0), arm, servo, "0.5 kg"),
+        (Box(viscous=1.0, friction=0.5), arm, servo),
+        (Box(armature=0.1), ac.load_arm("pmk3s"), servo),
+        (Box(), arm, first),
+    ):
+        refuses(lambda x=(box, own, model): Unknowns.of(*x), ac.InvalidInput, *words)
+
+
+def test_columns_are_named_and_ranged(planar):
+    arm, servo, _, _ = planar
+    u = Unknowns.of(ALL, arm, servo)
+    assert u.names[:4] == ("payload", "friction of joint 1", "friction of joint 2", "kp of joint 1")
+    assert u.names[-1] == "dead time" and len(u) == 10
+    corners = u.corners()
+    assert len(np.unique(corners, axis=0)) == 2**10
+    assert (corners.min(axis=0) == u.low).all() and (corners.max(axis=0) == u.high).all()
+    drawn = u.draw(500, 1)
+    assert ((u.low <= drawn) & (drawn <= u.high)).all()
+    assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
+    shared = Unknowns.of(Box(viscous=1.0, friction_shared=True), arm, servo)
+    assert shared.names == ("friction",)
+    assert len(Unknowns.of(Box(), arm, servo)) == 0
+
+
+def test_a_robot_has_its_errors(planar):
+    arm, servo, _, _ = planar
+    u = Unknowns.of(ALL, arm, servo)
+    true, known, own = u.robot(u.high)
+    for found, expected in (
+        (true.chain.payload.mass, 1.1),
+        (true.chain.viscous, [2.0, 1.0]),
+        (true.chain.coulomb, [0.5, 0.5]),
+        (true.chain.armature, 0.06),
+        (own.kp, 27.5),
+        (own.kv, 157.5),
+        (own.dead_time, [3e-3, 4e-3]),
+    ):
+        np.testing.assert_allclose(found, expected)
+    # The controller knows none of it, unless it weighs its payload.
+    assert known is u.arm
+    weighed = Unknowns.of(Box(payload=[0.0, 1.0], payload_known=True), arm, servo)
+    assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
+
+
+def test_an_arm_without_payload_carries_it_at_the_tool():
+    arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
+    u = Unknowns.of(Box(payload=[0.0, 2.0]), arm, SERVO)
+    load = u.robot(np.array([2.0]))[0].chain.payload
+    assert load.mass == 2.0 and load.center[2] == 0.12
+    assert u.robot(np.zeros(1))[0].chain.payload is None

@@ -1,12 +1,8 @@
 """What the tests of the studio share: jobs as data, and the plane that they are drawn in."""
 
-from __future__ import annotations
-
 import copy
-from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +12,9 @@ from tests.studio.talking import JOB, Tab, session_of
 from armcontour._yaml import load
 from armcontour.studio import screen
 from armcontour.studio.preview import Previewer
-from armcontour.studio.previewed import Planned
-from armcontour.studio.session import Session
 from armcontour.studio.view import View
 
-ROOT = Path(__file__).parents[2]
+DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")
 SQUARE_DATA = load(SQUARE, "square")
 
@@ -34,60 +28,60 @@ class Flat:
 
 
 @pytest.fixture
-def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""
     monkeypatch.setattr(screen, "QUICK", 1e6)
 
 
 @pytest.fixture
-def paper() -> dict[str, Any]:
+def paper():
     return copy.deepcopy(PAPER)
 
 
 @pytest.fixture
-def square() -> dict[str, Any]:
+def square():
     return copy.deepcopy(SQUARE_DATA)
 
 
 @pytest.fixture(scope="session")
-def view() -> View:
+def view():
     return View(Flat(), np.array([0.3, 0.2]))
 
 
 @pytest.fixture
-def previewer() -> Previewer:
-    return Previewer(ROOT / "examples" / "drawings")
+def previewer():
+    return Previewer(DRAWINGS)
 
 
 @pytest.fixture(scope="session")
-def previewer_of_plans() -> Previewer:
-    """That of `plans`, which keeps their results."""
-    return Previewer(ROOT / "examples" / "drawings")
+def previewer_of_plans():
+    """The previewer of `plans`, which keeps their results."""
+    return Previewer(DRAWINGS)
 
 
 @pytest.fixture(scope="session")
-def plans(previewer_of_plans: Previewer) -> dict[str, Planned]:
+def plans(previewer_of_plans):
     """Plans of the paper's job, by run."""
     names = ("uncompensated", "proposed", "conventional", "optimal")
     return {x: previewer_of_plans.plan(PAPER, x) for x in names}
 
 
 @pytest.fixture(scope="session")
-def gasket_plan(previewer_of_plans: Previewer) -> Planned:
+def gasket_plan(previewer_of_plans):
     """The plan of a drawing of several contours, with an arm in space."""
     drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     return previewer_of_plans.plan(SQUARE_DATA | {"path": drawing})
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
+def file(tmp_path):
     place = tmp_path / "job.yaml"
     place.write_text(JOB)
     return place
 
 
 @pytest.fixture
-def session(file: Path) -> Iterator[Session]:
+def session(file):
     found = session_of(file)
     found.begin()
     yield found
@@ -95,5 +89,5 @@ def session(file: Path) -> Iterator[Session]:
 
 
 @pytest.fixture
-def tab(session: Session) -> Tab:
+def tab(session):
     return Tab(session)

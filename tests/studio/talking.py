@@ -1,11 +1,5 @@
 """Pages that talk with a session in this process, without a server."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
-
 from armcontour.studio.document import Document
 from armcontour.studio.preview import Previewer
 from armcontour.studio.session import Session
@@ -28,87 +22,79 @@ MOVE = {"do": "move_waypoint", "index": 1, "to": [0.4, 0.16]}
 
 
 class NoLane:
-    """A slow lane in which nothing happens; the last one that was made can be looked at."""
+    """A slow lane in which nothing happens; `NoLane.last` is the newest one."""
 
-    last: NoLane
-
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+    def __init__(self, deliver):
         NoLane.last = self
-        self.deliver = deliver
-        self.given: list[tuple[str, str, Mapping[str, Any]]] = []
-        self.cancelled: list[str] = []
+        self.deliver, self.given, self.cancelled = deliver, [], []
 
-    def submit(self, id: str, task: str, request: Mapping[str, Any]) -> None:
+    def submit(self, id, task, request):
         self.given.append((id, task, request))
 
-    def cancel(self, id: str) -> None:
+    def cancel(self, id):
         self.cancelled.append(id)
 
-    def close(self) -> None:
+    def close(self):
         pass
 
 
 class AtOnce:
     """A fast lane that works where it is asked to."""
 
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+    def __init__(self, deliver):
         self.deliver = deliver
 
-    def submit(self, work: Any) -> None:
+    def submit(self, work):
         for frame in work(lambda: False):
             self.deliver(frame)
 
-    def close(self) -> None:
+    def close(self):
         pass
 
 
 class Held(AtOnce):
-    """A fast lane that does nothing until it is told to; the last one can be looked at."""
+    """A fast lane that does nothing by itself; `Held.last` is the newest one."""
 
-    last: Held
-
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+    def __init__(self, deliver):
         super().__init__(deliver)
-        Held.last = self
-        self.works: list[Any] = []
+        Held.last, self.works = self, []
 
-    def submit(self, work: Any) -> None:
+    def submit(self, work):
         self.works.append(work)
 
 
 class Tab:
     """A page that keeps what it hears."""
 
-    def __init__(self, session: Session) -> None:
-        self.session, self.seq = session, 0
-        self.frames: list[Frame] = []
+    def __init__(self, session):
+        self.session, self.seq, self.frames = session, 0, []
         session.join(self)
 
-    def send(self, data: bytes, replaces: str | None = None) -> None:
+    def send(self, data, replaces=None):
         self.frames.append(Frame.unpack(data))
 
-    def say(self, op: str, **more: Any) -> list[Frame]:
+    def say(self, op, **more):
         """Send a message; returns what is heard then."""
         self.seq += 1
         return self.heard({"op": op, "seq": self.seq, **more})
 
-    def heard(self, message: Any) -> list[Frame]:
+    def heard(self, message):
         before = len(self.frames)
         self.session.receive(self, message)
         return self.frames[before:]
 
-    def edit(self, *edits: Any, gesture: int = 0, final: bool = True, **more: Any) -> list[Frame]:
+    def edit(self, *edits, gesture=0, final=True, **more):
         return self.say("edit", gesture=gesture, final=final, edits=list(edits), **more)
 
-    def last(self, kind: str) -> dict[str, Any]:
+    def last(self, kind):
         return next(dict(x.header) for x in reversed(self.frames) if x.kind == kind)
 
 
-def kinds(frames: list[Frame]) -> list[str]:
+def kinds(frames):
     return [x.kind for x in frames]
 
 
-def session_of(file: Path, fast: Any = AtOnce, rest: float = NEVER) -> Session:
+def session_of(file, fast=AtOnce, rest=NEVER):
     document = Document.open(file)
-    assert document.folder is not None
-    return Session(document, Previewer(document.folder), fast=fast, slow=NoLane, rest=rest)
+    previewer = Previewer(document.folder)
+    return Session(document, previewer, fast=fast, slow=NoLane, rest=rest)

@@ -5,17 +5,20 @@ import shutil
 import subprocess
 from importlib.util import find_spec
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import armcontour as ac
 import armcontour.studio as studio
+from armcontour.arms.chain import link_poses
 from armcontour.frames import Frame
 from armcontour.io.json_text import plain
 from armcontour.studio.robot import arm_frame
 
 STATIC = FilePath(studio.__file__).parent / "static"
+URDF = FilePath(__file__).parents[1] / "io" / "robots" / "data" / "robot.urdf"
 
 
 def find_node():
@@ -32,44 +35,33 @@ NODE = find_node()
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
 
-def compute(script, given):
+def compute(script, given=None):
     """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
     start = f"const given = {json.dumps(plain(given))}, tell = x => console.log(JSON.stringify(x));"
+    command, code = [NODE, "--input-type=module", "-"], start + script
     done = subprocess.run(
-        [NODE, "--input-type=module", "-"],
-        input=start + script,
-        cwd=STATIC,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
+        command, input=code, cwd=STATIC, capture_output=True, text=True, check=True
     )
     return json.loads(done.stdout)
 
 
-class Bare:
-    """As much of a job as the frame of the arm needs."""
-
-    scene = None
-
-    def __init__(self, arm):
-        self.arm = arm
-
-
-def test_the_page_has_the_tool_where_the_library_has_it():
-    arms = [ac.load_arm(name) for name in ac.arm_names()]
+def test_the_page_has_links_and_tool_where_the_library_has_them():
     work = Frame.rpy([0.3, -0.1, 0.2], [0.1, 0.2, 0.3])
     tool = Frame.rpy([0.0, 0.02, 0.1], [0.0, 0.5, 0.0])
-    arms.append(ac.load_arm("ur5e").with_work(work).with_tool(tool))
+    arms = [
+        *map(ac.load_arm, ac.arm_names()),
+        ac.load_arm("ur5e").with_work(work).with_tool(tool),
+        ac.load_arm(URDF, tip="tcp", locked={"lift": 0.2}),
+    ]
     random = np.random.default_rng(19)
     postures = [random.uniform(-3.0, 3.0, (40, arm.dof)) for arm in arms]
-    headers = [arm_frame(Bare(arm)).header for arm in arms]
+    headers = [arm_frame(SimpleNamespace(arm=arm, scene=None)).header for arm in arms]
     found = compute(
         """
         const { Chain, compose, poseOf } = await import("./kinematics.js");
         tell(given.map(({ joints, tool, base, q }) => {
-          const chain = new Chain(joints, tool);
-          return q.map((x) => [...compose(poseOf(base), chain.toolOf(chain.links(x)))]);
+          const chain = new Chain(joints, tool), based = (x) => [...compose(poseOf(base), x)];
+          return q.map((x) => [...chain.links(x), chain.toolOf(chain.links(x))].map(based));
         }));
         """,
         [
@@ -77,11 +69,16 @@ def test_the_page_has_the_tool_where_the_library_has_it():
             for q, header in zip(postures, headers, strict=True)
         ],
     )
-    for arm, q, rows in zip(arms, postures, found, strict=True):
-        tools = np.array(rows).reshape(-1, 3, 4)
-        assert np.abs(tools[:, : arm.dimension, 3] - arm.forward(q)).max() < 1e-14
+    for arm, q, header, rows in zip(arms, postures, headers, found, strict=True):
+        poses = np.array(rows).reshape(len(q), -1, 3, 4)
+        assert np.abs(poses[:, -1, : arm.dimension, 3] - arm.forward(q)).max() < 1e-14
         if arm.dimension == 3:
-            assert np.abs(tools[:, :, :3] - arm.pose(q)[1]).max() < 1e-14
+            assert np.abs(poses[:, -1, :, :3] - arm.pose(q)[1]).max() < 1e-14
+        base = np.array(header["base"])
+        np.testing.assert_allclose(base @ header["work"], np.eye(4), atol=1e-12)
+        if arm.name == "ur5e":
+            np.testing.assert_allclose(poses[:, :-1], link_poses(arm.chain, q), atol=1e-12)
+            assert [x["link"] for x in header["bodies"]] == [x.link for x in arm.shapes.shapes]
 
 
 def turned(points, angle, by):

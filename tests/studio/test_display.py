@@ -1,38 +1,64 @@
-"""What pages see while somebody edits, and when nothing moves."""
-
-from __future__ import annotations
+"""What pages see while somebody edits, and when nothing moves; time passes as tests say."""
 
 import dataclasses
-import threading
-import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
 from soak.studio_page import SQUARE
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
 
-from armcontour.studio import screen
-from armcontour.studio.session import Session
+from armcontour.studio import display, screen
 from armcontour.studio.wire import Frame
 
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
-def wait_for(found: Callable[[], Any]) -> None:
-    """Wait until something holds."""
-    end = time.monotonic() + 20
-    while not found():
-        assert time.monotonic() < end
-        time.sleep(0.002)
+class Clock:
+    """A clock and the timers that it starts."""
+
+    def __init__(self):
+        self.now, self.waiting, self.started = 0.0, [], 0
+
+    def monotonic(self):
+        return self.now
+
+    def go(self, seconds=1.0):
+        """Let time pass."""
+        end = self.now + seconds
+        while due := [x for x in self.waiting if x.at <= end]:
+            first = min(due, key=lambda x: x.at)
+            self.waiting.remove(first)
+            self.now = first.at
+            first.call()
+        self.now = end
 
 
-def test_a_slow_plan_is_executed_when_nothing_moves(
-    session: Session, tab: Tab, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(screen, "QUICK", 0.0)
+class FakeTimer:
+    def __init__(self, clock, seconds, call, args=()):
+        self.clock, self.at, self.call = clock, clock.now + seconds, partial(call, *args)
+
+    def start(self):
+        self.clock.waiting.append(self)
+        self.clock.started += 1
+
+    def cancel(self):
+        self.clock.waiting.remove(self)
+
+
+@pytest.fixture(autouse=True)
+def clock(monkeypatch):
+    found = Clock()
+    monkeypatch.setattr(display, "time", found)
+    monkeypatch.setattr(display, "Timer", partial(FakeTimer, found))
+    return found
+
+
+@pytest.mark.parametrize("name", ["QUICK", "SHORT"])
+def test_slow_plans_and_long_motions_are_executed_when_nothing_moves(
+    session, tab, monkeypatch, name
+):
+    monkeypatch.setattr(screen, name, 0.0)
     assert kinds(tab.edit(MOVE)) == ["document", "picture"]
     before = len(tab.frames)
     session.display.screen.rest()
@@ -40,37 +66,23 @@ def test_a_slow_plan_is_executed_when_nothing_moves(
     assert kinds(tab.frames[before:]) == ["executed"]
 
 
-def test_a_long_motion_is_executed_when_nothing_moves(
-    session: Session, tab: Tab, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(screen, "SHORT", 0.0)
-    assert kinds(tab.edit(MOVE)) == ["document", "picture"]
-    before = len(tab.frames)
-    session.display.screen.rest()
-    assert kinds(tab.frames[before:]) == ["executed"]
-
-
-def test_one_timer_waits_for_the_rest_of_many_edits(file: Path) -> None:
+def test_one_timer_waits_for_the_rest_of_many_edits(file, clock):
     session = session_of(file, rest=1.0)
-    tab, rests = Tab(session), list[float]()
-    session.display.screen.rest = lambda: rests.append(time.monotonic())  # type: ignore[method-assign]
-    timers = {x for x in threading.enumerate() if isinstance(x, threading.Timer)}
-    seen, begin = set[threading.Thread](), time.monotonic()
+    tab, rests = Tab(session), []
+    session.display.screen.rest = lambda: rests.append(clock.now)
     for k in range(40):
+        clock.go(0.01)
         tab.edit({**MOVE, "to": [0.39, 0.16 + 1e-4 * k]}, final=False)
-        last = time.monotonic()
-        seen |= {x for x in threading.enumerate() if isinstance(x, threading.Timer)} - timers
-        time.sleep(0.01)
-    assert not rests and len(seen) < 2 + (last - begin) < 30
-    wait_for(lambda: rests)
-    assert len(rests) == 1 and rests[0] >= last + 1.0 - 0.01
+    assert not rests and clock.started == 1
+    last = clock.now
+    clock.go(10.0)
+    assert rests == [pytest.approx(last + 1.0)] and clock.started == 2
     session.close()
 
 
-def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
+def test_older_answers_never_come_after_newer_ones(file):
     session = session_of(file, fast=Held)
-    lane = Held.last
-    tab = Tab(session)
+    lane, tab = Held.last, Tab(session)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
@@ -80,117 +92,93 @@ def test_older_answers_never_come_after_newer_ones(file: Path) -> None:
     session.close()
 
 
-def resting(file: Path) -> tuple[Session, Held, NoLane]:
-    """A session at rest at once, whose first plan is held, and its lanes."""
+def test_exact_figures_wait_for_the_first_plan_of_each_document(file, clock):
     session = session_of(file, fast=Held, rest=0.0)
     with session.display.lock:
         session.display.show_all()
-    return session, Held.last, NoLane.last
-
-
-def test_exact_figures_wait_for_the_first_plan(file: Path) -> None:
-    session, lane, slow = resting(file)
-    time.sleep(0.05)
+    lane, slow = Held.last, NoLane.last
+    clock.go()
     assert not slow.given
-    AtOnce.submit(lane, lane.works[-1])
-    wait_for(lambda: slow.given)
-    session.close()
-
-
-def test_exact_figures_wait_for_the_first_plan_of_each_document(file: Path) -> None:
-    session, lane, slow = resting(file)
     (old,) = lane.works
     AtOnce.submit(lane, old)
-    wait_for(lambda: slow.given)
+    clock.go()
     slow.deliver(Frame("figures", {"id": slow.given[0][0]}))
     session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
     # What comes late of the document before is no plan of this one.
     AtOnce.submit(lane, old)
-    time.sleep(0.2)
+    clock.go()
     assert len(slow.given) == 1
     AtOnce.submit(lane, lane.works[-1])
-    wait_for(lambda: len(slow.given) == 2)
-    session.close()
-
-
-def test_nothing_waits_for_a_plan_of_a_document_that_cannot_be_shown(file: Path) -> None:
-    before = set(threading.enumerate())
-    session, _, _ = resting(file)
+    clock.go()
+    assert len(slow.given) == 2
+    # Nothing waits for a document that cannot be shown.
     with session.display.lock:
+        session.display.show()
+        assert clock.waiting
         session.editor.seen = dataclasses.replace(session.editor.seen, handles=None)
         session.display.open()
-    wait_for(
-        lambda: not any(isinstance(x, threading.Timer) for x in {*threading.enumerate()} - before)
-    )
+    assert not clock.waiting
     session.close()
 
 
-def test_exact_figures_come_when_nothing_moves(file: Path) -> None:
+def test_exact_figures_come_when_nothing_moves(file, clock):
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last
-    wait_for(lambda: lane.given)
-    id, task, request = lane.given[0]
+    clock.go()
+    ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
     tab.say("pin")
     figures = {"id": id, "run": "slow", "duration": 12.5, "rms": 1e-4}
     lane.deliver(Frame("figures", figures))
-    assert (
-        tab.last("figures")["duration"] == 12.5 and tab.last("figures")["rev"] == session.editor.rev
-    )
+    told = tab.last("figures")
+    assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
     tab.say("pin", name="again")
     assert [x["duration"] for x in tab.last("document")["pins"]] == [12.5, 12.5]
     tab.edit(MOVE)
-    wait_for(lambda: len(lane.given) == 2)
+    clock.go()
     late = lane.given[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
-    time.sleep(0.05)
+    clock.go()
     assert len(lane.given) == 2, "one at a time"
-    before = len([x for x in tab.frames if x.kind == "figures"])
+    before = kinds(tab.frames).count("figures")
     lane.deliver(Frame("figures", {**figures, "id": late}))
-    assert len([x for x in tab.frames if x.kind == "figures"]) == before, "out of date"
-    wait_for(lambda: len(lane.given) == 3)
-    assert lane.given[2][2]["text"] == session.document.text
+    assert kinds(tab.frames).count("figures") == before, "out of date"
+    assert len(lane.given) == 3 and lane.given[2][2]["text"] == session.document.text
     session.close()
 
 
-def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file: Path) -> None:
+def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file, clock):
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last
-    wait_for(lambda: lane.given)
+    clock.go()
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
     tab.edit(MOVE, final=False)
-    wait_for(lambda: len(lane.given) == 2)
+    clock.go()
     text = lane.given[1][2]["text"]
     assert session.document.text == JOB != text and "400 mm, 160 mm" in text
     session.close()
 
 
-def test_another_configuration_of_the_full_run_is_announced(tmp_path: Path) -> None:
+def test_another_configuration_of_the_full_run_is_announced(tmp_path, clock):
     file = tmp_path / "job.yaml"
     file.write_text(SQUARE)
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last
-
-    def notices() -> list[str]:
-        return [x.header["sentence"] for x in tab.frames if x.kind == "notice"]
-
-    wait_for(lambda: lane.given)
+    clock.go()
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
-        wait_for(
-            lambda k=k: len(lane.given) > k and lane.given[-1][2]["text"] == session.document.text
-        )
-        planned = session.display.screen.planned
-        assert planned is not None
-        before = planned.start
+        clock.go()
+        assert "notice" not in kinds(tab.frames)
+        assert len(lane.given) == k + 1 and lane.given[k][2]["text"] == session.document.text
+        before = session.display.screen.planned.start
         after = before + [0, 0, 0, 0, 0, turn]
-        assert not notices()
-        lane.deliver(Frame("figures", {"id": lane.given[-1][0], "start": after}))
-    wait_for(notices)
+        lane.deliver(Frame("figures", {"id": lane.given[k][0], "start": after}))
+    clock.go()
     session.close()
-    (sentence,) = notices()
-    assert all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))
+    assert kinds(tab.frames).count("notice") == 1
+    told = tab.last("notice")["sentence"]
+    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after))

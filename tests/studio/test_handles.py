@@ -1,9 +1,6 @@
-"""What can be grabbed: planes, points, obstacles."""
+"""What can be grabbed: planes, points, obstacles; and drawings that become waypoints."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +9,11 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour._yaml import load
+from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import Job
-from armcontour.studio.handles import Handles, handles_of, obstacles_of
+from armcontour.io.job_edits import change_text
+from armcontour.studio.edits import EditState, changes_of
+from armcontour.studio.handles import handles_of, obstacles_of
 
 TAIL = """
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
@@ -23,16 +22,12 @@ runs: {own: {}}
 """
 
 
-def handles(path: str, arm: str = "ur5e", folder: Path | None = None) -> Handles:
+def handles(path, arm="ur5e", folder=None):
     text = f"name: a\narm: {arm}\npath: {path}{TAIL}"
     return handles_of(parse_job(text, folder=folder), load(text, ""))
 
 
-def of_points(points: Any, **path: Any) -> Handles:
-    return handles(str({"points": np.asarray(points).tolist(), **path}).replace("'", ""))
-
-
-def test_the_plane_of_an_arm_in_the_plane_is_its_own() -> None:
+def test_the_plane_of_an_arm_in_the_plane_is_its_own():
     found = handles(
         "{points: [[0.3, 0.2], [360 mm, 0.25]], frame: {position: [1 cm, 0, 0]}}", "pmk3s"
     )
@@ -42,48 +37,41 @@ def test_the_plane_of_an_arm_in_the_plane_is_its_own() -> None:
     np.testing.assert_allclose(found.centre, [0.34, 0.225])
 
 
-@pytest.mark.parametrize(
-    ("points", "x", "y", "flat"),
-    [
-        # On a table, on a wall across x, on a wall across y, up a line.
-        ([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]], [1, 0, 0], [0, 1, 0], True),
-        ([[0.4, 0, 0.2], [0.4, 0.1, 0.2], [0.4, 0.1, 0.3]], [0, 1, 0], [0, 0, 1], True),
-        ([[0.4, 0.2, 0.2], [0.5, 0.2, 0.2], [0.5, 0.2, 0.3]], [1, 0, 0], [0, 0, 1], True),
-        ([[0.4, 0, 0.2], [0.5, 0.1, 0.2]], [1, 0, 0], [0, 1, 0], True),
-        ([[0.4, 0.2, 0.2], [0.4, 0.2, 0.4]], [1, 0, 0], [0, 0, 1], True),
-        # A saddle: the nearest of the planes of the frame.
-        ([[0.4, 0, 0.2], [0.5, 0, 0.21], [0.5, 0.1, 0.2], [0.4, 0.1, 0.21]],
-         [1, 0, 0], [0, 1, 0], False),
-    ],
-)  # fmt: skip
-def test_the_plane_of_points_in_space_is_theirs_and_upright(points, x, y, flat) -> None:
-    plane = of_points(points).plane
-    np.testing.assert_array_equal([plane.x, plane.y], [x, y])
-    assert plane.flat is flat
+X, Y, Z = np.eye(3)
+PLANES = (
+    # On a table, on a wall across x, on a wall across y, up a line.
+    ([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]], X, Y, True),
+    ([[0.4, 0, 0.2], [0.4, 0.1, 0.2], [0.4, 0.1, 0.3]], Y, Z, True),
+    ([[0.4, 0.2, 0.2], [0.5, 0.2, 0.2], [0.5, 0.2, 0.3]], X, Z, True),
+    ([[0.4, 0, 0.2], [0.5, 0.1, 0.2]], X, Y, True),
+    ([[0.4, 0.2, 0.2], [0.4, 0.2, 0.4]], X, Z, True),
+    # A saddle: the nearest of the planes of the frame.
+    ([[0.4, 0, 0.2], [0.5, 0, 0.21], [0.5, 0.1, 0.2], [0.4, 0.1, 0.21]], X, Y, False),
+)
+
+
+def test_the_plane_of_points_in_space_is_theirs_and_upright():
+    for points, x, y, flat in PLANES:
+        plane = handles(f"{{points: {points}}}").plane
+        np.testing.assert_array_equal([plane.x, plane.y], [x, y], err_msg=str(points))
+        assert plane.flat is flat, points
+
+
+BARE = parse_job(f"name: a\narm: ur5e\npath: {{points: [[0.4, 0, 0.2], [0.5, 0, 0.2]]}}{TAIL}")
 
 
 @given(
     st.lists(st.tuples(*[st.floats(-0.1, 0.1)] * 2), min_size=3, max_size=6),
     st.tuples(*[st.floats(-3, 3)] * 3),
 )
-def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned) -> None:
-    job = parse_job(f"name: a\narm: pmk3s\npath: {{points: [[0.3, 0.2], [0.4, 0.2]]}}{TAIL}")
+def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
     frame = ac.Frame.rpy([0.4, 0.1, 0.3], turned)
     points = np.array([frame.position + frame.rotation @ [*x, 0] for x in uv])
     try:
         path = ac.Path.polyline(points)
     except ac.errors.InvalidInput:
         return
-    job = Job(
-        name="a",
-        title="a",
-        arm=ARM,
-        path=path,
-        servo=job.servo,
-        plant_servo=job.servo,
-        runs=job.runs,
-    )
-    found = handles_of(job, {"path": {"points": points.tolist()}})
+    found = handles_of(replace(BARE, path=path), {"path": {"points": points.tolist()}})
     plane = found.plane
     places = np.array([x.point for x in found.waypoints])
     assert plane.flat and np.abs((places - plane.origin) @ plane.normal).max() < 1e-9
@@ -92,10 +80,7 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned) -> N
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
 
 
-ARM = ac.load_arm("ur5e")
-
-
-def test_chains_have_points_at_ends_and_beside_them() -> None:
+def test_chains_have_points_at_ends_and_beside_them():
     found = handles(
         "{start: [0.3, 0.2], segments: [{to: [0.36, 0.2]}, {via: [0.37, 0.21], to: [0.38, 0.2]}, "
         "{center: [0.38, 0.22], angle: 90 deg}]}",
@@ -110,14 +95,11 @@ def test_chains_have_points_at_ends_and_beside_them() -> None:
     np.testing.assert_allclose(end.uv, [0.40, 0.22], atol=1e-15)
     assert "follows from the centre" in (end.why_not or "") and found.waypoints[2].why_not is None
     assert [x.index for x in found.ends] == [0, 1, 2, 3]
-
-
-def test_splines_have_their_points() -> None:
     found = handles("{spline: {points: [[0.3, 0.2], [0.35, 0.22], [0.4, 0.2]]}}", "pmk3s")
     assert [x.keys for x in found.waypoints] == [("path", "spline", "points", k) for k in range(3)]
 
 
-def test_drawings_have_the_plane_of_their_frame_and_no_points(tmp_path: Path) -> None:
+def test_drawings_have_the_plane_of_their_frame_and_no_points(tmp_path):
     (tmp_path / "a.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
         '<path d="M0 0 L60 0 L60 40"/></svg>'
@@ -132,7 +114,7 @@ def test_drawings_have_the_plane_of_their_frame_and_no_points(tmp_path: Path) ->
     assert found.plane.flat
 
 
-def test_obstacles_are_told_in_si_units_and_as_written() -> None:
+def test_obstacles_are_told_in_si_units_and_as_written():
     text = """
 scene:
   boxes: [{name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}]
@@ -144,3 +126,87 @@ scene:
     )  # fmt: skip
     assert box["written"]["size"] == ["1 cm", 0.1, "1 m"]
     assert table["name"] == "t" and obstacles_of({}) == []
+
+
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
+    "{}</svg>"
+)
+LINES = '<path d="M0 0 L60 0 L60.3 40.7"/>'
+# Tangent arcs of less and of more than three quarters of a turn.
+ARCS = '<path d="M10 20 L40 20 A10 10 0 0 1 40 40 A3 3 0 1 0 43 43 L10 47 A4 9 0 0 1 5 20"/>'
+CIRCLE = '<circle cx="30" cy="40" r="20"/>'
+JOB = """\
+# Kept.
+name: a
+arm: {arm}
+path: {path}   # of the drawing
+limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}}
+servo: {{kp: 25 1/s, kv: 150 1/s}}
+runs: {{own: {{}}}}
+"""
+PLANE = "{file: a.svg, scale: 0.5, frame: {position: [280 mm, 0.2, 0], rpy: [0, 0, 20 deg]}%s}"
+SPACE = (
+    "{file: a.svg, names: null, frame: {position: [0.4, -0.1, 0.2], rpy: [10 deg, 0.2, 20 deg]}, "
+    "orientation: {axis: [0, 0, -1]}%s}"
+)
+
+
+def converted(folder, drawing, path, arm="pmk3s", more=""):
+    """The job before and after, and the data of the path."""
+    (folder / "a.svg").write_text(SVG.format(drawing))
+    text = JOB.format(arm=arm, path=path % "") + more
+    job = parse_job(text, folder=folder)
+    data = load(text, "")
+    state = EditState(data=data, run="own", handles=handles_of(job, data))
+    new = change_text(text, changes_of({"do": "to_waypoints"}, state))
+    assert new.startswith("# Kept.\n")
+    return job, parse_job(new), load(new, "")["path"]
+
+
+@pytest.mark.parametrize(("path", "arm"), [(PLANE, "pmk3s"), (SPACE, "ur5e")])
+def test_lines_stay_lines_and_arcs_stay_arcs(tmp_path, path, arm):
+    for drawing in (LINES, ARCS, CIRCLE):
+        compare(tmp_path, drawing, path, arm)
+
+
+def compare(tmp_path, drawing, path, arm):
+    before, after, written = converted(tmp_path, drawing, path, arm)
+    one, other = before.program.path, after.program.path
+    assert len(one) == len(other)
+    np.testing.assert_allclose(other.curvatures, one.curvatures, rtol=1e-9)
+    s = np.linspace(0, 1, 50)
+    np.testing.assert_allclose(other(s * other.length), one(s * one.length), atol=1e-12)
+    # The same vertices are corners, so that arcs of curves stay tangent.
+    np.testing.assert_array_equal(one.turns > 1e-9, other.turns > 1e-9)
+    assert not {"file", "scale", "names"} & set(written) and "frame" in written
+    if drawing == LINES:
+        like = written["points"][0][0]
+        assert isinstance(like, str) == (path == PLANE)
+    else:
+        assert {"via", "center", "to"} & set(written["segments"][0])
+
+
+def test_speeds_and_tolerances_of_segments_and_layers_stay(tmp_path):
+    drawing = f'<g id="CUT">{LINES}</g>'
+    layers = PLANE % ", layers: {CUT: {speed: 30 mm/s, tolerance: 0.1 mm}}"
+    before, after, written = converted(tmp_path, drawing, layers + "%s")
+    assert written["segments"][0]["speed"] == "30 mm/s" and "layers" not in written
+    assert after.program.path.speeds.tolist() == [0.03, 0.03]
+    assert after.program.path.tolerances.tolist() == pytest.approx([1e-4, 1e-4])
+    assert before.process.layers
+
+
+def test_what_waypoints_do_not_have_is_refused(tmp_path):
+    with pytest.raises(InvalidInput, match="a.svg has 2 contours"):
+        converted(tmp_path, LINES + CIRCLE, PLANE)
+    layer = "process: {by_layer: {CUT: {overlap: 1 mm}}}\n"
+    with pytest.raises(InvalidInput, match="process.by_layer has values for the layer CUT"):
+        converted(tmp_path, f'<g id="CUT">{CIRCLE}</g>', PLANE, more=layer)
+    table = "x [mm],y [mm],z [mm],ax,ay,az\n400,0,200,0,0,-1\n450,0,200,0,0.1,-1\n"
+    (tmp_path / "a.csv").write_text(table)
+    text = JOB.format(arm="ur5e", path="{file: a.csv}")
+    job, data = parse_job(text, folder=tmp_path), load(text, "")
+    state = EditState(data=data, run="own", handles=handles_of(job, data))
+    with pytest.raises(InvalidInput, match="a.csv gives the orientation of the tool"):
+        changes_of({"do": "to_waypoints"}, state)

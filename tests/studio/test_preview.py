@@ -10,7 +10,8 @@ from armcontour.errors import InvalidInput, Unreachable
 from armcontour.io import parse_job
 from armcontour.jobs import run
 from armcontour.studio import preview
-from armcontour.studio.preview import CONFIGURATION
+from armcontour.studio.preview import CONFIGURATION, Previewer
+from armcontour.studio.preview_run import ARCS, MOVING_SAMPLES
 
 
 def whole(data, name, period):
@@ -40,12 +41,10 @@ class TestResults:
         executed = previewer.execute(previewer.plan(paper, "conventional"))
         assert executed.errors.t[-1] == 12.06
 
-    def test_experiments_are_left_out(self, previewer, paper):
+    def test_experiments_are_left_out_and_files_are_relative_to_the_folder(self, previewer, paper):
         assert previewer.job(paper, "optimal").runs[0].experiment is None
-
-    def test_files_are_relative_to_the_folder(self, previewer, paper):
-        paper["path"] = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
-        assert len(previewer.drawn(paper).contours) > 3
+        path = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
+        assert len(previewer.drawn(paper | {"path": path}).contours) > 3
 
 
 class TestWhatIsDoneAgain:
@@ -85,14 +84,11 @@ class TestWhatIsDoneAgain:
         shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
         np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
 
-    def test_what_was_looked_at_before_is_there(self, previewer, paper):
+    def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))
         planned = previewer.plan(paper, "optimal")
         assert not planned.seconds and not previewer.execute(planned).seconds
-
-    def test_nothing_is_kept_after_files_have_changed(self, previewer, paper):
-        previewer.plan(paper, "optimal")
         previewer.forget()
         assert "arm" in previewer.plan(paper, "optimal").seconds
 
@@ -128,8 +124,8 @@ class TestDifferences:
 
     def test_what_no_configuration_reaches_is_refused(self, previewer, square):
         previewer.plan(square)
-        path = square["path"] | {"points": [[0, 0, 0], [2, 0, 0]]}
-        with pytest.raises(Unreachable, match="Run optimal: "):
+        path = square["path"] | {"frame": {"position": [2, 0, 0]}}
+        with pytest.raises(Unreachable):
             previewer.plan(square | {"path": path})
 
 
@@ -137,8 +133,60 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
     paper["limits"]["speed"] = "1e-4 m/s"
     planned = previewer.plan(paper, "optimal")
     assert planned.trajectory.duration > 3000
-    with pytest.raises(
-        InvalidInput, match="optimal: the motion of 352. s is not simulated"
-    ) as found:
+    with pytest.raises(InvalidInput) as found:
         previewer.execute(planned)
     assert found.value.needed == planned.trajectory.duration > found.value.allowed
+
+
+def test_set_points_are_made_as_for_the_experiment(previewer, paper):
+    for experiment in (None, {}, {"gravity_feedforward": False}, {"runs": []}):
+        data, name = paper | {"experiment": experiment}, "inverse-dynamics"
+        (own,) = (x for x in parse_job(yaml.safe_dump(data)).runs if x.name == name)
+        (found,) = previewer.job(data, name).runs
+        assert found.compensation_options == own.compensation_options, experiment
+
+
+def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewer, paper):
+    with pytest.raises(InvalidInput):
+        previewer.plan(paper, "other")
+    planned = previewer.plan(paper, "optimal")
+    assert planned.run.period == 4e-3
+    assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
+    assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
+    stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
+    assert previewer.plan(stiff, "optimal").run.period == 0.2e-3
+
+
+def test_free_shapes_are_arcs(previewer, paper):
+    planned = previewer.plan(paper, "shaped")
+    assert ARCS in planned.differs
+    assert planned.path.path.corners.error.max() == pytest.approx(5e-3)
+
+
+def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
+    planned = previewer.plan(paper, "optimal")
+    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    assert 3 * MOVING_SAMPLES < len(every.execution.t)
+    assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
+    own = np.searchsorted(every.errors.t, fewer.errors.t)
+    # The profile ends where the tool is at rest, which is between samples.
+    wanted = every.errors.values[own[:-1]]
+    assert fewer.errors.values[:-1] == pytest.approx(wanted, abs=1e-12)
+    assert fewer.errors.rms == pytest.approx(every.errors.rms, rel=1e-3)
+    assert fewer.errors.max <= every.errors.max
+    # What the drives need is not only known at the samples.
+    assert (fewer.execution.demand_range == every.execution.demand_range).all()
+    assert previewer.execute(planned).errors.max == every.errors.max
+
+
+def test_short_contours_keep_all_their_samples(paper, tmp_path):
+    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
+    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
+    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
+    (tmp_path / "two.svg").write_text(drawing)
+    previewer = Previewer(tmp_path)
+    paper["limits"]["speed"] = "20 mm/s"
+    planned = previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal")
+    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    assert len(every.execution.t) > 2 * MOVING_SAMPLES
+    assert len(fewer.execution.t) == len(every.execution.t)

@@ -1,39 +1,32 @@
-"""The server's start and end, and what it gives."""
-
-from __future__ import annotations
+"""Pages and the server: its start and end, what it gives, and the session that pages join."""
 
 import asyncio
 import contextlib
+import json
 import socket
-import subprocess
-import sys
-import threading
-from pathlib import Path
-from typing import Any
+from itertools import count
+from threading import Event
+from types import SimpleNamespace
 
 import pytest
 from tests.studio.serving import running
-from tests.studio.talking import JOB, MOVE
+from tests.studio.talking import MOVE
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.server import MOST_CONNECTIONS, listen, require_server, serve
+from armcontour.studio.desk import MOST_EARLY, MOST_WAITING, Desk, Tab
+from armcontour.studio.guard import Door
+from armcontour.studio.opening import open_session
+from armcontour.studio.server import MOST_CONNECTIONS, Server, listen, require_server, serve
+from armcontour.studio.wire import Frame
 
 
-@pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("studio") / "job.yaml"
-    place.write_text(JOB)
-    return place
-
-
-def test_a_page_talks_with_the_session(file: Path) -> None:
+def test_a_page_talks_with_the_session(file):
     with running(file) as studio, studio.page() as page, studio.page() as other:
         assert page.hear("document").header["name"] == "small"
         other.hear("executed")
         page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
         assert other.hear("document").header["undo_label"] == "set tolerance"
-        assert studio.desk.session is not None
         tabs = studio.desk.session.display.tabs
         number = tabs.keep_file("a b.html", "text/html", b"x")
         status, headers, body = studio.request("GET", f"/files/{number}")
@@ -44,192 +37,88 @@ def test_a_page_talks_with_the_session(file: Path) -> None:
         assert other.hear("document").header["path"]["kind"] == "file"
 
 
-def test_answers_do_not_wait_for_the_acknowledgement_of_what_was_sent_before() -> None:
-    # Header and body are two packets; a frame is several.
-    found: list[int] = []
+def test_a_page_that_comes_while_it_starts_waits(file):
+    started, go_on = Event(), Event()
 
-    async def look() -> None:
-        done = asyncio.Event()
-
-        async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            there = writer.get_extra_info("socket")
-            found.append(there.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
-            writer.close()
-            done.set()
-
-        serving = await asyncio.start_server(meet, sock=listen(0))
-        async with serving:
-            _, writer = await asyncio.open_connection(*serving.sockets[0].getsockname())
-            await done.wait()
-            writer.close()
-
-    asyncio.run(look())
-    assert found and all(found)
-
-
-def test_a_page_that_comes_while_it_starts_waits(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tests.studio import serving
-
-    started, go_on = threading.Event(), threading.Event()
-
-    def slowly(*args: Any, say: Any, **how: Any) -> Any:
-        from armcontour.studio.opening import open_session
-
-        session = open_session(*args, say=say, **how)
+    def slowly(file, **how):
+        session = open_session(file, **how)
         started.set()
-        go_on.wait(20)
+        go_on.wait()
         return session
 
-    monkeypatch.setattr(serving, "open_session", slowly)
-    with running(file) as studio:
-        assert started.wait(20)
+    with running(file, make=slowly) as studio:
+        started.wait()
         with studio.page() as page:
             progress = page.hear("progress").header
             assert progress["id"] == "start" and progress["steps"]
             assert studio.upload("a.csv", b"1")[0] == 503
+            seq = page.say("diff")
             go_on.set()
+            # What it has said before is answered first.
+            page.hear("diff", seq=seq)
             assert page.hear("document").header["rev"] == 1
 
 
-def test_the_end_after_the_last_page(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tests.studio.serving import Running
-    from tests.studio.talking import NoLane
+def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
+    class Loop:
+        """A clock of ten seconds a look."""
 
-    from armcontour.studio.opening import open_session
+        time = count(0, 10).__next__
 
-    monkeypatch.setattr(server, "CLOSED_FOR", 0.1)
-    found: list[Any] = []
+    class Tabs(list):
+        """Pages at each look: none yet, one for long, then none."""
 
-    def work() -> None:
-        serve(
-            lambda say: open_session(file, say=say, slow=NoLane),
-            announce=found.append,
-            opened=found.append,
-            exit_when_closed=True,
-        )
+        looks = iter([*[False] * 20, *[True] * 20, *[False] * 20])
+        seen = 0
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    while len(found) < 2:
-        thread.join(0.01)
-    thread.join(0.5)
-    assert thread.is_alive(), "no page was open yet"
-    with Running(*found).page() as page:
-        page.hear("document")
-        thread.join(0.5)
-        assert thread.is_alive()
-    thread.join(20)
-    assert not thread.is_alive()
+        def __bool__(self):
+            Tabs.seen += 1
+            return next(self.looks)
+
+    async def watch():
+        desk = Desk(lambda say: None)
+        desk.tabs = Tabs()
+        watching = asyncio.create_task(server._watch(desk, True))
+        desk.stop = watching.cancel
+        with contextlib.suppress(asyncio.CancelledError):
+            await watching
+
+    fake = SimpleNamespace(sleep=lambda seconds: asyncio.sleep(0), get_running_loop=Loop)
+    monkeypatch.setattr(server, "asyncio", fake)
+    asyncio.run(watch())
+    # The last look at a page was the 40th.
+    assert Tabs.seen == 40 + server.CLOSED_FOR / 10
 
 
-def test_what_cannot_be_opened_ends_the_server(tmp_path: Path) -> None:
-    from armcontour.studio.opening import open_session
-
+def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
     (tmp_path / "job.yaml").write_text("[")
     with pytest.raises(InvalidInput, match="job.yaml"):
         serve(lambda say: open_session(tmp_path / "job.yaml"), announce=lambda address: None)
-
-
-def test_a_port_that_is_taken() -> None:
     with listen(0) as taken:
+        # Named, so that asyncio sends at once: header and body are two packets.
+        assert taken.proto == socket.IPPROTO_TCP
         assert taken.getsockname()[0] == "127.0.0.1"
         with pytest.raises(InvalidInput, match="Port .* cannot be used.*--port"):
             listen(taken.getsockname()[1])
-
-
-def test_missing_libraries_are_named_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "NEEDED", ("uvicorn", "no_such_library"))
     with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
         require_server()
 
 
-def test_a_connection_that_says_nothing_costs_nothing(file: Path) -> None:
-    with running(file) as studio:
-        idle = [socket.create_connection(("127.0.0.1", studio.port)) for _ in range(20)]
-        assert studio.request("GET", "/")[0] == 200
-        for x in idle:
-            x.close()
-
-
-SERVING = """
-import gc
-import os
-import threading
-import time
-
-import numpy as np
-
-from armcontour.studio.server import serve
-
-PAGE = os.sysconf("SC_PAGE_SIZE")
-
-
-def used():
-    with open("/proc/self/statm") as told:
-        return int(told.read().split()[1]) * PAGE / 2**20
-
-
-class Session:
-    def begin(self):
-        threading.Thread(target=work, daemon=True).start()
-
-    def look(self):
-        pass
-
-    def close(self):
-        pass
-
-
-def work():
-    while not gc.get_freeze_count():
-        time.sleep(0.01)
-    # Executions of a long motion, and what is kept of a short one that follows.
-    del [np.ones(3 * 2**20)][0]
-    before = used()
-    many = [np.ones(2**20) for _ in range(20)]
-    kept = bytes(2**16)
-    most = used()
-    del many
-    print(before, most, used(), gc.get_freeze_count(), flush=True)
-    desks[0].stop()
-
-
-desks = []
-serve(lambda say: Session(), announce=lambda address: None, opened=desks.append)
-print(gc.get_freeze_count())
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries give memory back otherwise")
-def test_memory_of_executions_goes_back_and_what_is_loaded_is_no_garbage() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SERVING], capture_output=True, text=True, timeout=60, check=True
-    )
-    told, frozen_after = done.stdout.splitlines()
-    before, most, after, frozen = map(float, told.split())
-    assert most - before > 100
-    assert after - before < 40
-    assert frozen > 10_000 and frozen_after == "0"
-
-
-def test_requests_that_are_never_whole_stop_no_page(file: Path) -> None:
+def test_connections_that_say_nothing_or_never_all_stop_no_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
-        for _ in range(2 * MOST_CONNECTIONS):
-            half = socket.create_connection(("127.0.0.1", studio.port))
-            closing.enter_context(half)
-            half.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        for k in range(20 + 2 * MOST_CONNECTIONS):
+            half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))
+            if k >= 20:
+                half.sendall(b"GET / HTTP/1.1\r\nHost: ")
         for _ in range(5):
             assert studio.request("GET", "/")[0] == 200
         with studio.page() as page:
             page.hear("document")
 
 
-def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(
-    file: Path, tmp_path: Path
-) -> None:
-    target, link = tmp_path / "home" / "job.yaml", tmp_path / "job.yaml"
+def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_path):
+    target, link = tmp_path / "home" / "job.yaml", tmp_path / "link.yaml"
     target.parent.mkdir()
     target.write_text(file.read_text())
     link.symlink_to(target)
@@ -239,3 +128,107 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(
         page.say("save")
         page.hear("saved")
         assert link.is_symlink() and target.read_text() != file.read_text()
+
+
+def test_a_page_that_reads_slowly_gets_the_newest():
+    async def talk():
+        tab, sent = Tab(), []
+        for k in range(100):
+            tab.send(b"%d" % k, "picture")
+        tab.send(b"notice")
+        tab.send(b"again", "picture")
+
+        async def send(message):
+            sent.append(message["bytes"])
+
+        writing = asyncio.create_task(tab.write(send))
+        while len(sent) < 2:
+            await asyncio.sleep(0)
+        writing.cancel()
+        return sent
+
+    assert asyncio.run(talk()) == [b"notice", b"again"]
+
+
+def test_a_page_that_never_reads_is_let_go():
+    async def talk():
+        tab = Tab()
+        for _ in range(MOST_WAITING + 1):
+            tab.send(b"")
+        await tab.write(lambda message: asyncio.sleep(0))
+
+    asyncio.run(talk())
+
+
+@pytest.mark.parametrize("starting", [False, True])
+def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, starting):
+    async def talk():
+        desk, tab = Desk(lambda say: session), Tab()
+        if not starting:
+            desk.session = session
+        # The server passes messages on in another thread than the one in which the page joins.
+        assert all(desk.receive(tab, {"op": "nonsense", "id": k}) for k in (0, 1))
+        desk.join(tab)
+        if starting:
+            assert desk.receive(tab, {"op": "nonsense", "id": 2})
+            desk.start()
+        assert desk.receive(tab, {"op": "nonsense", "id": 3})
+        desk.leave(tab)
+        assert desk.tabs == [] and desk.failure is None
+        frames = [Frame.unpack(x) for x in tab._waiting.values()]
+        return [x.header["id"] for x in frames if x.kind == "failed"]
+
+    assert asyncio.run(talk()) == ([0, 1, 2, 3] if starting else [0, 1, 3])
+
+
+def test_only_some_messages_wait_for_the_session(session):
+    async def talk():
+        desk, tab = Desk(lambda say: session), Tab()
+        return [desk.receive(tab, {}) for _ in range(MOST_EARLY + 1)]
+
+    assert asyncio.run(talk()) == [True] * MOST_EARLY + [False]
+
+
+def test_the_server_hears_a_page_before_it_has_joined(session):
+    """The order in which a message right after the greeting was once dropped."""
+
+    class Late(Desk):
+        """A desk that pages join only when their first message has been passed on."""
+
+        def join(self, tab):
+            passed_on.wait()
+            super().join(tab)
+            loop.call_soon_threadsafe(joined.set)
+
+    passed_on, door, heard = Event(), Door(4711), []
+    loop = joined = None
+    desk = Late(lambda say: session)
+    desk.session = session
+    says = [{"op": "hello", "token": door.token}, *({"op": "?", "id": k} for k in (0, 1))]
+    messages = [{"type": "websocket.receive", "text": json.dumps(x)} for x in says]
+    messages.insert(0, {"type": "websocket.connect"})
+
+    async def talk():
+        nonlocal loop, joined
+        loop, joined, answered = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
+
+        async def receive():
+            if len(messages) == 1:
+                passed_on.set()
+                await joined.wait()
+            if messages:
+                return messages.pop(0)
+            await answered.wait()
+            return {"type": "websocket.disconnect"}
+
+        async def send(message):
+            frame = Frame.unpack(message["bytes"]) if "bytes" in message else None
+            if frame is not None and frame.kind == "failed":
+                heard.append(frame.header["id"])
+                if frame.header["id"] == 1:
+                    answered.set()
+
+        await Server(door, desk)({"type": "websocket", "path": "/socket"}, receive, send)
+
+    asyncio.run(talk())
+    assert heard == [0, 1]

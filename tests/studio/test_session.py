@@ -1,33 +1,20 @@
-"""One document on pages, without a server."""
+"""One document on pages: who listens, what pages say, and gestures."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
+import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, Tab, kinds, session_of
+from tests.studio.talking import JOB, MOVE, NoLane, Tab, kinds, session_of
 
+from armcontour.studio import tabs as module
 from armcontour.studio.gestures import MOST_EDITS
-from armcontour.studio.session import Session
+from armcontour.studio.opening import open_session
+from armcontour.studio.tabs import MOST_FILES, Tabs
+from armcontour.studio.wire import Frame
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    """A session for tests that leave it as it is."""
-    place = tmp_path_factory.mktemp("shared") / "job.yaml"
-    place.write_text(JOB)
-    found = session_of(place)
-    found.begin()
-    yield found
-    found.close()
-
-
-def test_a_page_that_comes_later_sees_what_the_others_see(tab: Tab) -> None:
+def test_a_page_that_comes_later_sees_what_the_others_see(tab):
     assert kinds(tab.frames) == ["document", "picture", "arm", "executed"]
     document = tab.last("document")
     assert document["name"] == "small" and document["run"] == "slow" and not document["dirty"]
@@ -35,8 +22,8 @@ def test_a_page_that_comes_later_sees_what_the_others_see(tab: Tab) -> None:
     assert tab.last("picture")["rev"] == document["rev"]
 
 
-def test_two_pages_see_the_same_and_do_not_undo_each_other(session: Session, tab: Tab) -> None:
-    other = Tab(session)
+def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
+    other, whole = Tab(session), tab.last("picture")["duration"]
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
     assert other.last("picture")["duration"] == tab.last("picture")["duration"]
     assert other.last("picture")["seq"] is None
@@ -47,74 +34,61 @@ def test_two_pages_see_the_same_and_do_not_undo_each_other(session: Session, tab
     assert session.document.undo_label == "remove waypoint 3"
     heard = tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=2)
     assert kinds(heard) == ["document", "picture", "executed"]
-
-
-def test_a_page_that_goes_away_leaves_no_half_gesture(session: Session, tab: Tab) -> None:
-    other = Tab(session)
-    whole = tab.last("picture")["duration"]
-    other.edit({**MOVE, "to": [0.4, 0.3]}, gesture=1, final=False)
+    # A page that goes away leaves no half of a gesture.
+    tab.say("undo")
+    tab.say("undo")
+    other.edit({**MOVE, "to": [0.4, 0.3]}, gesture=3, final=False)
+    assert tab.last("picture")["duration"] != whole
     session.leave(other)
     assert tab.last("picture")["duration"] == whole
     assert other.heard({"op": "undo"}) == []
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        {},
-        {"op": None},
-        {"op": ["edit"]},
-        {"op": "__init__"},
-        {"op": "edit"},
-        {"op": "edit", "edits": []},
-        {"op": "edit", "edits": {"do": "set"}},
-        {"op": "edit", "edits": [1]},
-        {"op": "edit", "edits": [{}], "final": True},
-        {"op": "edit", "edits": [{"do": "text"}], "final": True},
-        {"op": "edit", "edits": [{"do": "text", "text": "- 1"}], "final": True},
-        {"op": "edit", "edits": [{"do": "text", "text": "a: 1"}], "final": True},
-        {"op": "edit", "edits": [{"do": "set", "key": {}, "value": 1}], "final": True},
-        {"op": "edit", "edits": [{"do": "set", "key": "name", "value": {}}], "final": True},
-        {"op": "edit", "edits": [{"do": "move_waypoint", "index": 99, "to": [0, 0]}]},
-        {"op": "edit", "edits": [{"do": "move_waypoint", "index": True, "to": "x"}]},
-        {"op": "edit", "edits": [{"do": "move_waypoint", "index": 0, "to": [1e400, 0]}]},
-        {"op": "edit", "edits": [{**MOVE, "index": 1.5}], "gesture": [], "rev": "x"},
-        {"op": "select"},
-        {"op": "select", "run": "none"},
-        {"op": "select", "run": {"a": 1}},
-        {"op": "undo"},
-        {"op": "redo", "seq": "x"},
-        {"op": "unpin", "pin": [1]},
-        {"op": "swap", "pin": 1},
-        {"op": "compare", "with": 1},
-        {"op": "compare", "with": {"run": ["fast"]}},
-        {"op": "add_run", "name": "../x"},
-        {"op": "add_run", "name": "fast"},
-        {"op": "add_run", "name": "new", "like": ["fast"]},
-        {"op": "remove_run", "name": "none"},
-        {"op": "pin_to_run", "pin": None, "name": "x"},
-        {"op": "pose", "t": "1", "of": "planned"},
-        {"op": "pose", "t": 1, "of": "nothing"},
-        {"op": "task", "id": "a", "task": "system"},
-        {"op": "task", "id": 1, "task": "check"},
-        {"op": "task", "id": "#1", "task": "check"},
-        {"op": "task", "id": "a", "task": "check", "options": [1]},
-        {"op": "restore_draft"},
-    ],
+MOVED = {"do": "move_waypoint", "index": 0}
+EDITS = (
+    *(None, [], {"do": "set"}, [1], [{}], [{"do": "text"}], [{"do": "text", "text": "- 1"}]),
+    [{"do": "text", "text": "a: 1"}],
+    [{"do": "set", "key": {}, "value": 1}],
+    [{"do": "set", "key": "name", "value": {}}],
+    [{**MOVED, "index": 99, "to": [0, 0]}],
+    [{**MOVED, "index": True, "to": "x"}],
+    [{**MOVED, "to": [1e400, 0]}],
 )
-def test_what_makes_no_sense_is_answered_with_a_sentence(
-    shared: Session, message: Any, capsys: pytest.CaptureFixture[str]
-) -> None:
-    tab = Tab(shared)
-    heard = tab.heard(message)
-    assert set(kinds(heard)) & {"failed", "refusal", "notice"}
-    assert shared.document.text == JOB and not shared.document.can_undo
-    assert "Traceback" not in capsys.readouterr().err
-    assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False))
-    shared.leave(tab)
+NONSENSE = (
+    *({}, {"op": None}, {"op": ["edit"]}, {"op": "__init__"}, {"op": "edit"}),
+    *({"op": "edit", "edits": x, "final": True} for x in EDITS),
+    *({"op": "edit", "edits": x} for x in EDITS[-3:]),
+    {"op": "edit", "edits": [{**MOVE, "index": 1.5}], "gesture": [], "rev": "x"},
+    *({"op": "select"}, {"op": "select", "run": "none"}, {"op": "select", "run": {"a": 1}}),
+    *({"op": "undo"}, {"op": "redo", "seq": "x"}, {"op": "unpin", "pin": [1]}),
+    *({"op": "swap", "pin": 1}, {"op": "compare", "with": 1}),
+    {"op": "compare", "with": {"run": ["fast"]}},
+    *({"op": "add_run", "name": "../x"}, {"op": "add_run", "name": "fast"}),
+    {"op": "add_run", "name": "new", "like": ["fast"]},
+    *({"op": "remove_run", "name": "none"}, {"op": "pin_to_run", "pin": None, "name": "x"}),
+    *({"op": "pose", "t": "1", "of": "planned"}, {"op": "pose", "t": 1, "of": "nothing"}),
+    *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "check"}),
+    {"op": "task", "id": "#1", "task": "check"},
+    {"op": "task", "id": "a", "task": "check", "options": [1]},
+    {"op": "restore_draft"},
+    # Half of a character (a lone surrogate), which no frame could hold.
+    *({"op": "pin", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
+)
 
 
-def test_a_drawing_takes_the_place_of_the_path(session: Session, tab: Tab) -> None:
+def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
+    for message in NONSENSE:
+        tab = Tab(session)
+        heard = tab.heard(message)
+        assert set(kinds(heard)) & {"failed", "refusal", "notice"}, message
+        assert session.document.text == JOB and not session.document.can_undo, message
+        assert "Traceback" not in capsys.readouterr().err, message
+        assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False)), message
+        session.leave(tab)
+    assert Tab(session).last("document")["pins"] == []
+
+
+def test_a_drawing_takes_the_place_of_the_path(session, tab):
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
     assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
@@ -125,7 +99,7 @@ def test_a_drawing_takes_the_place_of_the_path(session: Session, tab: Tab) -> No
     assert tab.last("document")["path"]["file"] == "part.csv"
 
 
-def test_a_job_or_a_drawing_in_a_cell_is_another_document(session: Session, tab: Tab) -> None:
+def test_a_job_or_a_drawing_in_a_cell_is_another_document(session, tab):
     session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
     document = tab.last("document")
     assert document["name"] == "other" and document["file"] is None and not document["can_undo"]
@@ -135,7 +109,7 @@ def test_a_job_or_a_drawing_in_a_cell_is_another_document(session: Session, tab:
     assert tab.frames[-1].header["rev"] == tab.last("document")["rev"]
 
 
-def test_pages_know_when_another_job_or_drawing_is_shown(session: Session, tab: Tab) -> None:
+def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
     seen = [tab.last("document")["id"]]
     tab.edit(MOVE)
     assert tab.last("document")["id"] == seen[0]
@@ -149,7 +123,7 @@ def test_pages_know_when_another_job_or_drawing_is_shown(session: Session, tab: 
     assert later.last("document")["id"] == seen[-1]
 
 
-def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) -> None:
+def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
     file = tmp_path / "bad.yaml"
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))
     session = session_of(file)
@@ -163,20 +137,294 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path: Path) ->
     session.close()
 
 
-@pytest.mark.parametrize(
-    "half", [{"op": "pin", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}]
-)
-def test_half_of_a_character_stops_no_page(session: Session, tab: Tab, half: Any) -> None:
-    assert kinds(tab.heard(half)) == ["failed"]
-    later = Tab(session)
-    assert later.last("document") == tab.last("document")
-    assert later.last("document")["pins"] == []
-
-
-def test_a_message_has_a_bounded_number_of_edits(tab: Tab) -> None:
+def test_a_message_has_a_bounded_number_of_edits(tab):
     before = tab.last("document")["text"]
     assert tab.edit(*[MOVE] * (MOST_EDITS + 1))[-1].kind in ("refusal", "executed")
     assert tab.last("refusal")["error"] == "InvalidInput"
     assert tab.last("document")["text"] == before
     tab.edit(*[MOVE] * MOST_EDITS, gesture=1)
     assert tab.last("document")["text"] != before
+
+
+WHOLE = ["document", "picture", "executed"]
+
+
+def test_a_drag_is_seen_at_every_move_and_is_one_step_of_undo(session, tab):
+    durations = []
+    for k in range(5):
+        heard = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
+        assert kinds(heard) == ["picture", "executed"]
+        assert {x.header["seq"] for x in heard} == {tab.seq}
+        durations.append(heard[0].header["duration"])
+    assert len(set(durations)) == 5
+    assert session.document.text == JOB
+    heard = tab.edit({**MOVE, "to": [0.4, 0.19]}, gesture=7)
+    assert kinds(heard) == WHOLE
+    assert heard[1].header["duration"] == pytest.approx(durations[-1], rel=1e-3)
+    assert tab.last("document")["undo_label"] == "move waypoint 2"
+    changed = session.document.text
+    assert changed.replace("400 mm, 190 mm", "410 mm, 150 mm") == JOB and "# from" in changed
+    tab.say("undo")
+    assert session.document.text == JOB and not tab.last("document")["can_undo"]
+    tab.say("redo")
+    assert session.document.text == changed
+
+
+def test_a_gesture_that_is_given_up_leaves_nothing(session, tab):
+    whole = tab.last("picture")["duration"]
+    tab.edit({**MOVE, "to": [0.4, 0.3]}, gesture=1, final=False)
+    assert tab.last("picture")["duration"] != whole
+    assert kinds(tab.say("cancel_gesture")) == ["picture", "executed"]
+    assert tab.last("picture")["duration"] == whole
+    assert session.document.text == JOB and not session.document.can_undo
+
+
+def test_what_cannot_be_made_is_refused_and_the_document_stays(session, tab):
+    speed = {"do": "set", "key": "limits.speed", "value": "0 m/s"}
+    heard = tab.edit(speed, final=False)
+    assert kinds(heard) == ["refusal"] and "limits.speed" in heard[0].header["sentence"]
+    heard = tab.edit(speed, gesture=1)
+    assert kinds(heard) == [*WHOLE, "refusal"]
+    assert heard[-1].header["dropped"] and heard[-1].header["seq"] == tab.seq
+    assert session.document.text == JOB and not session.document.can_undo
+
+
+def test_what_cannot_be_reached_is_a_state_and_says_where(session, tab):
+    heard = tab.edit({**MOVE, "to": [2.0, 0.15]})
+    assert kinds(heard) == ["document", "refusal"]
+    refusal = heard[1].header
+    assert refusal["error"] == "Unreachable" and refusal["exit"] == 3 and "uv" in refusal["at"]
+    assert session.document.can_undo
+    assert kinds(tab.say("undo")) == WHOLE
+
+
+def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_made(session, tab):
+    insert = {"do": "insert_waypoint", "index": 1, "at": [0.38, 0.12]}
+    old = tab.last("document")["rev"]
+    tab.edit(insert, {"do": "move_waypoint", "index": 1, "to": [0.39, 0.12]})
+    document, text = tab.last("document"), session.document.text
+    written = [x["written"][0] for x in document["waypoints"]]
+    assert written == ["350 mm", "390 mm", "410 mm", "280 mm"]
+    assert document["undo_label"] == "insert waypoint 2 and 1 more"
+    heard = tab.edit({**MOVE, "to": [0.3, 0.1]}, gesture=2, rev=old)
+    assert kinds(heard) == ["document", "notice"]
+    assert session.document.text == text
+
+
+def sentence(frames):
+    return frames[0].header["sentence"]
+
+
+def test_runs_are_shown_added_and_removed(session, tab):
+    slow = tab.last("picture")["duration"]
+    assert kinds(tab.say("select", run="fast")) == ["document", "picture", "executed"]
+    assert tab.last("picture")["run"] == "fast" and tab.last("picture")["duration"] < slow
+    assert tab.last("document")["run"] == "fast"
+    tab.say("select", run="slow")
+    tab.say("add_run", name="slower", like="slow")
+    assert [x["name"] for x in tab.last("document")["runs"]] == ["slow", "fast", "slower"]
+    assert session.document.data["runs"]["slower"] == {"limits": {"speed": "50 mm/s"}}
+    tab.say("select", run="slower")
+    tab.say("remove_run", name="slower")
+    assert tab.last("document")["run"] == "slow" and session.document.text == JOB
+    tab.say("remove_run", name="slow")
+    assert "only run" in sentence(tab.say("remove_run", name="fast"))
+
+
+def test_a_pin_is_compared_and_swapped(session, tab):
+    tab.say("pin", name="before")
+    (pin,) = tab.last("document")["pins"]
+    before = tab.last("picture")["duration"]
+    assert pin["name"] == "before" and pin["duration"] == before and pin["max"] > pin["rms"] > 0
+    tab.edit({"do": "set", "key": "limits.speed", "value": "60 mm/s"})
+    changed, after = session.document.text, tab.last("picture")["duration"]
+    heard = tab.say("compare", **{"with": {"pin": pin["pin"]}})
+    pairs = [(kind, of) for of in ("live", "compare") for kind in ("picture", "executed")]
+    assert [(x.kind, x.header.get("of")) for x in heard] == [("document", None), *pairs]
+    assert heard[3].header["duration"] == before and heard[1].header["duration"] == after
+    tab.say("swap", pin=pin["pin"])
+    assert session.document.text == JOB
+    assert tab.last("document")["pins"][0]["duration"] == after
+    tab.say("undo")
+    assert session.document.text == changed
+    tab.say("unpin", pin=pin["pin"])
+    assert tab.last("document")["pins"] == [] and tab.last("document")["compare"] is None
+
+
+def test_a_run_is_compared_while_the_path_moves(tab):
+    tab.say("compare", **{"with": {"run": "fast"}})
+    heard = tab.edit({**MOVE, "to": [0.4, 0.2]}, final=False)
+    assert [x.header["run"] for x in heard] == ["slow", "slow", "fast", "fast"]
+    tab.say("cancel_gesture")
+    heard = tab.say("remove_run", name="fast")
+    assert tab.last("document")["compare"] is None
+    assert kinds(heard) == ["document", "picture", "executed"]
+
+
+def test_a_pin_becomes_a_run_if_runs_can_differ_so(session, tab):
+    tab.edit({"do": "set", "key": "corners.tolerance", "value": "2 mm"})
+    tab.edit({"do": "set", "key": "limits.joint_acceleration", "value": "0.5 rad/s^2"}, gesture=1)
+    tab.say("pin")
+    pinned = tab.last("picture")["duration"]
+    tab.say("undo")
+    tab.say("undo")
+    tab.say("pin_to_run", pin=1, name="careful")
+    assert session.document.data["runs"]["careful"] == {
+        "limits": {"speed": "50 mm/s", "joint_acceleration": "0.5 rad/s^2"},
+        "corners": {"tolerance": "2 mm"},
+    }
+    tab.say("select", run="careful")
+    assert tab.last("picture")["duration"] == pytest.approx(pinned, rel=1e-12)
+    tab.edit(MOVE, gesture=2)
+    assert "differs in path" in sentence(tab.say("pin_to_run", pin=1, name="other"))
+
+
+def test_saving_and_what_others_have_changed(session, tab, file):
+    tab.edit(MOVE)
+    assert "-  points" in tab.say("diff")[0].header["text"]
+    assert kinds(tab.say("save")) == ["saved", "document"]
+    assert file.read_text() == session.document.text and not tab.last("document")["dirty"]
+    file.write_text(f"{JOB}# by another program\n")
+    session.look()
+    assert tab.last("document")["on_disk"] == "changed"
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    (heard,) = tab.say("save")
+    assert heard.kind == "conflict" and "-# by another program" in heard.header["diff"]
+    assert file.read_text().endswith("# by another program\n")
+    tab.say("reload")
+    assert session.document.text.endswith("# by another program\n")
+    tab.say("undo")
+    tab.say("save", force=True)
+    assert file.read_text() == session.document.text
+    tab.edit({**MOVE, "to": [0.38, 0.16]}, gesture=2)
+    tab.say("revert")
+    assert session.document.text == file.read_text() and session.document.can_undo
+
+
+def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    session = open_session(None, slow=NoLane)
+    tab = Tab(session)
+    try:
+        session.begin()
+        assert tab.last("document")["run"] == "optimal"
+        (heard,) = tab.say("save")
+        file = session.display.tabs.files[heard.header["file"]]
+        assert heard.header["name"] == file.name == "paper.yaml"
+        assert file.data.decode() == session.document.text
+    finally:
+        session.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_draft_is_offered_and_taken(session, tab, file):
+    tab.edit(MOVE)
+    changed = session.document.text
+    assert "draft" in str(session.unsaved())
+    session.close()
+    again = session_of(file)
+    other = Tab(again)
+    again.begin()
+    assert other.last("document")["draft"] and again.document.text == JOB
+    other.say("restore_draft")
+    assert again.document.text == changed and not other.last("document")["draft"]
+    other.say("undo")
+    assert again.document.text == JOB and again.unsaved() is None
+    again.close()
+    assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
+
+
+def test_tasks_run_are_cancelled_and_give_files(session, tab):
+    tab.say("task", id="t1", task="report", options={"all": True})
+    lane = NoLane.last
+    ((id, task, request),) = lane.given
+    assert (id, task, request["options"]) == ("t1", "report", {"all": True})
+    assert "running already" in sentence(tab.say("task", id="t1", task="check"))
+    tab.say("cancel", id="t1")
+    assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
+    lane.deliver(Frame("progress", {"id": "t1", "share": 0.5}))
+    header = {"id": "t1", "name": "a.html", "type": "text/html"}
+    lane.deliver(Frame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
+    assert session.display.tabs.files[tab.last("result")["file"]].data == b"<html>"
+    assert tab.last("progress")["share"] == 0.5
+    tab.say("task", id="t1", task="check")
+    assert len(lane.given) == 2
+
+
+def test_poses(tab):
+    duration = tab.last("picture")["duration"]
+
+    def pose(t, of="planned"):
+        return tab.say("pose", t=t, of=of)[0].header["q"]
+
+    assert pose(-1) == pose(0) and pose(duration) == pose(1e9) != pose(0)
+    executed, planned = pose(0.5 * duration, "executed"), pose(0.5 * duration)
+    assert np.allclose(executed, planned, atol=0.05) and executed != planned
+
+
+class Listener:
+    """A page that keeps what it hears."""
+
+    def __init__(self):
+        self.frames = []
+
+    def send(self, data, replaces=None):
+        self.frames.append(Frame.unpack(data))
+
+    @property
+    def heard(self):
+        return [(x.kind, x.header.get("of"), x.header["seq"]) for x in self.frames]
+
+
+def test_every_page_hears_the_number_of_its_own_message():
+    tabs, one, other = Tabs(), Listener(), Listener()
+    tabs.join(one)
+    tabs.join(other)
+    assert tabs.hear(one, {"seq": 7}) and not tabs.hear(Listener(), {"seq": 9})
+    assert tabs.hear(other, {"seq": True})
+    before = tabs.answers
+    tabs.hear(one, {"seq": 8})
+    tabs.tell(Frame("notice", {"rev": 3}))
+    tabs.tell(Frame("notice", {"rev": 3}), answers=before)
+    tabs.tell(Frame("diff"), to=other)
+    assert one.heard == [("notice", None, 8), ("notice", None, 7)]
+    assert other.heard == [("notice", None, None)] * 2 + [("diff", None, None)]
+    assert one.frames[0].header["rev"] == 3
+    tabs.leave(one)
+    tabs.tell(Frame("notice"))
+    assert len(one.frames) == 2 and not tabs.hear(one, {})
+
+
+def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
+    tabs, page = Tabs(), Listener()
+    for of in ("live", "compare"):
+        for kind in ("picture", "executed"):
+            tabs.tell(Frame(kind, {"of": of}))
+    tabs.tell(Frame("notice"))
+    tabs.tell(Frame("picture", {"of": "live"}))
+    tabs.tell(Frame("refusal", {"of": "live", "dropped": True}))
+    tabs.join(page)
+    assert [x[:2] for x in page.heard] == [
+        ("picture", "live"),
+        ("picture", "compare"),
+        ("executed", "compare"),
+    ]
+    tabs.tell(Frame("document", {"compare": None}))
+    tabs.join(later := Listener())
+    assert [x[:2] for x in later.heard] == [("picture", "live"), ("document", None)]
+
+
+def test_the_newest_files_are_kept():
+    tabs = Tabs()
+    numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
+    assert list(tabs.files) == numbers[2:]
+    assert tabs.files[numbers[-1]].data == b"%d" % (MOST_FILES + 1)
+
+
+def test_large_files_are_kept_only_as_far_as_there_is_room(monkeypatch):
+    monkeypatch.setattr(module, "MOST_BYTES", 100)
+    tabs = Tabs()
+    first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))
+    assert list(tabs.files) == [second] and first != second
+    third = tabs.keep_file("x.csv", "text/csv", bytes(200))
+    assert list(tabs.files) == [third] and len(tabs.files[third].data) == 200

@@ -1,9 +1,5 @@
 """Which quantities can be set."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 import armcontour as ac
@@ -36,13 +32,13 @@ runs: {own: {}}
 """
 
 
-def sliders(run: str = "own", text: str = TEXT) -> dict[str, dict[str, Any]]:
+def sliders(run="own", text=TEXT):
     found = sliders_of(load(text, ""), parse_job(text), run)
     assert len({x["key"] for x in found}) == len(found)
     return {x["key"]: x for x in found}
 
 
-def test_every_slider_says_its_value_its_unit_and_where_it_is_written() -> None:
+def test_every_slider_says_its_value_its_unit_and_where_it_is_written():
     own, mac = sliders(), sliders("mac")
     speed = own["limits.speed"]
     assert (speed["value"], speed["written"], speed["from"]) == (0.02, "20 mm/s", "run")
@@ -60,11 +56,11 @@ def test_every_slider_says_its_value_its_unit_and_where_it_is_written() -> None:
             assert x["min"] <= x["value"] <= x["max"]
     assert own["corners.shape"]["value"] == "sharp" and mac["corners.shape"]["value"] == "arc"
     assert mac["timing.method"]["value"] == "mac" and "optimal" in mac["timing.method"]["choices"]
-    with pytest.raises(InvalidInput, match="no run 'gone'"):
+    with pytest.raises(InvalidInput):
         sliders("gone")
 
 
-def test_limits_of_the_arm_are_those_of_its_joints() -> None:
+def test_limits_of_the_arm_are_those_of_its_joints():
     found = sliders(text=ROBOT)
     arm = ac.load_arm("ur5e").limits
     keys = [x for x in found if x.startswith("limits.joint_velocity")]
@@ -75,8 +71,8 @@ def test_limits_of_the_arm_are_those_of_its_joints() -> None:
     assert found["limits.joint_jerk"]["value"] is None
 
 
-@pytest.mark.parametrize(("text", "run"), [(TEXT, "own"), (TEXT, "mac"), (ROBOT, "own")])
-def test_every_slider_can_be_set_and_then_has_that_value(text: str, run: str) -> None:
+@pytest.mark.parametrize(("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own")])
+def test_every_slider_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))
     for key, x in sliders(run, text).items():
@@ -100,7 +96,7 @@ def test_every_slider_can_be_set_and_then_has_that_value(text: str, run: str) ->
             assert parse(found["written"], unit_in_si(key)) == pytest.approx(wanted)
 
 
-def unit_in_si(key: str) -> str:
+def unit_in_si(key):
     kinds = {"speed": "m/s", "tolerance": "m", "acceleration": "m/s^2", "kv": "1/s"}
     joints = {"joint_velocity": "rad/s", "joint_acceleration": "rad/s^2", "joint_jerk": "rad/s^3"}
     name = key.split(".")[1]

@@ -1,6 +1,4 @@
-"""What the page takes from others is what was bundled, with licences, and is in the wheel."""
-
-from __future__ import annotations
+"""The page's files fit together, ask for nothing from elsewhere, and are in the wheel."""
 
 import hashlib
 import json
@@ -16,54 +14,83 @@ from armcontour.studio import server
 ROOT = Path(__file__).parents[2]
 VENDOR = server.STATIC / "vendor"
 TOOLS = ROOT / "tools" / "vendor"
+RECORDED = json.loads((VENDOR / "VENDOR.json").read_text())
+OWN = {x.name: x.read_text() for x in sorted(server.STATIC.glob("*.*"))}
+MODULES = {name: text for name, text in OWN.items() if name.endswith(".js")}
+PAGE = OWN["index.html"]
 # The page may not make an installation much larger [bytes].
 MOST = 1_500_000
 
 
-def recorded() -> list[dict[str, object]]:
-    return json.loads((VENDOR / "VENDOR.json").read_text())  # type: ignore[no-any-return]
-
-
-def test_the_bundles_are_those_that_were_made() -> None:
-    listed = {}
-    for library in recorded():
-        assert isinstance(library["files"], list)
-        listed |= {x["file"]: x["sha256"] for x in library["files"]}
-    there = {x.name for x in VENDOR.iterdir() if x.suffix in (".js", ".css")}
-    assert there == set(listed)
-    for name, digest in listed.items():
-        assert hashlib.sha256((VENDOR / name).read_bytes()).hexdigest() == digest, name
-
-
-def test_the_versions_are_those_of_the_lock_file_and_have_licences() -> None:
-    locked = json.loads((TOOLS / "package-lock.json").read_text())["packages"]
-    licences = (VENDOR / "LICENSES.txt").read_text()
-    for library in recorded():
-        name = library["name"]
-        assert locked[f"node_modules/{name}"]["version"] == library["version"]
-        assert library["licence"] == "MIT" and f"{name} {library['version']}" in licences
-    assert licences.count("Permission is hereby granted") == len(recorded())
-
-
-def test_the_lock_file_names_no_host() -> None:
-    for name in ("package.json", "package-lock.json", ".npmrc"):
-        assert "://" not in (TOOLS / name).read_text()
-
-
-def test_bundles_ask_for_nothing_and_evaluate_nothing() -> None:
+def test_the_bundles_are_those_that_were_made():
+    listed = {x["file"]: x["sha256"] for library in RECORDED for x in library["files"]}
+    there = [x for x in VENDOR.iterdir() if x.suffix in (".js", ".css")]
+    assert listed == {x.name: hashlib.sha256(x.read_bytes()).hexdigest() for x in there}
+    # They ask for nothing, and evaluate nothing.
     for file in VENDOR.glob("*.js"):
         text = file.read_text()
         assert not re.search(r"\bimport\s*\(|\bfrom\s*[\"']|\beval\(|new Function\(", text), file
 
 
-def test_the_page_is_in_the_wheel_and_is_small() -> None:
+def test_the_versions_are_those_of_the_lock_file_and_have_licences():
+    locked = json.loads((TOOLS / "package-lock.json").read_text())["packages"]
+    licences = (VENDOR / "LICENSES.txt").read_text()
+    for library in RECORDED:
+        name = library["name"]
+        assert locked[f"node_modules/{name}"]["version"] == library["version"]
+        assert library["licence"] == "MIT" and f"{name} {library['version']}" in licences
+    assert licences.count("Permission is hereby granted") == len(RECORDED)
+    for name in ("package.json", "package-lock.json", ".npmrc"):
+        assert "://" not in (TOOLS / name).read_text()
+
+
+def test_the_page_is_in_the_wheel_and_is_small():
     files = [x for x in server.STATIC.rglob("*") if x.is_file()]
     assert sum(x.stat().st_size for x in files) < MOST
-    if shutil.which("git") is None or not (ROOT / ".git").exists():
+    # The wheel leaves out what git ignores; the package may be of another clone than these tests.
+    clone = next((x for x in server.STATIC.parents if (x / ".git").exists()), None)
+    if shutil.which("git") is None or clone is None:
         pytest.skip("This is no clone: what git ignores, and the wheel leaves out, is not known.")
-    # The wheel leaves out what git ignores.
-    names = "\n".join(str(x) for x in files)
-    asked = subprocess.run(
-        ["git", "check-ignore", "--stdin"], input=names, cwd=ROOT, capture_output=True, text=True
-    )
-    assert asked.returncode == 1 and asked.stdout == ""
+    command, names = ["git", "check-ignore", "--stdin"], "\n".join(map(str, files))
+    asked = subprocess.run(command, input=names, cwd=clone, capture_output=True, text=True)
+    assert asked.returncode == 1 and asked.stdout == "", asked.stderr
+
+
+def reached(*patterns):
+    """All modules that the page's first one leads to."""
+    used, rest = set(), ["app.js"]
+    while rest:
+        name = rest.pop()
+        used.add(name)
+        rest += {y for x in patterns for y in re.findall(x, MODULES.get(name, ""))} - used
+    return used
+
+
+def test_modules_that_are_asked_for_are_there_and_named_if_the_page_begins_with_them():
+    first, later = r'from "\./([\w./]+)"', r'await import\("\./([\w./]+)"\)'
+    used = reached(first, later)
+    assert {x for x in used if not x.startswith("vendor/")} == set(MODULES)
+    assert all((server.STATIC / x).is_file() for x in used)
+    named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
+    assert sorted({*named, "app.js"}) == sorted(reached(first))
+    assert len(named) == len(set(named))
+    # What shows a plan is loaded after it, what draws the arm by WebGL when the arm is first seen.
+    assert not {"rest.js", "arm3d.js", "charts.js", "tasks.js"} & set(named)
+    assert not {"vendor/three.js", "vendor/uplot.js"} & set(named)
+
+
+def test_the_page_asks_for_nothing_that_its_policy_forbids():
+    assert set(re.findall(r"<script[^>]*>(.*?)</script>", PAGE, re.DOTALL)) == {""}
+    assert not re.findall(r"<style|\sstyle=|\son\w+=", PAGE)
+    links = re.findall(r'(?:src|href)="([^"]+)"', PAGE)
+    assert all(x.startswith(("/static/", "#", "data:")) for x in links)
+    for name, text in OWN.items():
+        elsewhere = set(re.findall(r"https?://[^\s\"'`)]+", text)) - {"http://www.w3.org/2000/svg"}
+        assert not elsewhere, name
+        assert not re.findall(r"innerHTML|outerHTML|insertAdjacentHTML|\beval\(", text), name
+    # What modules look for is on the page.
+    there = set(re.findall(r'\sid="([\w-]+)"', PAGE + "".join(MODULES.values())))
+    there |= set(re.findall(r'\bid: "([\w-]+)"', "".join(MODULES.values())))
+    for name, text in MODULES.items():
+        wanted = set(re.findall(r'find\("#([\w-]+)"', text))
+        assert wanted <= there, name

@@ -1,7 +1,5 @@
 """The fastest configuration, and the lower bound that leaves plans out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,13 +7,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import JointPath
-from armcontour.timing import trace_fastest
-from armcontour.timing.fastest_configuration import (
-    ROUGHLY,
-    bound_duration,
-    find_starts,
-    trace_by_duration,
-)
+from armcontour.timing import fastest_configuration as here
+from armcontour.timing.fastest_configuration import bound_duration, trace_by_duration, trace_fastest
 from armcontour.timing.optimal import plan_optimal
 from armcontour.tracing import trace_all
 
@@ -23,51 +16,46 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 CORNERS = [(0.45, 0.08, 0.2), (0.55, 0.08, 0.2), (0.55, 0.18, 0.25), (0.45, 0.2, 0.3)]
 
 
-def seams():
-    base = ac.Path.polyline(CORNERS)
-    return {
-        "rounded": ac.round_corners(base.oriented(DOWN), tolerance=1e-3),
-        "axis": ac.round_corners(base.pointing([0.1, 0.2, -1]), tolerance=1e-2),
-    }
+BASE = ac.Path.polyline(CORNERS)
+SEAMS = {
+    "rounded": ac.round_corners(BASE.oriented(DOWN), tolerance=1e-3),
+    "axis": ac.round_corners(BASE.pointing([0.1, 0.2, -1]), tolerance=1e-2),
+}
 
 
-@pytest.fixture(scope="module", params=seams())
+def roughly(joint_path, arm, limits):
+    return plan_optimal(joint_path, arm, limits, intervals=here.ROUGHLY).duration
+
+
+@pytest.fixture(scope="module", params=SEAMS)
 def traced(request):
     """A path, its joint paths on a UR5e, and the limits."""
-    arm, path = ac.load_arm("ur5e"), seams()[request.param]
+    arm, path = ac.load_arm("ur5e"), SEAMS[request.param]
     limits = arm.limits.replace(speed=0.5, centripetal_acceleration=2.0)
     return arm, path, limits, trace_all(path, arm, limits=limits)
 
 
-def test_no_plan_is_shorter_than_its_bound_nor_much_longer(traced):
-    arm, _, limits, found = traced
-    for joint_path in found:
-        planned = plan_optimal(joint_path, arm, limits, intervals=ROUGHLY).duration
+def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced):
+    arm, path, limits, found = traced
+    durations = [roughly(x, arm, limits) for x in found]
+    for joint_path, planned in zip(found, durations, strict=True):
         assert 0.95 * planned < bound_duration(joint_path, limits) <= planned
-
-
-def test_chooses_as_if_it_had_planned_them_all(traced):
-    arm, path, limits, found = traced
-    durations = [plan_optimal(x, arm, limits, intervals=ROUGHLY).duration for x in found]
-    chosen = trace_fastest(path, arm, limits)
-    assert np.array_equal(chosen.coefficients, found[int(np.argmin(durations))].coefficients)
-
-
-def test_all_configurations_come_the_fastest_first(traced):
-    arm, path, limits, found = traced
-    durations = [plan_optimal(x, arm, limits, intervals=ROUGHLY).duration for x in found]
     ways = [x for group in trace_by_duration(path, arm, limits) for x in group]
     expected = [found[k] for k in np.argsort(durations, kind="stable")]
     assert len(ways) == len(expected) > 1
-    for own, other in zip(ways, expected, strict=True):
+    # Chosen as if all had been planned.
+    ways.append(trace_fastest(path, arm, limits))
+    for own, other in zip(ways, [*expected, expected[0]], strict=True):
         assert np.array_equal(own.coefficients, other.coefficients)
+    slow = limits.replace(speed=0.01)
+    assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
 
 
 def test_of_equal_configurations_the_first_counts(monkeypatch):
-    arm, path = ac.load_arm("ur5e"), seams()["rounded"]
+    arm, path = ac.load_arm("ur5e"), SEAMS["rounded"]
     found = trace_all(path, arm)[:1] * 3
     twins = [ac.JointPath(**{x: getattr(y, x) for x in y.__slots__}) for y in found]
-    monkeypatch.setattr("armcontour.timing.fastest_configuration.trace_all", lambda *_, **__: twins)
+    monkeypatch.setattr(here, "trace_all", lambda *_, **__: twins)
     assert trace_fastest(path, arm) is twins[0]
 
 
@@ -83,28 +71,19 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
         planned = plan_optimal(*x, **named)
         return SimpleNamespace(duration=planned.duration * (1 + rng.uniform(-1e-9, 1e-9)))
 
-    monkeypatch.setattr("armcontour.timing.fastest_configuration.plan_optimal", noisy)
+    monkeypatch.setattr(here, "plan_optimal", noisy)
     for _ in range(5):
         found = next(trace_by_duration(path, arm, slow))
         assert [x(0.0).tolist() for x in found] == [x(0.0).tolist() for x in usual]
 
 
-def test_bound_of_a_straight_line_is_its_duration():
+def test_bounds_in_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
     limits = ac.Limits(joint_velocity=[2.0], joint_acceleration=[4.0])
     assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
     slower = limits.replace(joint_deceleration=[2.0])
     assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
-
-
-def test_bound_knows_the_speed_of_the_tool(traced):
-    _, path, limits, found = traced
-    slow = limits.replace(speed=0.01)
-    assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
-
-
-def test_bound_is_zero_where_nothing_is_limited():
     line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
     assert bound_duration(line, ac.Limits()) == 0.0
     # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
@@ -123,36 +102,31 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     path = ac.round_corners(path, tolerance=2e-4)
     arm = ac.load_arm("ur5e")
     limits = arm.limits.replace(speed=0.5)
-    durations = [
-        plan_optimal(x, arm, limits, intervals=ROUGHLY).duration
-        for x in trace_all(path, arm, limits=limits)
-    ]
+    durations = [roughly(x, arm, limits) for x in trace_all(path, arm, limits=limits)]
     assert max(durations) > 1.01 * min(durations)
-    here = "armcontour.timing.fastest_configuration"
-    for name, value in {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25}.items():
-        monkeypatch.setattr(f"{here}.{name}", value)
-    monkeypatch.setattr(f"{here}.trace_all", None)
+    parts = {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25, "trace_all": None}
+    for name, value in parts.items():
+        monkeypatch.setattr(here, name, value)
     whole = []
 
     def trace_counted(part, *args, **kwargs):
         whole.extend([part] if part is path else [])
         return ac.trace(part, *args, **kwargs)
 
-    monkeypatch.setattr(f"{here}.trace", trace_counted)
+    monkeypatch.setattr(here, "trace", trace_counted)
     chosen = trace_fastest(path, arm, limits)
     # Slow configurations, and one of two that differ by the turn of a wrist, are not traced.
     assert 1 <= len(whole) <= len(durations) / 2
-    assert plan_optimal(chosen, arm, limits, intervals=ROUGHLY).duration < 1.001 * min(durations)
+    assert roughly(chosen, arm, limits) < 1.001 * min(durations)
     at = np.linspace(0, path.length, 997)
     assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
 
 
 def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
     arm, path, limits, found = traced
-    here = "armcontour.timing.fastest_configuration"
-    monkeypatch.setattr(f"{here}.LONG", 1)
-    monkeypatch.setattr(f"{here}.trace_all", None)
-    starts = find_starts(path, arm, limits)
+    monkeypatch.setattr(here, "LONG", 1)
+    monkeypatch.setattr(here, "trace_all", None)
+    starts = here.find_starts(path, arm, limits)
     assert len(starts) >= len(found)
     # The turn about a free tool axis, the last joint, depends on what lies between the places.
     others = slice(0, 5 if path.orientation.axis_only else 6)
@@ -163,11 +137,11 @@ def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monke
 
 
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
-    arm = ac.load_arm("ur5e")
+    arm, said = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
-    with pytest.raises(ac.Unreachable) as short:
-        trace_fastest(path, arm)
-    monkeypatch.setattr("armcontour.timing.fastest_configuration.LONG", 1)
-    with pytest.raises(ac.Unreachable) as long:
-        trace_fastest(path, arm)
-    assert str(long.value) == str(short.value)
+    for long in (here.LONG, 1):
+        monkeypatch.setattr(here, "LONG", long)
+        with pytest.raises(ac.Unreachable) as caught:
+            trace_fastest(path, arm)
+        said.append(str(caught.value))
+    assert said[0] == said[1]

@@ -1,7 +1,5 @@
 """Grids of the planner: where their points lie."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,22 +7,19 @@ from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
 from armcontour.timing.grid import AT_REST, EVEN_SHARE, finer_at_rests, place_grid, split
 
-
-@pytest.fixture
-def curve() -> JointPath:
-    """Two joints that turn by different amounts on pieces of different lengths."""
-    return JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.35, 0.6], [1.0, 0.5], [1.1, 0.9]])
+# Two joints that turn by different amounts on pieces of different lengths.
+CURVE = JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.35, 0.6], [1.0, 0.5], [1.1, 0.9]])
 
 
-def test_pieces_have_shares_by_their_length_and_by_how_much_they_turn(curve: JointPath) -> None:
-    breaks, pieces = curve.breaks, np.arange(len(curve.breaks) - 1)
+def test_pieces_have_shares_by_their_length_and_by_how_much_they_turn():
+    breaks, pieces = CURVE.breaks, np.arange(len(CURVE.breaks) - 1)
     places = np.stack([breaks[:-1], (breaks[:-1] + breaks[1:]) / 2, breaks[1:]])
-    _, first, second = curve.motion(np.broadcast_to(pieces, places.shape), places)
+    _, first, second = CURVE.motion(np.broadcast_to(pieces, places.shape), places)
     size = np.linalg.norm(first, axis=2)
     assert (size > AT_REST * size.max()).all()
     turn = np.diff(breaks) * (np.linalg.norm(second, axis=2) / size).mean(axis=0)
     share = EVEN_SHARE * np.diff(breaks) / breaks[-1] + (1 - EVEN_SHARE) * turn / turn.sum()
-    grid = place_grid(curve, 1000)
+    grid = place_grid(CURVE, 1000)
     assert np.abs(np.bincount(grid.piece) - 1000 * share).max() <= 0.5 + 1e-9
     assert np.array_equal(np.unique(grid.piece), pieces)
     assert set(breaks) <= set(grid.s)
@@ -32,20 +27,18 @@ def test_pieces_have_shares_by_their_length_and_by_how_much_they_turn(curve: Joi
         assert grid.width[grid.piece == k] == pytest.approx(grid.width[grid.piece == k][0])
 
 
-def test_intervals_are_split_into_equal_parts(curve: JointPath) -> None:
-    grid = place_grid(curve, 20)
+def test_intervals_are_split_into_equal_parts():
+    grid = place_grid(CURVE, 20)
     parts = np.arange(len(grid)) % 4
     found = split(grid, parts)
-    expected = [
-        np.linspace(a, b, max(n, 1), endpoint=False)
-        for a, b, n in zip(grid.s[:-1], grid.s[1:], parts, strict=True)
-    ]
+    ends = zip(grid.s[:-1], grid.s[1:], parts, strict=True)
+    expected = [np.linspace(a, b, max(n, 1), endpoint=False) for a, b, n in ends]
     assert found.s == pytest.approx(np.append(np.concatenate(expected), grid.s[-1]), abs=1e-15)
     assert np.array_equal(found.piece, np.repeat(grid.piece, np.maximum(parts, 1)))
 
 
-def test_intervals_are_finer_the_nearer_they_are_to_a_rest(curve: JointPath) -> None:
-    grid = place_grid(curve, 4000)
+def test_intervals_are_finer_the_nearer_they_are_to_a_rest():
+    grid = place_grid(CURVE, 4000)
     at = [0, 1700, len(grid)]
     found = finer_at_rests(grid, grid.s[at])
     count = np.bincount(np.searchsorted(grid.s, found.s[:-1], side="right") - 1)
@@ -55,7 +48,10 @@ def test_intervals_are_finer_the_nearer_they_are_to_a_rest(curve: JointPath) -> 
     assert np.array_equal(count[away > 0], np.ceil(8 / np.sqrt(away[away > 0])))
 
 
-def test_a_path_on_which_no_joint_moves_has_no_grid() -> None:
+def test_what_has_no_finer_grid_or_none():
+    grid = place_grid(CURVE, 4000)
+    for places in (np.empty(0), CURVE.breaks.repeat(100)):
+        assert finer_at_rests(grid, places) is grid
     still = JointPath(breaks=np.array([0.0, 1.0]), coefficients=np.zeros((1, 6, 2)))
     with pytest.raises(InvalidInput, match="No joint moves along the joint path"):
         place_grid(still)

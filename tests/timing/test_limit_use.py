@@ -1,12 +1,9 @@
 """How far limits are used: against motions of one joint, whose quantities are known."""
 
-from __future__ import annotations
-
 import numpy as np
-import pytest
 
 import armcontour as ac
-from armcontour.timing.limit_use import States, allowed, quantity, ratio
+from armcontour.timing.limit_use import STILL, States, allowed, quantity, ratio
 
 REACH = 0.250 + 0.215  # m, the PMK-3s stretched out
 DQ, DDQ = np.array([2.0, -1.5, 0.0]), np.array([0.3, -4.0, 5.0])  # rad/s, rad/s²
@@ -20,34 +17,31 @@ def about_joint(arm, joint):
     return States(arm, np.zeros((3, arm.dof)), *rates)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
+def test_a_tool_on_a_circle(arm):
+    for name, expected in (
         ("speed", REACH * np.abs(DQ)),
         # At rest there is no direction for a part of the acceleration to be at right angles to.
         ("centripetal_acceleration", REACH * DQ**2),
         ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
         ("tool_jerk", REACH * np.hypot(DDDQ - DQ**3, 3 * DQ * DDQ)),
-    ],
-)
-def test_a_tool_on_a_circle(arm, name, expected):
-    np.testing.assert_allclose(quantity(name, about_joint(arm, 0)), expected, rtol=1e-12)
+    ):
+        found = quantity(name, about_joint(arm, 0))
+        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=name)
+    states = about_joint(ac.load_arm("ur5e"), 5)
+    for name, expected in (("angular_speed", DQ), ("angular_acceleration", DDQ)):
+        np.testing.assert_allclose(quantity(name, states), np.abs(expected), rtol=1e-12)
 
 
-def test_jerk_needs_states_that_know_theirs(arm, refuses):
+def test_refusals(arm, refuses):
     states = about_joint(arm, 1)
-    limits = ac.Limits(joint_jerk=[np.inf, 10.0])
-    found = ratio("joint_jerk", limits, states)
+    found = ratio("joint_jerk", ac.Limits(joint_jerk=[np.inf, 10.0]), states)
     np.testing.assert_allclose(found, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
     without = States(arm, states.q, states.dq, states.ddq)
     for name in ("joint_jerk", "tool_jerk"):
-        refuses(lambda name=name: quantity(name, without), ac.InvalidInput, "states with dddq")
-
-
-def test_the_last_joint_turns_the_tool():
-    states = about_joint(ac.load_arm("ur5e"), 5)
-    np.testing.assert_allclose(quantity("angular_speed", states), np.abs(DQ), rtol=1e-12)
-    np.testing.assert_allclose(quantity("angular_acceleration", states), np.abs(DDQ), rtol=1e-12)
+        refuses(lambda x=name: quantity(x, without), ac.InvalidInput, "states with dddq")
+    for name in ("sped", "path_jerk", "joint_lower", "joint_deceleration"):
+        refuses(lambda x=name: quantity(x, states), ac.InvalidInput, repr(name))
+    refuses(lambda: quantity("angular_speed", states), ac.InvalidInput, "a point without")
 
 
 def test_each_direction_is_compared_to_its_own_acceleration(arm):
@@ -64,25 +58,7 @@ def test_what_is_not_limited_is_not_used(arm):
         assert not ratio(name, ac.Limits(), states).any()
 
 
-@pytest.mark.parametrize("name", ["sped", "path_jerk", "joint_lower", "joint_deceleration"])
-def test_an_unknown_limit_is_refused(arm, refuses, name):
-    refuses(
-        lambda: quantity(name, about_joint(arm, 0)),
-        ac.InvalidInput,
-        repr(name),
-        "known are joint_velocity",
-    )
-
-
-def test_a_tool_without_orientation_does_not_turn(arm, refuses):
-    refuses(
-        lambda: quantity("angular_speed", about_joint(arm, 0)), ac.InvalidInput, "a point without"
-    )
-
-
 def test_dry_friction_at_rest_is_the_one_that_helps(arm):
-    from armcontour.timing.limit_use import STILL
-
     rough = arm.with_dynamics(coulomb=[3.0, 0.5])
     still, slow = np.zeros((1, 2)), np.full((1, 2), 1.01 * STILL)
     q, ddq = np.zeros((1, 2)), np.array([[10.0, -10.0]])

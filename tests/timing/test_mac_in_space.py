@@ -1,15 +1,17 @@
 """The methods of the paper with arms of six and seven joints, and limits they do not plan for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import armcontour as ac
 
-pytest.importorskip("pinocchio")
-
 POINTS = np.array([[0.45, -0.15, 0.4], [0.5, 0.15, 0.4], [0.4, 0.2, 0.55]])
+TURNING = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ac.load_arm("ur5e")
 
 
 def path(points=POINTS):
@@ -30,9 +32,8 @@ def test_six_and_seven_joints(name):
     assert planned.duration >= ac.plan(way, robot, limits).duration * (1 - 1e-6)
 
 
-def test_joints_that_hardly_move():
+def test_joints_that_hardly_move(robot):
     """A line that two joints would do, seen by six."""
-    robot = ac.load_arm("ur5e")
     limits = robot.limits.replace(speed=0.3)
     up = np.array([[0.4, 0.1333, 0.3], [0.4, 0.1333, 0.5]])
     planned = ac.plan(path(up), robot, limits, method="mac")
@@ -40,55 +41,35 @@ def test_joints_that_hardly_move():
     assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
 
-def test_torque_is_looked_at_afterwards(refuses):
-    robot = ac.load_arm("ur5e")
-    way = ac.trace(path(), robot)
-    limits = robot.limits.replace(
-        speed=0.2, centripetal_acceleration=0.5, joint_torque=[150, 28, 150, 28, 28, 28]
-    )
-    for method, words in (("mac", "On line 1 (MAC)"), ("conventional", "At uniform speed")):
-        refuses(
-            lambda method=method: ac.plan(way, robot, limits, method=method),
-            ac.NotRealizable,
-            words,
-            "joint 2 would need",
-            "N m, but its limit is 28 N m",
-            joint=2,
-            limit="joint_torque",
-            allowed=28.0,
-        )
-
-
 @pytest.mark.parametrize("method", ["mac", "conventional"])
-def test_what_is_broken_is_refused_where_and_when_it_is(method):
-    robot = ac.load_arm("ur5e")
-    turning = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
-    allowed = robot.limits.replace(speed=0.2, angular_speed=1e-3)
+def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm, rounded, limits):
+    fast, weak = robot.limits.replace(speed=0.2), [150, 28, 150, 28, 28, 28]
+    strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)
+    data = {"joint": 2, "limit": "joint_torque", "allowed": 28.0}
+
+    def call(way, own):
+        return lambda: ac.plan(way, robot, own, method=method)
+
+    refuses(
+        call(ac.trace(path(), robot), strong),
+        ac.NotRealizable,
+        "N m, but its limit is 28 N m",
+        **data,
+    )
+    for name in ("angular_speed", "angular_acceleration"):
+        allowed, data = fast.replace(**{name: 1e-3}), {"joint": None, "limit": name}
+        refuses(call(TURNING, allowed), ac.NotRealizable, "of turning", **data)
+        planar = limits.replace(**{name: 1.0})
+        with pytest.raises(ac.InvalidInput, match="a point without an orientation"):
+            ac.plan(rounded, arm, planar, method=method)
+    # Where and when it is.
+    allowed = fast.replace(angular_speed=1e-3)
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.plan(turning, robot, allowed, method=method)
+        ac.plan(TURNING, robot, allowed, method=method)
     found = caught.value
     assert found.s > 0 and found.t > 0 and f"at {found.s:.4g} m" in str(found)
-    planned = ac.plan(turning, robot, allowed.replace(angular_speed=None), method=method)
+    planned = ac.plan(TURNING, robot, fast, method=method)
     state = (planned([found.t], order) for order in (0, 1))
     tool = robot.tool_twist(*state)[0]
     assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)
-    np.testing.assert_allclose(robot.forward(planned(found.t)), turning(found.s), atol=1e-7)
-
-
-@pytest.mark.parametrize("name", ["angular_speed", "angular_acceleration"])
-@pytest.mark.parametrize("method", ["mac", "conventional"])
-def test_turning_is_looked_at_afterwards(name, method, arm, rounded, limits, refuses):
-    robot = ac.load_arm("ur5e")
-    turning = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
-    allowed = robot.limits.replace(speed=0.2, **{name: 1e-3})
-    refuses(
-        lambda: ac.plan(turning, robot, allowed, method=method),
-        ac.NotRealizable,
-        "the tool would need",
-        "of turning",
-        joint=None,
-        limit=name,
-    )
-    planar = limits.replace(**{name: 1.0})
-    with pytest.raises(ac.InvalidInput, match="a point without an orientation"):
-        ac.plan(rounded, arm, planar, method=method)
+    np.testing.assert_allclose(robot.forward(planned(found.t)), TURNING(found.s), atol=1e-7)

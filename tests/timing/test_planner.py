@@ -1,7 +1,5 @@
 """The entry point of the planners: what it takes and refuses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,80 +15,43 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     by_hand = ac.plan(traced, arm, limits, method="mac", knots=50)
     assert direct.duration == by_hand.duration
     assert direct.path is rounded and direct.method == "mac"
+    other = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
+    t = np.linspace(0, other.duration, 101)
+    assert (other(t)[:, 1] < 0).all()
+    assert rounded.project(arm.forward(other(t))).distance.max() < 1e-6
 
 
-def test_the_branch_reaches_the_arm(arm, rounded, limits):
-    planned = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
-    t = np.linspace(0, planned.duration, 101)
-    assert (planned(t)[:, 1] < 0).all()
-    off = rounded.project(arm.forward(planned(t))).distance
-    assert off.max() < 1e-6
-
-
-def test_the_arms_limits_are_the_default(arm, rounded, refuses):
-    # They hold no assigned velocity, which the method needs.
-    for method in METHODS:
-        refuses(
-            lambda m=method: ac.plan(rounded, arm, method=m),
-            ac.InvalidInput,
-            f"The method {method} needs an assigned velocity",
-            "give the limit speed",
-        )
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"method": "fast"}, ("method must be one of", "mac, conventional", "'fast'")),
-        ({"method": "mac", "knot": 3}, ("mac takes the options knots, period", "not knot")),
-        ({"method": "conventional", "knots": 3}, ("conventional takes no options", "not knots")),
-        ({"method": "mac", "knots": 7}, ("knots a line", "from 8 to", "is 7")),
-        ({"method": "mac", "period": 0.0}, ("command interval", "above zero")),
-        ({"method": "mac", "period": np.nan}, ("command interval", "finite")),
-        ({"method": "mac", "branch": "up"}, ("branches positive, negative",)),
-    ],
-)
-def test_refused_options(arm, rounded, limits, options, words, refuses):
-    refuses(lambda: ac.plan(rounded, arm, limits, **options), ac.InvalidInput, *words)
-
-
-def test_mac_needs_joint_limits(arm, rounded, limits, refuses):
-    refuses(
-        lambda: ac.plan(rounded, arm, limits.replace(joint_acceleration=None), method="mac"),
-        ac.InvalidInput,
-        "mac needs joint acceleration limits",
-        "rad/s²",
-    )
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_joint_path_without_a_tool_path_is_refused(arm, limits, method, refuses):
+def test_refusals(arm, rounded, traced, objective, limits, refuses):
     spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
-    refuses(
-        lambda: ac.plan(spline, arm, limits, method=method),
-        ac.InvalidInput,
-        f"The method {method} plans along a tool path",
-        "traced one",
-    )
-
-
-def test_limits_for_another_arm_are_refused(arm, rounded, limits, refuses):
-    refuses(
-        lambda: ac.plan(
-            rounded, arm, limits.replace(joint_acceleration=[1.0, 1.0, 1.0]), method="mac"
-        ),
-        ac.InvalidInput,
-        "joint_acceleration has 3 values",
-    )
-
-
-def test_a_joint_path_takes_no_branch(arm, rounded, limits, refuses):
-    joint_path = ac.trace(rounded, arm)
-    refuses(
-        lambda: ac.plan(joint_path, arm, limits, branch="negative"),
-        ac.InvalidInput,
-        "traced already",
-    )
+    mac, rows = {"method": "mac"}, []
+    for options in (
+        {"method": "fast"},
+        mac | {"knot": 3},
+        {"method": "conventional", "knots": 3},
+        mac | {"knots": 7},
+        mac | {"period": 0.0},
+        mac | {"period": np.nan},
+        mac | {"branch": "up"},
+        *({"smoothing": x} for x in ("20 ms", -0.02, [0.0])),
+    ):
+        rows.append((rounded, limits, options, ac.InvalidInput, {}))
+    for method in METHODS:
+        # The arm's limits hold no assigned velocity, which the method needs.
+        rows.append((rounded, None, {"method": method}, ac.InvalidInput, {}))
+        rows.append((spline, limits, {"method": method}, ac.InvalidInput, {}))
+        for name in ("joint_jerk", "tool_jerk", "path_jerk"):
+            jerk = limits.replace(**{name: 10.0})
+            rows.append((traced, jerk, {"method": method}, ac.NotRealizable, {"limit": name}))
+    # Along a shaped path accelerations jump.
+    jerk, shaped = limits.replace(joint_jerk=10.0, tool_jerk=5.0), {"tolerance": 1e-3}
+    data = {"limit": "joint_jerk"}
+    rows.append((objective, jerk, {"method": "shaped"} | shaped, ac.NotRealizable, data))
+    refuses(lambda: ac.shape(objective, arm, jerk, **shaped), ac.NotRealizable, **data)
+    for own in ({"joint_acceleration": None}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
+        rows.append((rounded, limits.replace(**own), mac, ac.InvalidInput, {}))
+    rows.append((traced, limits, {"branch": "negative"}, ac.InvalidInput, {}))
+    for path, own, options, kind, data in rows:
+        refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, **z), kind, **data)
 
 
 def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
@@ -104,64 +65,28 @@ def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
 
 
 def test_smoothing_that_exceeds_a_limit_is_refused_with_what_would_do(arm, limits):
-    corners = ac.round_corners(
-        ac.Path.polyline([(0.3, 0.2), (0.35, 0.2), (0.35, 0.25)]), tolerance=1e-5
-    )
+    corners = ac.Path.polyline([(0.3, 0.2), (0.35, 0.2), (0.35, 0.25)])
+    corners = ac.round_corners(corners, tolerance=1e-5)
     free = limits.replace(centripetal_acceleration=None)
+    windows, coarse = [0.02, 0.02], {"intervals": 800}
+    smoothed = coarse | {"smoothing": windows}
     with pytest.raises(ac.NotRealizable, match="reserve, such as") as caught:
-        ac.plan(corners, arm, free, smoothing=[0.02, 0.02], reserve=0.05)
+        ac.plan(corners, arm, free, **smoothed, reserve=0.05)
     assert caught.value.limit == "joint_acceleration" and caught.value.needed > 1.01
     # The excess is that of the judge, which shares no code with the plan.
-    by_hand = smooth(ac.plan(corners, arm, free, reserve=0.05), 0.02, 0.02)
+    by_hand = smooth(ac.plan(corners, arm, free, reserve=0.05, **coarse), *windows)
     used = ac.check(by_hand, arm, free)["joint_acceleration"]
     assert caught.value.needed == pytest.approx(used.ratio, rel=2e-2)
     reserve = float(str(caught.value).rpartition("such as ")[2].rstrip("."))
-    assert ac.plan(corners, arm, free, smoothing=[0.02, 0.02], reserve=reserve).duration > 0
+    assert ac.plan(corners, arm, free, **smoothed, reserve=reserve).duration > 0
     with pytest.raises(ac.NotRealizable, match="lower limit, such as") as caught:
-        ac.plan(corners, arm, limits, smoothing=[0.02, 0.02], reserve=0.5)
+        ac.plan(corners, arm, limits, **smoothed, reserve=0.5)
     assert caught.value.limit == "centripetal_acceleration"
-
-
-@pytest.mark.parametrize(
-    ("smoothing", "words"),
-    [("20 ms", ("smoothing must be numbers",)), (-0.02, ("window", "above zero")), ([0.0], ())],
-)
-def test_windows_that_cannot_be(arm, traced, limits, smoothing, words, refuses):
-    refuses(lambda: ac.plan(traced, arm, limits, smoothing=smoothing), ac.InvalidInput, *words)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["joint_jerk", "tool_jerk", "path_jerk"])
-def test_methods_without_limits_of_jerk_refuse_them(arm, traced, limits, refuses, method, name):
-    refuses(
-        lambda: ac.plan(traced, arm, limits.replace(**{name: 10.0}), method=method),
-        ac.NotRealizable,
-        f"The method {method} keeps no limits of jerk, but there is {name}",
-        "the method optimal",
-        f"limits.replace({name}=None)",
-        limit=name,
-    )
-
-
-def test_shaped_paths_are_not_for_limits_of_jerk(arm, objective, limits, refuses):
-    jerk = limits.replace(joint_jerk=10.0, tool_jerk=5.0)
-    for make in (
-        lambda: ac.plan(objective, arm, jerk, method="shaped", tolerance=1e-3),
-        lambda: ac.shape(objective, arm, jerk, tolerance=1e-3),
-    ):
-        refuses(
-            make,
-            ac.NotRealizable,
-            "Along a shaped path accelerations jump, at places where joint_jerk and tool_jerk",
-            'continuity="curvature"',
-            "limits.replace(joint_jerk=None, tool_jerk=None)",
-            limit="joint_jerk",
-        )
 
 
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     slow = limits.replace(speed=0.04)
     endless = slow.replace(joint_jerk=[np.inf, np.inf])
     assert endless.jerk_limits == ()
-    planned = ac.plan(traced, arm, endless, method="mac", knots=50)
-    assert planned.duration == ac.plan(traced, arm, slow, method="mac", knots=50).duration
+    durations = [ac.plan(traced, arm, x, method="mac", knots=50).duration for x in (slow, endless)]
+    assert durations[0] == durations[1]

@@ -1,6 +1,6 @@
 """Torque limits: friction, gravity, payload, and what the rows are made of."""
 
-from __future__ import annotations
+import itertools
 
 import numpy as np
 import pytest
@@ -11,10 +11,8 @@ from armcontour.arms.serial import SerialArm
 from armcontour.timing.constraints import Bounds, JointDerivatives, JointTorque
 from armcontour.timing.constraints._torque import terms_on_grid
 from armcontour.timing.constraints.sampled import Sampled, rise
-from armcontour.timing.grid import Grid, finer_at_rests, place_grid
+from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
-
-pytest.importorskip("pinocchio")
 
 VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
 COULOMB = np.array([8.0, 8.0, 5.0, 1.5, 1.5, 1.0])
@@ -37,24 +35,17 @@ def judged(planned, arm, limits):
     return found
 
 
-@pytest.mark.parametrize("viscous", [0, 1])
-@pytest.mark.parametrize("coulomb", [0, 1])
-def test_friction_is_kept_where_joints_turn_round(viscous, coulomb):
-    arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
-    limits = torque_only(arm, joint_velocity=arm.limits.joint_velocity)
+def test_friction_is_kept_where_joints_turn_round():
     path = ac.JointPath.spline(POINTS)
-    planned = ac.plan(path, arm, limits)
-    assert judged(planned, arm, limits)["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
-    rate = planned(np.linspace(0, planned.duration, 1000), 1)
-    assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
-
-
-@pytest.mark.parametrize("intervals", [10, 50, 300])
-def test_limits_hold_on_coarse_grids(intervals):
-    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
-    limits = torque_only(arm)
-    planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits, intervals=intervals)
-    judged(planned, arm, limits)
+    for viscous, coulomb in itertools.product((0, 1), repeat=2):
+        arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+        limits = torque_only(arm, joint_velocity=arm.limits.joint_velocity)
+        planned = ac.plan(path, arm, limits)
+        assert judged(planned, arm, limits)["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
+        rate = planned(np.linspace(0, planned.duration, 1000), 1)
+        assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
+    for intervals in (10, 50, 300):
+        judged(ac.plan(path, arm, torque_only(arm), intervals=intervals), arm, torque_only(arm))
 
 
 def test_stops_and_speeds_at_the_ends():
@@ -64,9 +55,8 @@ def test_stops_and_speeds_at_the_ends():
     coefficients = np.zeros((len(steps), 6, 6))
     coefficients[:, 0], coefficients[:, 1] = POINTS[:-1], steps
     path = ac.JointPath(breaks=breaks, coefficients=coefficients)
-    limits = torque_only(arm)
-    planned = ac.plan(path, arm, limits, start_speed=0.1, end_speed=0.05)
-    judged(planned, arm, limits)
+    planned = ac.plan(path, arm, torque_only(arm), start_speed=0.1, end_speed=0.05)
+    judged(planned, arm, torque_only(arm))
     (law,) = planned.laws
     assert law.speeds[[0, -1]] == pytest.approx([0.1, 0.05])
     assert (law.speeds[np.searchsorted(law.s, path.stops)] == 0).all()
@@ -81,41 +71,27 @@ def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
     judged(ac.plan(path, arm, limits), arm, limits)
 
 
-def test_gravity_beyond_the_limit_is_refused(refuses):
-    arm = ur5e(payload=Payload(mass=15.0))
+def test_refusals(refuses):
+    loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
-    refuses(
-        lambda: ac.plan(path, arm, torque_only(arm)),
-        ac.NotRealizable,
-        "joint 2 torque is",
-        " N m even at rest",
-        "is -150 N m: the arm cannot hold itself",
-        joint=2,
-        limit="torque",
-        allowed=-150.0,
-    )
-
-
-def test_friction_beyond_the_limit_is_refused(refuses):
-    arm = ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
-    path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
-    refuses(
-        lambda: ac.plan(path, arm, torque_only(arm)),
-        ac.NotRealizable,
-        "joint 6 torque is 29",
-        "in the slowest motion, with friction",
-        "cannot move there",
-        joint=6,
-        allowed=28.0,
-    )
+    for arm, words, data in (
+        (loaded, "even at rest", {"joint": 2, "limit": "torque", "allowed": -150.0}),
+        (stiff, "in the slowest motion, with friction", {"joint": 6, "allowed": 28.0}),
+    ):
+        own = torque_only(arm)
+        refuses(lambda x=arm, y=own: ac.plan(path, x, y), ac.NotRealizable, words, **data)
+    bare = ac.load_arm("ur5e")
+    chain = bare.chain.replace(masses=None, centers=None, inertias=None)
+    hint = "load_arm takes a joint_limits.yaml"
+    arm = SerialArm(name="bare", chain=chain, limits=bare.limits, limits_hint=hint)
+    refuses(lambda: ac.plan(path, arm), ac.InvalidInput, "masses of the arm bare are not known")
+    refuses(lambda: ac.plan(path, arm, ac.Limits()), ac.InvalidInput, "joint_torque", hint)
 
 
 def test_a_payload_slows_the_arm():
-    path = ac.JointPath.spline(POINTS)
-    durations = [
-        ac.plan(path, arm, torque_only(arm)).duration
-        for arm in (ur5e(), ur5e(payload=Payload(mass=2.0)), ur5e(payload=Payload(mass=4.0)))
-    ]
+    path, arms = ac.JointPath.spline(POINTS), [ur5e()]
+    arms += [ur5e(payload=Payload(mass=x)) for x in (2.0, 4.0)]
+    durations = [ac.plan(path, arm, torque_only(arm)).duration for arm in arms]
     assert durations[0] < durations[1] < durations[2]
 
 
@@ -129,24 +105,6 @@ def test_a_plan_says_which_torque_binds():
     length = sum(x.s[1] - x.s[0] for x in binding)
     assert length > 0.98 * (found[-1].s[1] - found[0].s[0])
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
-
-
-def test_an_arm_without_masses_has_no_torques(refuses):
-    bare = ac.load_arm("ur5e")
-    arm = SerialArm(
-        name="bare",
-        chain=bare.chain.replace(masses=None, centers=None, inertias=None),
-        limits=bare.limits,
-        limits_hint="load_arm takes a joint_limits.yaml",
-    )
-    path = ac.JointPath.spline(POINTS)
-    refuses(lambda: ac.plan(path, arm), ac.InvalidInput, "masses of the arm bare are not known")
-    refuses(
-        lambda: ac.plan(path, arm, ac.Limits()),
-        ac.InvalidInput,
-        "joint_torque",
-        "; load_arm takes a joint_limits.yaml",
-    )
 
 
 def test_lines_enclose_viscous_friction():
@@ -177,8 +135,7 @@ def test_lines_enclose_viscous_friction():
 
 
 def test_every_place_on_a_grid_is_computed_once():
-    path = ac.JointPath.spline(POINTS)
-    places = []
+    path, places = ac.JointPath.spline(POINTS), []
 
     def function(q, first, second):
         places.append(len(q))
@@ -187,20 +144,19 @@ def test_every_place_on_a_grid_is_computed_once():
     grid = place_grid(path, 100)
     seen = Sampled(function)
     for _ in range(3):
-        q, first, second = seen.at_ends(grid)
+        ends, middles = seen.at_ends(grid), seen.in_middles(grid)
         seen.rises(grid)
-        seen.in_middles(grid)
     # The four pieces' ends are seen from both sides.
     assert places == [len(grid) + 4, len(grid)]
-    assert q[1, -1] == pytest.approx(path(path.length))
-    for end, s in enumerate((grid.s[:-1], grid.s[1:])):
-        for order, found in enumerate((q, first, second)):
+    for order, found in enumerate(ends):
+        for end, s in enumerate((grid.s[:-1], grid.s[1:])):
             assert found[end] == pytest.approx(path.on_interval(grid.piece, s, order))
     middle = path.on_interval(grid.piece, (grid.s[:-1] + grid.s[1:]) / 2, 2)
-    assert seen.in_middles(grid)[2] == pytest.approx(middle)
-    other = ac.JointPath.spline(2 * POINTS)
-    assert seen.in_middles(place_grid(other, 10))[0].shape == (10, 6)
-    assert seen.at_ends(grid)[0] == pytest.approx(q)
+    assert middles[2] == pytest.approx(middle)
+    # Another grid, and the first one again.
+    other = place_grid(ac.JointPath.spline(2 * POINTS), 10)
+    assert seen.in_middles(other)[0].shape == (10, 6)
+    assert seen.at_ends(grid)[0] == pytest.approx(ends[0])
 
 
 def test_neighbours_tell_what_an_inflection_hides():
@@ -215,50 +171,35 @@ def test_neighbours_tell_what_an_inflection_hides():
     assert (off <= found).all()
 
 
-def test_a_grid_is_finer_next_to_rests():
-    path = ac.JointPath.spline(POINTS)
-    grid = place_grid(path, 4000)
-    finer = finer_at_rests(grid, np.array([0.0, path.length]))
-    assert finer.width[0] == pytest.approx(grid.width[0] / 64)
-    assert finer.width[-1] == pytest.approx(grid.width[-1] / 64)
-    assert np.isin(grid.s, finer.s).all() and len(finer) < 1.1 * len(grid)
-    assert finer_at_rests(grid, np.empty(0)) is grid
-    assert finer_at_rests(grid, path.breaks.repeat(100)) is grid
-
-
 class Described(JointTorque):
     """A subclass, which may keep other limits: the planner asks it for rows in the general way."""
 
 
-@pytest.mark.parametrize("viscous", [0, 1])
-@pytest.mark.parametrize("coulomb", [0, 1])
-@pytest.mark.parametrize("speeds", [(0.0, 0.0), (0.2, 0.1)])
-def test_compiled_plans_are_those_of_the_general_way(viscous, coulomb, speeds):
-    arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+def test_compiled_plans_are_those_of_the_general_way():
     path, own = ac.JointPath.spline(POINTS), np.full(6, 8.0)
     limits = ac.Limits(joint_velocity=own / 4, joint_acceleration=own)
-    torque = np.asarray(arm.limits.joint_torque)
-    more = {"start_speed": speeds[0], "end_speed": speeds[1], "intervals": 500}
-    found = plan_optimal(path, arm, limits.replace(joint_torque=torque), **more)
-    expected = plan_optimal(path, arm, limits, constraints=[Described(arm, torque)], **more)
-    assert np.array_equal(found.laws[0].s, expected.laws[0].s)
-    assert np.allclose(found.laws[0].breaks, expected.laws[0].breaks, rtol=1e-12, atol=0)
+    for viscous, coulomb, start in itertools.product((0, 1), (0, 1), (0.0, 0.2)):
+        arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+        torque = np.asarray(arm.limits.joint_torque)
+        more = {"start_speed": start, "end_speed": start / 2, "intervals": 500}
+        found = plan_optimal(path, arm, limits.replace(joint_torque=torque), **more).laws[0]
+        general = [Described(arm, torque)]
+        expected = plan_optimal(path, arm, limits, constraints=general, **more).laws[0]
+        assert np.array_equal(found.s, expected.s), (viscous, coulomb, start)
+        np.testing.assert_allclose(found.breaks, expected.breaks, rtol=1e-12)
 
 
-@pytest.mark.parametrize("intervals", [60, 1000])
-@pytest.mark.parametrize("viscous", [0, 1])
-def test_no_plan_is_given_up_that_would_gain_much(monkeypatch, viscous, intervals):
-    arm = ur5e(viscous=viscous * VISCOUS)
-    limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
-    for seed in range(6):
-        way = np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6))
-        joint_path, grid = ac.JointPath.spline(way), np.linspace(0, 1, intervals + 1)
-        grid = grid * joint_path.length
-        usual = plan_optimal(joint_path, arm, limits, grid=grid).duration
+def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
+    for seed, viscous, intervals in itertools.product(range(4), (0, 1), (60, 1000)):
+        arm = ur5e(viscous=viscous * VISCOUS)
+        limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
+        path = ac.JointPath.spline(np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6)))
+        grid = np.linspace(0, 1, intervals + 1) * path.length
+        usual = plan_optimal(path, arm, limits, grid=grid).duration
         with monkeypatch.context() as never:
             never.setattr("armcontour.timing.optimal.LEAST_GAIN", -1.0)
-            longest = plan_optimal(joint_path, arm, limits, grid=grid).duration
-        assert usual == pytest.approx(longest, rel=5e-6)
+            longest = plan_optimal(path, arm, limits, grid=grid).duration
+        assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)
 
 
 def test_terms_on_a_grid_are_those_of_all_its_places():
@@ -268,10 +209,8 @@ def test_terms_on_a_grid_are_those_of_all_its_places():
     ends, middles = np.empty((3, 2, n, 6)), np.empty((3, n, 6))
     own = path.breaks, path.coefficients, grid.piece, grid.s
     terms_on_grid(*dynamics.numbers, *own, ends, middles)
-    starts = dynamics.path_terms(*path.motion(grid.piece, grid.s[:-1]))
-    last = dynamics.path_terms(*path.motion(grid.piece, grid.s[1:]))
-    inside = dynamics.path_terms(*path.motion(grid.piece, (grid.s[:-1] + grid.s[1:]) / 2))
-    for term in range(3):
-        assert np.allclose(ends[term, 0], starts[term], rtol=1e-12, atol=1e-12)
-        assert np.allclose(ends[term, 1], last[term], rtol=1e-12, atol=1e-12)
-        assert np.allclose(middles[term], inside[term], rtol=1e-12, atol=1e-12)
+    places = (grid.s[:-1], ends[:, 0]), (grid.s[1:], ends[:, 1])
+    for s, found in (*places, ((grid.s[:-1] + grid.s[1:]) / 2, middles)):
+        expected = dynamics.path_terms(*path.motion(grid.piece, s))
+        for term in range(3):
+            np.testing.assert_allclose(found[term], expected[term], rtol=1e-12, atol=1e-12)

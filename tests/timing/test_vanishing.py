@@ -1,6 +1,6 @@
 """Joint paths along which dq_ds vanishes: closed forms, limits at any time, and the same curve."""
 
-from __future__ import annotations
+import functools
 
 import numpy as np
 import pytest
@@ -63,28 +63,22 @@ def test_toppras_robustness_suite(name, worst_ratios):
 WAY = np.array([0.3, -1.1, 0.7])
 
 
-def cubic(factor):
+@pytest.mark.parametrize(("factor", "stops"), [(1.0, 0), (2.5, 0), (-1.0, 1)])
+def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst_ratios):
     """The joints at WAY s³ for s < 0, and that times a factor for s > 0."""
     coefficients = np.zeros((2, 6, 3))
     coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
     coefficients[1, 3] = factor * WAY
-    return ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
-
-
-@pytest.mark.parametrize(("factor", "stops"), [(1.0, 0), (2.5, 0), (-1.0, 1)])
-def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst_ratios):
+    path = ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
     limits = ac.Limits(joint_acceleration=2.0, joint_velocity=50.0)
-    planned = ac.plan(cubic(factor), limits=limits)
+    planned = ac.plan(path, limits=limits)
     ways = [WAY, factor * WAY] if stops else [(1 + factor) * WAY]
     best = sum(from_rest_to_rest(x, [50.0] * 3, [2.0] * 3) for x in ways)
     assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
     assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
-
-
-def test_a_start_speed_means_the_same_along_a_straight_piece():
-    limits = ac.Limits(joint_acceleration=2.0)
-    planned = ac.plan(cubic(1.0), limits=limits, start_speed=0.5)
-    np.testing.assert_allclose(planned(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
+    # A start speed means the same along a straight piece.
+    begun = ac.plan(path, limits=ac.Limits(joint_acceleration=2.0), start_speed=0.5)
+    np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
 
 
 def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
@@ -102,29 +96,29 @@ def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
     assert durations[1] == pytest.approx(durations[0], rel=5e-5)
 
 
-def at_rest_without_acceleration(seed):
-    """Two bent quintics; neither dq_ds nor d2q_ds2 is above zero at both ends."""
-    rng = np.random.default_rng(seed)
-    q, rest = rng.uniform(-2, 2, (3, 3)), np.zeros(3)
-    v, a = rng.uniform(-1, 1, (2, 3))
-    begin = q[:2], np.array([rest, v]), np.array([rest, a])
-    return ac.JointPath.hermite(
-        np.array([0.0, 1.0, 2.0]), begin, (q[1:], np.array([v, rest]), np.array([a, rest]))
-    )
+def largest_use(planned, limits, worst_ratios):
+    return max(worst_ratios(planned, limits, places=10).values())
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
-    path = at_rest_without_acceleration(seed)
+    """Two of them; neither dq_ds nor d2q_ds2 is above zero at both ends."""
+    rng = np.random.default_rng(seed)
+    q, rest = rng.uniform(-2, 2, (3, 3)), np.zeros(3)
+    v, a = rng.uniform(-1, 1, (2, 3))
+    begin = q[:2], np.array([rest, v]), np.array([rest, a])
+    end = q[1:], np.array([v, rest]), np.array([a, rest])
+    path = ac.JointPath.hermite(np.array([0.0, 1.0, 2.0]), begin, end)
     limits = ac.Limits(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
     planned = ac.plan(path, limits=limits)
-    assert max(worst_ratios(planned, limits, places=10).values()) <= 1 + 1e-9
+    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
     np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
     fine = ac.plan(path, limits=limits, intervals=40_000)
     assert 0 <= planned.duration / fine.duration - 1 < 3e-4
     # It is the same curve: Newton's steps from the nearest sample find no distance.
     found = planned(np.linspace(0, planned.duration, 2001))
-    s = np.concatenate([np.linspace(0, 1, 20_001) ** 3, 2 - np.linspace(0, 1, 20_001) ** 3])
+    s = np.linspace(0, 1, 20_001) ** 3
+    s = np.concatenate([s, 2 - s])
     s = s[cKDTree(path(s)).query(found)[1]]
     for _ in range(3):
         away, slope = found - path(s), path(s, 1)
@@ -134,21 +128,20 @@ def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     assert np.linalg.norm(found - path(s), axis=1).max() < 1e-10
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("ends", ["clamped", "natural"])
-def test_out_and_back_along_a_spline(seed, ends, worst_ratios):
-    rng = np.random.default_rng(seed)
-    out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
-    path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
-    dof = out.shape[1]
-    limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 5, dof), joint_velocity=3.0)
-    planned = ac.plan(path, limits=limits)
-    assert max(worst_ratios(planned, limits, places=10).values()) <= 1 + 1e-9
-    fine = ac.plan(path, limits=limits, intervals=40_000)
-    assert 0 <= planned.duration / fine.duration - 1 < 3e-4
-    # The way back takes as long as the way out; it is not stopped at the tip longer than needed.
-    middle = planned(planned.duration / 2)
-    np.testing.assert_allclose(middle, out[-1], atol=1e-3)
+def test_out_and_back_along_a_spline(ends, worst_ratios):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
+        path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
+        most = rng.uniform(0.5, 5, out.shape[1])
+        limits = ac.Limits(joint_acceleration=most, joint_velocity=3.0)
+        planned = ac.plan(path, limits=limits)
+        assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
+        fine = ac.plan(path, limits=limits, intervals=40_000)
+        assert 0 <= planned.duration / fine.duration - 1 < 3e-4, seed
+        # The way back takes as long as the way out; it is not stopped at the tip for long.
+        np.testing.assert_allclose(planned(planned.duration / 2), out[-1], atol=1e-3)
 
 
 def test_pieces_in_which_nothing_moves_are_left_out(refuses):
@@ -160,21 +153,16 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
     # A grid counts in s, so that nothing is left out; it is said which piece is at fault.
-    refuses(
-        lambda: ac.plan(path, limits=limits, grid=np.linspace(0, 3, 50)),
-        ac.InvalidInput,
-        "No joint moves from s = 1 to",
-    )
-    still[:, 1] = 0.0
-    still[:, 0] = 1.0
+    still[:, 1], still[:, 0] = 0.0, 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
-    refuses(lambda: ac.plan(nothing, limits=limits), ac.InvalidInput, "No joint moves")
-
-
-def test_without_an_arm(refuses):
-    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 2.0)])
-    torque = ac.Limits(joint_torque=1.0, joint_acceleration=1.0)
-    refuses(lambda: ac.plan(path, limits=torque), ac.InvalidInput, "an arm with masses")
-    refuses(lambda: ac.plan(path), ac.InvalidInput, "needs an Arm")
-    flat = ac.Path.polyline([(0.0, 0.0), (1.0, 1.0)])
-    refuses(lambda: ac.plan(flat, limits=ac.Limits(speed=1.0)), ac.InvalidInput, "needs an Arm")
+    bent, flat = (of([(0.0, 0.0), (1.0, 2.0)]) for of in (ac.JointPath.spline, ac.Path.polyline))
+    for given, own, options, words in (
+        (path, limits, {"grid": np.linspace(0, 3, 50)}, "No joint moves from s = 1 to"),
+        (nothing, limits, {}, "No joint moves"),
+        # Without an arm.
+        (bent, limits.replace(joint_torque=1.0), {}, "an arm with masses"),
+        (bent, None, {}, "needs an Arm"),
+        (flat, ac.Limits(speed=1.0), {}, "needs an Arm"),
+    ):
+        call = functools.partial(ac.plan, given, limits=own, **options)
+        refuses(call, ac.InvalidInput, words)

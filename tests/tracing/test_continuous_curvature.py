@@ -1,9 +1,5 @@
 """Joint paths along paths of continuous curvature: no derivative up to the second jumps."""
 
-from __future__ import annotations
-
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -44,28 +40,6 @@ def test_on_the_planar_arm():
     assert max(jumps(ac.trace(smooth, arm))) < 1e-12
     arcs = ac.round_corners(path, tolerance=5e-3)
     assert jumps(ac.trace(arcs, arm))[2] > 0.1
-
-
-def with_knots(path, apart):
-    """The same path, cut so that its knots are at most so far apart."""
-    count = np.maximum(np.ceil(path.lengths / apart), 1).astype(int)
-    row = np.repeat(np.arange(len(path)), count)
-    number = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    step = (path.lengths / count)[row]
-    return ac.Path(segments=path.segments.cut(row, number * step, (number + 1) * step))
-
-
-@pytest.mark.filterwarnings("ignore:Limits of jerk add")
-def test_under_a_limit_of_jerk_knots_do_not_matter_and_only_arcs_stop():
-    path, arm = ac.Path.polyline(PAPER_JOB), ac.load_arm("pmk3s")
-    limits = dataclasses.replace(arm.limits, joint_jerk=[36.0, 36.0], speed=0.1)
-    smooth = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
-    found = [ac.plan(with_knots(smooth, x), arm, limits) for x in (1e-3, 0.5e-3)]
-    assert found[1].duration == pytest.approx(found[0].duration, rel=1e-3)
-    arcs = ac.plan(ac.round_corners(path, tolerance=5e-3), arm, limits)
-    assert found[0].duration < 0.8 * arcs.duration
-    rests = [np.count_nonzero(x.laws[0].speeds[1:-1] == 0) for x in (*found, arcs)]
-    assert rests == [0, 0, 4]
 
 
 @pytest.mark.parametrize(

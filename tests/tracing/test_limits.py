@@ -1,17 +1,17 @@
 """Joints' ranges in tracing: those of the limits given rule, and refusals name what helps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
-from armcontour.tracing import trace_all
+from armcontour.tracing import refuse_out_of_range, trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])
-LINE = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)]).oriented(DOWN)
+POINTS = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)])
+LINE = POINTS.oriented(DOWN)
 FLAT = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15)])
+S = np.linspace(0, LINE.length, 300)
 
 
 @pytest.fixture(scope="module")
@@ -19,107 +19,79 @@ def ur5e():
     return ac.load_arm("ur5e")
 
 
-def ranges(arm, **joints):
-    """The arm's limits with other ranges: joint_4=(lower, upper)."""
+def ranges(arm, joint, low, high):
+    """The arm's limits with another range of one joint."""
     lower, upper = (x.copy() for x in arm.limits.joint_range(arm.dof))
-    for name, (low, high) in joints.items():
-        lower[int(name[-1]) - 1], upper[int(name[-1]) - 1] = low, high
+    lower[joint - 1], upper[joint - 1] = low, high
     return arm.limits.replace(joint_lower=lower, joint_upper=upper)
 
 
 def test_ranges_that_limits_narrow_are_met_by_whole_turns(ur5e):
-    limits = ranges(ur5e, joint_4=(3.2, 6.28))
-    s = np.linspace(0, LINE.length, 200)
+    limits = ranges(ur5e, 4, 3.2, 6.28).replace(joint_acceleration=5.0)
     found = trace_all(LINE, ur5e, limits=limits)
     assert len(found) >= 2
-    for traced in [*found, ac.trace(LINE, ur5e, limits=limits)]:
-        q = traced(s)
-        assert ((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all()
-        np.testing.assert_allclose(ur5e.forward(q), LINE(s), atol=1e-9)
-    limits = limits.replace(joint_acceleration=5.0)
-    for planned in (
-        ac.plan(LINE, ur5e, limits),
-        ac.plan(LINE, ur5e, limits, start=found[0](0.0) + 0.01),
-    ):
-        q = planned(np.linspace(0, planned.duration, 200))
-        assert ((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all()
+    ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
+    for q in ways:
+        np.testing.assert_allclose(ur5e.forward(q), LINE(S), atol=1e-9)
+    for start in (None, found[0](0.0) + 0.01):
+        planned = ac.plan(LINE, ur5e, limits, start=start)
+        ways.append(planned(np.linspace(0, planned.duration, 200)))
+    assert all(((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all() for q in ways)
 
 
 def test_ranges_that_limits_widen_are_used(ur5e):
-    tight = ur5e.with_limits(ranges(ur5e, joint_1=(0.5, 0.6)))
+    tight = ur5e.with_limits(ranges(ur5e, 1, 0.5, 0.6))
     assert ur5e.limits.joint_upper[0] > 6
     with pytest.raises(ac.Unreachable):
         ac.trace(LINE, tight)
-    assert len(trace_all(LINE, tight, limits=ur5e.limits)) == len(trace_all(LINE, ur5e))
     # Limits without ranges have none.
-    assert len(trace_all(LINE, tight, limits=ac.Limits())) == len(trace_all(LINE, ur5e))
-    wide = ur5e.limits.replace(joint_acceleration=5.0)
-    assert ac.plan(LINE, tight, wide).duration > 0
+    for limits in (ur5e.limits, ac.Limits()):
+        assert len(trace_all(LINE, tight, limits=limits)) == len(trace_all(LINE, ur5e))
+    assert ac.plan(LINE, tight, ur5e.limits.replace(joint_acceleration=5.0)).duration > 0
 
 
 def test_joints_to_spare_keep_the_ranges_of_limits():
     panda = ac.load_arm("panda")
-    free = ac.trace(LINE, panda)
-    s = np.linspace(0, LINE.length, 300)
-    middle = free(s)[:, 0].mean() + 0.5
-    limits = ranges(panda, joint_1=(middle, middle + 0.6))
-    q = ac.trace(LINE, panda, limits=limits)(s)
+    middle = ac.trace(LINE, panda)(S)[:, 0].mean() + 0.5
+    q = ac.trace(LINE, panda, limits=ranges(panda, 1, middle, middle + 0.6))(S)
     assert ((q[:, 0] >= middle) & (q[:, 0] <= middle + 0.6)).all()
 
 
-@pytest.mark.parametrize("joint", range(6))
-def test_the_velocities_of_limits_tell_the_shortest_way(ur5e, joint):
-    velocity = np.full(6, 3.0)
-    velocity[joint] = 0.01
-    found = trace_all(LINE, ur5e, limits=ac.Limits(joint_velocity=velocity))
-    s = np.linspace(0, LINE.length, 400)
-    ways = [(np.abs(np.diff(x(s), axis=0)) / velocity).max(axis=1).sum() for x in found]
-    assert (np.diff(ways) > -1e-3 * max(ways)).all()
+def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
+    for joint in range(6):
+        velocity = np.full(6, 3.0)
+        velocity[joint] = 0.01
+        found = trace_all(LINE, ur5e, limits=ac.Limits(joint_velocity=velocity))
+        ways = [(np.abs(np.diff(x(S), axis=0)) / velocity).max(axis=1).sum() for x in found]
+        assert (np.diff(ways) > -1e-3 * max(ways)).all(), joint
 
 
 def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     free = ac.trace(FLAT, arm)
-    q = free(free.breaks)
-    low, high = q.min(axis=0), q.max(axis=0)
+    low, high = (getattr(free(free.breaks), x)(axis=0) for x in ("min", "max"))
     inside = ac.Limits(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
-    np.testing.assert_array_equal(
-        ac.trace(FLAT, arm, limits=inside).coefficients, free.coefficients
-    )
+    found = ac.trace(FLAT, arm, limits=inside)
+    np.testing.assert_array_equal(found.coefficients, free.coefficients)
     top = high[1] - 0.01
-    for call in (
-        lambda: ac.trace(FLAT, arm, limits=ac.Limits(joint_lower=-3.0, joint_upper=[3.0, top])),
-        lambda: ac.trace(
-            FLAT, arm.with_limits(ac.Limits(joint_lower=-3.0, joint_upper=[3.0, top]))
-        ),
-    ):
-        refuses(
-            call,
-            ac.Unreachable,
-            "joint 2 would stand at",
-            "beyond its upper limit",
-            "move the path or the arm.",
-            joint=2,
-            limit="joint_upper",
-            needed=high[1],
-            allowed=top,
-        )
+    tight = ac.Limits(joint_lower=-3.0, joint_upper=[3.0, top])
+    data = {"joint": 2, "limit": "joint_upper", "needed": high[1], "allowed": top}
+    for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
+        refuses(lambda x=own, y=limits: ac.trace(FLAT, x, limits=y), ac.Unreachable, **data)
     turned = ac.trace(FLAT, arm, limits=ac.Limits(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0]))
     np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
 
 
 def test_where_no_whole_turn_fits_the_nearest_one_is_told(ur5e):
-    for limits, name in (
-        (ranges(ur5e, joint_1=(0.5, 0.6)), "joint_lower"),
-        (ranges(ur5e, joint_1=(-1.0, -0.9)), "joint_upper"),
-    ):
+    for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
         with pytest.raises(ac.Unreachable, match="joint 1 would stand") as caught:
-            ac.trace(LINE, ur5e, limits=limits)
+            ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))
         assert caught.value.limit == name
         assert abs(caught.value.needed - caught.value.allowed) < np.pi
         np.testing.assert_allclose(caught.value.point, LINE(caught.value.s), atol=1e-9)
 
 
-def three_joints():
+def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
+    """For a range, the reach at the start, and the reach on the way."""
     chain = Chain(
         joints=("a", "b", "c"),
         rotations=np.tile(np.eye(3), (3, 1, 1)),
@@ -127,28 +99,59 @@ def three_joints():
         axes=np.array([(0.0, 0, 1), (0, 1, 0), (0, 1, 0)]),
         tip=ac.Frame(position=[0.3, 0, 0]),
     )
-    return SerialArm(name="three", chain=chain, limits=ac.Limits())
-
-
-def refusals(arm, path, limits):
-    """What is said of a range, of the reach at the start, and of the reach on the way."""
-    far = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)])
-    leaves = ac.Path.polyline([(0.3, 0, 0.3), (4.0, 0, 0.3)])
-    for one, own in ((path, limits), (far, None), (leaves, None)):
-        held = one.pointing([0, 0, -1]) if path.orientation is not None else one
-        with pytest.raises(ac.Unreachable) as caught:
-            ac.trace(held, arm, limits=own)
-        yield str(caught.value)
-
-
-def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
-    narrow = ranges(ur5e, joint_1=(0.5, 0.6))
-    said = list(refusals(ur5e, LINE, narrow))
-    point = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)])
-    arm = three_joints()
-    said += refusals(arm, point, ac.Limits(joint_lower=2.0, joint_upper=2.1))
-    assert len(said) == 6
-    for message in said:
-        assert "tool axis" not in message and message.endswith("move the path or the arm.")
+    three = SerialArm(name="three", chain=chain, limits=ac.Limits())
+    narrow = ranges(ur5e, 1, 0.5, 0.6)
+    far, leaves = (ac.Path.polyline([(x, 0, 0.3), (4.0, 0, 0.3)]) for x in (3.0, 0.3))
+    for arm, limits in ((ur5e, narrow), (three, ac.Limits(joint_lower=2.0, joint_upper=2.1))):
+        for path, own in ((POINTS, limits), (far, None), (leaves, None)):
+            with pytest.raises(ac.Unreachable) as caught:
+                ac.trace(path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=own)
+            assert "tool axis" not in str(caught.value)
     with pytest.raises(ac.Unreachable, match="or leave turning about the tool axis free"):
         ac.trace(LINE, ur5e, limits=narrow)
+
+
+def bump(height):
+    """Joint 2 rises from 0 to `height` and falls again, between its knots."""
+    coefficients = np.zeros((1, 6, 2))
+    coefficients[0, 1, 0] = 1.0
+    coefficients[0, 1:3, 1] = 4 * height, -4 * height
+    return ac.JointPath(breaks=np.array([0.0, 2.0]), coefficients=coefficients)
+
+
+def test_the_top_between_samples_counts(refuses):
+    limits = ac.Limits(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
+    refuse_out_of_range(bump(0.5), limits)
+    upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
+    lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
+    for height, words, data in (
+        (0.5 + 1e-6, "1e-06 rad beyond its upper limit of 0.5 rad", upper),
+        (-0.3, "beyond its lower limit of -0.1 rad", lower),
+    ):
+        found = bump(height)
+        refuses(
+            lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
+            joint=2, s=1.0, **data,
+        )  # fmt: skip
+    # Ranges may be missing or endless.
+    refuse_out_of_range(bump(5.0), ac.Limits())
+    refuse_out_of_range(bump(5.0), ac.Limits(joint_upper=[np.inf, np.inf]))
+
+
+def test_against_many_samples():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        path = ac.JointPath(breaks=np.array([0.0, 1.5]), coefficients=rng.uniform(-1, 1, (1, 6, 3)))
+        q = path(np.linspace(0, 1.5, 20_001))
+        refuse_out_of_range(path, ac.Limits(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6))
+        with pytest.raises(ac.Unreachable) as caught:
+            refuse_out_of_range(path, ac.Limits(joint_upper=q.max() - 0.01))
+        assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
+        assert caught.value.joint == 1 + int(np.argmax(q.max(axis=0))), seed
+
+
+def test_every_method_refuses(traced, arm, limits):
+    narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
+    for method in ("optimal", "mac", "conventional"):
+        with pytest.raises(ac.Unreachable, match="beyond its upper limit"):
+            ac.plan(traced, arm, narrow, method=method)

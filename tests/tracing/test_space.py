@@ -1,6 +1,6 @@
 """Tracing in space: exact knots, all configurations, joints to spare, and refusals."""
 
-from __future__ import annotations
+import functools
 
 import numpy as np
 import pytest
@@ -53,15 +53,8 @@ def paths():
 
 
 PATHS = paths()
-CASES = [
-    (arm, name)
-    for arm, names in {
-        "ur5e": PATHS,
-        "ur10e": ["per waypoint", "axis per waypoint"],
-        "panda": PATHS,
-    }.items()
-    for name in names
-]
+CASES = [("ur5e", x) for x in PATHS] + [("panda", x) for x in PATHS]
+CASES += [("ur10e", "per waypoint"), ("ur10e", "axis per waypoint")]
 
 
 def off_path(arm, path, traced, s, sides="right"):
@@ -79,6 +72,16 @@ def off_path(arm, path, traced, s, sides="right"):
 def places(path, traced):
     random = np.random.default_rng(0).uniform(0, path.length, 1000)
     return np.concatenate([random, traced.breaks])
+
+
+def is_on_path(arm, path, traced):
+    return max(off_path(arm, path, traced, places(path, traced))) < 2e-9
+
+
+def ranged(arm, **ranges):
+    """The arm without a tool, with other ranges of its joints."""
+    bare = arm.with_tool(Frame())
+    return bare.with_limits(bare.limits.replace(**ranges))
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
@@ -102,13 +105,9 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
     middle = np.array([x(path.length / 2) for x in found])
     apart = np.abs(middle[:, None] - middle[None]).max(axis=2) + 10 * np.eye(len(found))
     assert apart.min() > 1e-3
-    np.testing.assert_array_equal(ac.trace(path, arm).breaks, found[0].breaks)
-
-
-@pytest.mark.parametrize(("name", "kind"), CASES)
-def test_derivatives_are_those_of_the_joint_positions_and_of_the_tool(name, kind):
-    arm, path = ac.load_arm(name), PATHS[kind]
+    # Derivatives are those of the joint positions and of the tool.
     traced = ac.trace(path, arm)
+    np.testing.assert_array_equal(traced.breaks, found[0].breaks)
     for side, sign in (("left", -1), ("right", 1)):
         s = traced.breaks[1:] if side == "left" else traced.breaks[:-1]
         q, dq, ddq = (traced(s, k, side=side) for k in range(3))
@@ -118,17 +117,14 @@ def test_derivatives_are_those_of_the_joint_positions_and_of_the_tool(name, kind
         np.testing.assert_allclose(twist[:, :3], path(s, 1, side=side), atol=1e-9)
         np.testing.assert_allclose(change[:, :3], path(s, 2, side=side), atol=1e-9 * size)
         rate, bend = path.orientation.rates(s, side=side)
-        axis = path.orientation(s, side=side)[:, :, 2]
+        own = [(twist[:, 3:], change[:, 3:]), (rate, bend)]
         if path.orientation.axis_only:
             # How the tool axis moves: turning about itself does not count.
-            turned = twist[:, 3:]
-            moves = [np.cross(w, axis) for w in (turned, rate)]
-            bends = [
-                np.cross(b, axis) + np.cross(w, np.cross(w, axis))
-                for w, b in ((turned, change[:, 3:]), (rate, bend))
-            ]
+            axis = path.orientation(s, side=side)[:, :, 2]
+            moves = [np.cross(w, axis) for w, _ in own]
+            bends = [np.cross(b, axis) + np.cross(w, np.cross(w, axis)) for w, b in own]
         else:
-            moves, bends = (twist[:, 3:], rate), (change[:, 3:], bend)
+            moves, bends = zip(*own, strict=True)
         np.testing.assert_allclose(*moves, atol=1e-9 * (1 + np.abs(rate).max()))
         np.testing.assert_allclose(*bends, atol=1e-9 * size)
         # And they are derivatives of the joint positions that are returned.
@@ -138,35 +134,35 @@ def test_derivatives_are_those_of_the_joint_positions_and_of_the_tool(name, kind
         assert cubic < 1e-6 * max(1.0, np.abs(h**2 * ddq).max())
 
 
-@pytest.mark.parametrize("kind", ["axis per waypoint", "axis following", "stopping"])
 @pytest.mark.parametrize("name", ["ur5e", "panda"])
-def test_joints_to_spare_move_smoothly_between_stops(name, kind):
-    arm, path = ac.load_arm(name), PATHS[kind]
-    traced = ac.trace(path, arm)
-    inner = traced.breaks[1:-1]
-    moving = inner[~np.isin(inner, path.stops)]
-    left, right = (traced(moving, 1, side=side) for side in ("left", "right"))
-    np.testing.assert_allclose(left, right, atol=1e-9 * np.abs(left).max())
-    # The second derivative jumps only where the path's own curvature or rate of turning does.
-    cuts = np.union1d(path.breaks, path.orientation.breaks)
-    plain = moving[~np.isin(moving, cuts)]
-    assert len(plain) > 20
-    left, right = (traced(plain, 2, side=side) for side in ("left", "right"))
-    np.testing.assert_allclose(left, right, atol=1e-8 * (1 + np.abs(left).max()))
-    np.testing.assert_array_equal(traced.stops, path.stops)
-    assert (len(path.stops) > 0) == (kind == "stopping")
+def test_joints_to_spare_move_smoothly_between_stops(name):
+    arm = ac.load_arm(name)
+    for kind in ("axis per waypoint", "axis following", "stopping"):
+        path = PATHS[kind]
+        traced = ac.trace(path, arm)
+        inner = traced.breaks[1:-1]
+        moving = inner[~np.isin(inner, path.stops)]
+        # The second derivative jumps only where the path's own curvature or rate of turning does.
+        plain = moving[~np.isin(moving, np.union1d(path.breaks, path.orientation.breaks))]
+        assert len(plain) > 20
+        for order, s in ((1, moving), (2, plain)):
+            left, right = (traced(s, order, side=side) for side in ("left", "right"))
+            near = (1e-9 if order == 1 else 1e-8) * (1 + np.abs(left).max())
+            np.testing.assert_allclose(left, right, atol=near, err_msg=kind)
+        np.testing.assert_array_equal(traced.stops, path.stops)
+        assert (len(path.stops) > 0) == (kind == "stopping")
 
 
-@pytest.mark.parametrize("kind", ["held", "axis"])
-def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch, kind):
-    found = []
-    for processors in (1, 5):
-        monkeypatch.setattr("armcontour._threads.processors", lambda n=processors: n)
-        monkeypatch.setattr("armcontour.tracing.configurations.MANY", 0)
-        found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
-    assert len(found[0]) > 1
-    for alone, shared in zip(*found, strict=True):
-        np.testing.assert_array_equal(alone, shared)
+def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
+    for kind in ("held", "axis"):
+        found = []
+        for processors in (1, 5):
+            monkeypatch.setattr("armcontour._threads.processors", lambda n=processors: n)
+            monkeypatch.setattr("armcontour.tracing.configurations.MANY", 0)
+            found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
+        assert len(found[0]) > 1
+        for alone, shared in zip(*found, strict=True):
+            np.testing.assert_array_equal(alone, shared)
 
 
 def test_a_start_says_which_configuration_and_which_turn(ur5e):
@@ -184,23 +180,22 @@ def test_a_start_says_which_configuration_and_which_turn(ur5e):
     np.testing.assert_allclose(again(path.length)[:5], found[0](path.length)[:5], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["held", "axis"])
-def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda, kind):
-    path = PATHS[kind]
-    pose = np.column_stack([path.orientation(0.0), path(0.0)])
+def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
     lower, upper = panda.limits.joint_range(7)
-    starts = configurations(panda, pose, 5 if kind == "axis" else 6)
-    starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
-    assert len(starts) == 3
-    kept = 0
-    for start in starts:
-        try:
-            traced = ac.trace(path, panda, start=start)
-        except ac.Unreachable:  # it does not come to the end from everywhere
-            continue
-        np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
-        kept += 1
-    assert kept >= 1
+    for kind in ("held", "axis"):
+        path, kept = PATHS[kind], 0
+        pose = np.column_stack([path.orientation(0.0), path(0.0)])
+        starts = configurations(panda, pose, 5 if kind == "axis" else 6)
+        starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
+        assert len(starts) == 3
+        for start in starts:
+            try:
+                traced = ac.trace(path, panda, start=start)
+            except ac.Unreachable:  # it does not come to the end from everywhere
+                continue
+            np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
+            kept += 1
+        assert kept >= 1
 
 
 def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
@@ -214,60 +209,51 @@ def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
     error = caught.value
     assert error.limit == "start" and error.s == 0 and error.needed > 0.1
     np.testing.assert_allclose(error.point, (0.8, 0, 0.3))
-    named = str(error).split("such as (")[1].split(")")[0]
-    better = [float(x) for x in named.split(",")]
+    better = [float(x) for x in str(error).split("such as (")[1].split(")")[0].split(",")]
     np.testing.assert_allclose(ac.trace(path, ur5e, start=better)(0.0), better, atol=1e-4)
-    refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput, "5 values", "6 joints")
-
-
-def farthest(arm, z):
-    """How far the arm gets along x with the tool down, in any configuration."""
-    low, high = 0.6, 1.2
-    for _ in range(40):
-        middle = (low + high) / 2
-        pose = np.column_stack([DOWN, [middle, 0, z]])
-        if len(configurations(arm, pose, 6)):
-            low = middle
-        else:
-            high = middle
-    return low
+    refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput)
+    degrees = (0, -90, 90, -90, -90, 0)
+    refuses(lambda: ac.trace(path, ur5e, start=degrees), ac.InvalidInput, joint=2)
 
 
 def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
-    edge = farthest(ur5e, 0.3)
-    points = [(0.5, 0, 0.3), (edge + 1e-3, 0, 0.3), (0.5, 0.1, 0.3)]
+    """How far the arm gets along x with the tool down, in any configuration, by bisection."""
+    edge, high = 0.6, 1.2
+    for _ in range(40):
+        middle = (edge + high) / 2
+        pose = np.column_stack([DOWN, [middle, 0, 0.3]])
+        edge, high = (middle, high) if len(configurations(ur5e, pose, 6)) else (edge, middle)
+    beyond = (edge + 1e-3, 0, 0.3)
+    path = ac.Path.polyline([(0.5, 0, 0.3), beyond, (0.5, 0.1, 0.3)])
     with pytest.raises(ac.Unreachable, match="out of reach of the arm UR5e") as caught:
-        ac.trace(ac.Path.polyline(points).oriented(DOWN), ur5e)
+        ac.trace(path.oriented(DOWN), ur5e)
     error = caught.value
     assert error.limit == "reach" and error.allowed == 0
     assert error.needed == pytest.approx(1e-3, rel=0.1)  # it may turn by a little for it
-    assert error.s == pytest.approx(edge - 0.5, abs=1e-5)
-    np.testing.assert_allclose(error.point, (edge + 1e-3, 0, 0.3), atol=1e-9)
-    assert f"From {error.s:.6g} m" in str(error) and str(error).endswith(".")
-    first = ac.Path.polyline([(edge + 1e-3, 0, 0.3), (0.5, 0, 0.3)]).oriented(DOWN)
+    assert error.s == pytest.approx(edge - 0.5, abs=1e-5) and f"From {error.s:.6g} m" in str(error)
+    np.testing.assert_allclose(error.point, beyond, atol=1e-9)
     with pytest.raises(ac.Unreachable, match="At 0 m along the path") as caught:
-        ac.trace(first, ur5e)
+        ac.trace(ac.Path.polyline([beyond, (0.5, 0, 0.3)]).oriented(DOWN), ur5e)
     assert caught.value.needed == pytest.approx(1e-3, rel=0.1)
     # Ten micrometres inside, the arm goes there: fast in its joints, but it goes.
     path = ac.Path.polyline([(0.5, 0, 0.3), (edge - 1e-5, 0, 0.3)]).oriented(DOWN)
     traced = ac.trace(path, ur5e)
-    assert max(off_path(ur5e, path, traced, places(path, traced))) < 2e-9
-    assert np.abs(traced(path.length, 1)).max() > 100
+    assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
 
 
-def test_far_out_of_reach_names_the_worst_place(ur5e):
+def test_far_out_of_reach_and_through_the_base(ur5e):
     path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
     with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
         ac.trace(path, ur5e)
     assert 2.0 < caught.value.needed < 2.3
-
-
-def test_through_the_base_is_out_of_reach(ur5e):
     path = ac.Path.polyline([(0.3, 0, 0.5), (-0.3, 0, 0.5)]).oriented(DOWN)
     with pytest.raises(ac.Unreachable, match="out of reach") as caught:
         ac.trace(path, ur5e)
     # The wrist's centre cannot come nearer to the axis than the arm is offset from it.
     assert caught.value.s == pytest.approx(0.3 - 0.1333, abs=1e-4)
+    # A circle just outside: chords between its knots pass through the hole, the path does not.
+    arc = ac.Arc(start=(0.1334, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
+    assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
 
 
 def test_a_joint_range_is_named(ur5e, panda):
@@ -283,7 +269,6 @@ def test_a_joint_range_is_named(ur5e, panda):
         assert error.limit in ("joint_lower", "joint_upper") and 0 < error.s < path.length
         assert error.allowed in (lower[error.joint - 1], upper[error.joint - 1])
         assert abs(error.needed) > abs(error.allowed)
-        assert f"joint {error.joint} would stand" in str(error)
         np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
 
 
@@ -292,9 +277,7 @@ def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
     lower[0] = q[:, 0].max() + 0.5  # only a turn later
-    bare = ur5e.with_tool(Frame())
-    arm = bare.with_limits(bare.limits.replace(joint_lower=lower, joint_upper=None))
-    found = trace_all(path, arm)
+    found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=None))
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
 
@@ -310,9 +293,7 @@ def test_a_range_that_is_left_between_knots_is_seen(ur5e):
         for j in np.flatnonzero(peak > at_knots + 1e-7):
             upper = np.full(6, np.inf)
             upper[j] = (peak[j] + at_knots[j]) / 2
-            bare = ur5e.with_tool(Frame())
-            arm = bare.with_limits(bare.limits.replace(joint_upper=upper, joint_lower=None))
-            for x in trace_all(path, arm):
+            for x in trace_all(path, ranged(ur5e, joint_upper=upper, joint_lower=None)):
                 assert (x(s)[:, j] <= upper[j] + 1e-9).all()
             tried += 1
     assert tried >= 2
@@ -330,7 +311,7 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
         path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
         found = trace_all(path, ur5e)
         assert len(found) == 8
-        assert max(off_path(ur5e, path, found[-1], places(path, found[-1]))) < 2e-9
+        assert is_on_path(ur5e, path, found[-1])
         fastest.append(np.abs(found[-1](places(path, found[-1]), 1)).max())
         start = found[-1](0.0)
     assert fastest[1] > 5 * fastest[0] and fastest[2] > 5 * fastest[1] > 1e4
@@ -344,81 +325,67 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     assert error.s == pytest.approx(through.length / 2, abs=0.003)
 
 
-def five_joints():
+def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
     random = np.random.default_rng(1)
     axes = random.normal(size=(5, 3))
-    chain = Chain(
-        joints=tuple("abcde"),
-        rotations=exp(random.normal(size=(5, 3))),
-        positions=0.3 * random.normal(size=(5, 3)),
-        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
-    )
-    return SerialArm(name="five", chain=chain, limits=ac.Limits(joint_velocity=1.0))
-
-
-def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
-    arm = five_joints()
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    turns, positions = exp(random.normal(size=(5, 3))), 0.3 * random.normal(size=(5, 3))
+    chain = Chain(joints=tuple("abcde"), rotations=turns, positions=positions, axes=axes)
+    arm = SerialArm(name="five", chain=chain, limits=ac.Limits(joint_velocity=1.0))
     points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
     path = ac.Path.polyline(points)
-    refuses(
-        lambda: ac.trace(path.oriented(rotations), arm),
-        ac.InvalidInput,
-        "five has 5 joints",
-        "orientation in space needs 6",
-        "axis_only",
-    )
+    refuses(lambda: ac.trace(path.oriented(rotations), arm), ac.InvalidInput, "5 joints", "6")
     pointed = path.pointing(rotations[:, :, 2])
     found = trace_all(pointed, arm)
-    assert len(found) >= 1
-    for traced in found:
-        assert max(off_path(arm, pointed, traced, places(pointed, traced))) < 2e-9
+    assert len(found) >= 1 and all(is_on_path(arm, pointed, x) for x in found)
 
 
-def test_what_a_path_has_to_say(ur5e, refuses):
+def test_refusals(ur5e, refuses):
     path = ac.Path.polyline(POINTS)
-    refuses(
-        lambda: ac.trace(path, ur5e),
-        ac.InvalidInput,
-        "has no tool orientation, but the arm UR5e needs one",
-        "path.oriented",
-        "path.pointing",
-    )
-    flat = ac.Path.polyline([(0.4, 0), (0.5, 0)])
-    refuses(lambda: ac.trace(flat, ur5e), ac.InvalidInput, "2 coordinates", "UR5e")
     sharp = path.following_tangent([0, 0, 1])
-    corner = sharp.breaks[1]
-    refuses(
-        lambda: ac.trace(sharp, ur5e),
-        ac.InvalidInput,
-        "orientation jumps by",
-        "°",
-        "sharp corner",
-        "round the corner",
-        s=corner,
-        point=POINTS[1],
-    )
     # One that was to be rounded is not told to be rounded.
-    lifted = ac.Path.from_segments(
-        [
-            ac.Arc(start=(0.4, 0, 0.2), center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1)),
-            ac.Line(start=(0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2), end=(0.5, 0, 0.3)),
-        ]
-    ).following_tangent([0, 0, 1])
-    rounded = ac.round_corners(lifted, tolerance=1e-3, angular_tolerance=0.1)
-    words = (
-        "as its two segments do not lie in one plane: let them lie in one, or join them by an arc"
+    begin, turn = (0.4, 0, 0.2), (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
+    arc = ac.Arc(start=begin, center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1))
+    lifted = ac.Path.from_segments([arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])
+    lifted = lifted.following_tangent([0, 0, 1])
+    lifted = ac.round_corners(lifted, tolerance=1e-3, angular_tolerance=0.1)
+    parallel = {
+        "axes": np.tile([0.0, 0.0, 1.0], (3, 1)),
+        "rotations": np.tile(np.eye(3), (3, 1, 1)),
+    }
+    parallel["positions"] = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0]])
+    two, scara = (
+        Chain(joints=tuple("abc"[:n]), **{name: x[:n] for name, x in parallel.items()})
+        for n in (2, 3)
     )
-    refuses(lambda: ac.trace(rounded, ur5e), ac.InvalidInput, "orientation jumps by", words)
-    held = path.oriented(DOWN)
-    refuses(lambda: ac.trace(held, ur5e, branch="up"), ac.InvalidInput, "no named branches")
+    two, scara = (SerialArm(name="flat", chain=x, limits=ac.Limits()) for x in (two, scara))
+    level = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
+    for given, arm, options, words, data in (
+        (path, ur5e, {}, "path.oriented", {}),
+        (ac.Path.polyline([(0.4, 0), (0.5, 0)]), ur5e, {}, "2 coordinates", {}),
+        (sharp, ur5e, {}, "round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
+        (lifted, ur5e, {}, "do not lie in one plane", {}),
+        (path.oriented(DOWN), ur5e, {"branch": "up"}, "no named branches", {}),
+        (level, two, {}, "2 joints", {}),
+        (level, scara, {}, "parallel", {}),
+    ):
+        call = functools.partial(ac.trace, given, arm, **options)
+        refuses(call, ac.InvalidInput, words, **data)
 
 
-def test_sharp_corners_are_stops(ur5e):
+def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
     path = ac.Path.polyline(POINTS).oriented(DOWN)
     traced = ac.trace(path, ur5e)
     np.testing.assert_array_equal(traced.stops, path.breaks[1:-1])
     before, after = (traced(path.breaks[1], 1, side=side) for side in ("left", "right"))
     assert np.abs(before - after).max() > 0.1
+    line = ac.Line(start=(0.4, -0.1, 0.2), end=(0.5, -0.1, 0.2))
+    arc = ac.Arc.through((0.5, -0.1, 0.2), (0.57, -0.08, 0.2), (0.6, 0.0, 0.2))
+    path = ac.Path.from_segments([line, arc]).following_tangent((0, 0, 1))
+    rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
+    assert len(ac.trace(rounded, ur5e).stops) == 0
+    with pytest.raises(ac.InvalidInput, match="round a sharp corner: round the corner"):
+        ac.trace(path, ur5e)
 
 
 def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
@@ -451,29 +418,18 @@ def test_a_tight_corner_of_a_tool_that_follows_does_not_swing_the_spare_joint(pa
     for tolerance in (1e-3, 1e-5):
         path = ac.round_corners(sharp, tolerance=tolerance, angular_tolerance=0.02)
         traced = ac.trace(path, panda)
-        assert max(off_path(panda, path, traced, places(path, traced))) < 2e-9
+        assert is_on_path(panda, path, traced)
         travel = np.abs(np.diff(traced(np.linspace(0, path.length, 4001)), axis=0)).sum(axis=0)
         assert travel.max() < 6.0
 
 
-def test_a_circle_just_outside_of_the_hole_round_the_base(ur5e):
-    # Chords between its knots pass through the hole, the path does not.
-    radius = 0.1334
-    arc = ac.Arc(start=(radius, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
-    assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
-
-
-def test_ten_thousand_segments(panda):
-    t = np.linspace(0, 60, 10001)
-    points = np.column_stack(
-        [0.45 + 0.1 * np.cos(t), 0.1 * np.sin(1.3 * t + 0.4), 0.3 + 0.05 * np.sin(0.7 * t)]
-    )
-    path = ac.Path.polyline(points).oriented(DOWN)
-    path = ac.round_corners(path, tolerance=1e-5)
-    arm = ac.load_arm("ur5e")
-    traced = ac.trace(path, arm)
-    assert len(path) > 19000 and len(traced.stops) == 0
-    assert max(off_path(arm, path, traced, traced.breaks)) < 1e-11
+def test_thousands_of_segments(ur5e):
+    t = np.linspace(0, 60, 4001)
+    ways = 0.45 + 0.1 * np.cos(t), 0.1 * np.sin(1.3 * t + 0.4), 0.3 + 0.05 * np.sin(0.7 * t)
+    path = ac.round_corners(ac.Path.polyline(np.stack(ways, 1)).oriented(DOWN), tolerance=1e-5)
+    traced = ac.trace(path, ur5e)
+    assert len(path) > 7900 and len(traced.stops) == 0
+    assert max(off_path(ur5e, path, traced, traced.breaks)) < 1e-11
 
 
 def test_a_guide_goes_through_its_values_by_splines_from_stop_to_stop():
@@ -545,75 +501,3 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     beyond = np.maximum(np.abs(2 * first - lower - upper) / (upper - lower) - 0.7, 0)
     wanted = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
     assert costs[0] == pytest.approx(wanted, rel=1e-12)
-
-
-def test_halving_knots_leaves_the_knots_as_they_were():
-    knots = first_knots(PATHS["per waypoint"], 1.0)
-    before = [getattr(knots, name).copy() for name in ("segment", "u0", "u1", "s0")]
-    which = np.arange(len(knots)) % 3 == 1
-    u = (knots.u0[which] + knots.u1[which]) / 2
-    halved, of, second = knots.halve(which, u)
-    for name, values in zip(("segment", "u0", "u1", "s0"), before, strict=True):
-        np.testing.assert_array_equal(getattr(knots, name), values)
-    assert len(halved) == len(knots) + which.sum()
-    np.testing.assert_array_equal(halved.segment, knots.segment[of])
-    np.testing.assert_array_equal(of[second], np.flatnonzero(which))
-    np.testing.assert_array_equal(halved.u0[second], halved.u1[second - 1])
-    np.testing.assert_allclose(halved.at(halved.u0), halved.s0)
-    np.testing.assert_allclose(halved.s0[second], knots.part(which).at(u))
-
-
-def test_a_start_in_degrees_is_refused(ur5e):
-    line = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)]).pointing((0, 0, -1))
-    with pytest.raises(ac.InvalidInput, match="joint 2 at -90 rad, outside its range") as caught:
-        ac.trace(line, ur5e, start=(0, -90, 90, -90, -90, 0))
-    assert caught.value.joint == 2
-
-
-def test_a_tool_follows_the_tangent_over_a_rounded_corner_beside_an_arc(ur5e):
-    path = ac.Path.from_segments(
-        [
-            ac.Line(start=(0.4, -0.1, 0.2), end=(0.5, -0.1, 0.2)),
-            ac.Arc.through((0.5, -0.1, 0.2), (0.57, -0.08, 0.2), (0.6, 0.0, 0.2)),
-        ]
-    ).following_tangent((0, 0, 1))
-    rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
-    assert len(ac.trace(rounded, ur5e).stops) == 0
-    with pytest.raises(ac.InvalidInput, match="round a sharp corner: round the corner"):
-        ac.trace(path, ur5e)
-
-
-def test_an_arm_of_two_joints_is_refused_in_space(tmp_path, refuses):
-    joint = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="50"/>'
-    (tmp_path / "two.urdf").write_text(
-        '<robot name="two"><link name="a"/><link name="b"/><link name="c"/><link name="t"/>'
-        f'<joint name="j1" type="revolute"><parent link="a"/><child link="b"/>{joint}</joint>'
-        '<joint name="j2" type="revolute"><parent link="b"/><child link="c"/>'
-        f'<origin xyz="0.3 0 0"/>{joint}</joint><joint name="end" type="fixed">'
-        '<parent link="c"/><child link="t"/><origin xyz="0.3 0 0"/></joint></robot>'
-    )
-    arm = ac.load_arm(tmp_path / "two.urdf")
-    path = ac.Path.polyline([(0.3, 0.2, 0.0), (0.4, 0.2, 0.0)])
-    refuses(lambda: ac.trace(path, arm), ac.InvalidInput, "two has 2 joints", "needs 3")
-
-
-def test_an_arm_of_parallel_joints_is_refused_for_what_it_is(refuses) -> None:
-    flat = ac.SerialArm(
-        name="scara",
-        chain=Chain(
-            joints=("a", "b", "c"),
-            rotations=np.tile(np.eye(3), (3, 1, 1)),
-            positions=[[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0]],
-            axes=np.tile([0.0, 0.0, 1.0], (3, 1)),
-            base=Frame(),
-            tip=Frame(position=(0.2, 0, 0)),
-            gravity=np.zeros(3),
-        ),
-        limits=ac.Limits(joint_acceleration=3.0),
-    )
-    path = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
-    refuses(
-        lambda: ac.plan(path, flat, flat.limits.replace(speed=0.1)),
-        ac.InvalidInput,
-        "The 3 joints of the arm scara are parallel, so its tool stays in a plane",
-    )

@@ -11,9 +11,12 @@ from armcontour.studio.guard import Send
 
 if TYPE_CHECKING:
     from armcontour.studio.session import Session
+    from armcontour.studio.tabs import Said
 
 # Messages that may wait for a page that does not read them.
 MOST_WAITING = 1000
+# Messages of a page that may wait for the session: more than a person causes during a start.
+MOST_EARLY = 100
 
 
 class Tab:
@@ -26,6 +29,8 @@ class Tab:
         # In the order in which they are sent.
         self._waiting: dict[object, bytes] = {}
         self.is_slow = False
+        # Messages of the page that the session has not received yet; None once the page has joined.
+        self.early: list[Said] | None = []
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
         """Send a message, soon.
@@ -81,7 +86,7 @@ class Desk:
             with self._lock:
                 self.session = session
                 for tab in self.tabs:
-                    session.join(tab)
+                    self._let_in(tab, session)
             session.begin()
         except BaseException as error:
             self.failure = error
@@ -92,9 +97,24 @@ class Desk:
         with self._lock:
             self.tabs.append(tab)
             if self.session is not None:
-                self.session.join(tab)
+                self._let_in(tab, self.session)
             elif self._said is not None:
                 tab.send(self._said)
+
+    def receive(self, tab: Tab, said: Said) -> bool:
+        """Pass a message of a page to the session, at the latest when the page joins it.
+
+        Returns:
+            Whether the message is accepted: only some may wait for the session.
+        """
+        with self._lock:
+            if tab.early is not None:
+                tab.early.append(said)
+                return len(tab.early) <= MOST_EARLY
+            session = self.session
+        if session is not None:
+            session.receive(tab, said)
+        return True
 
     def leave(self, tab: Tab) -> None:
         """A page is closed."""
@@ -102,6 +122,13 @@ class Desk:
             self.tabs.remove(tab)
             if self.session is not None:
                 self.session.leave(tab)
+
+    def _let_in(self, tab: Tab, session: Session) -> None:
+        """Have a page join the session, which then receives the messages that waited for it."""
+        session.join(tab)
+        early, tab.early = tab.early or (), None
+        for said in early:
+            session.receive(tab, said)
 
     def _say(self, data: bytes) -> None:
         """Tell all pages how far the start is."""

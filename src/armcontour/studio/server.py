@@ -181,9 +181,8 @@ class Server:
             said = _read_message(message)
             if said is None:
                 return "A message is no JSON object."
-            session = self.desk.session
-            if session is not None:
-                await asyncio.to_thread(session.receive, tab, said)
+            if not await asyncio.to_thread(self.desk.receive, tab, said):
+                return "The page sends too many messages before it has joined."
         return None
 
 

@@ -1,10 +1,9 @@
 """Robots that are not quite their models, and logs of them, by the plant of MuJoCo."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import armcontour as ac
+from armcontour.identification import identify
 from armcontour.motion import Log, TaughtData
 
 PERIOD = 4e-3
@@ -56,3 +55,19 @@ def record(arm, servo, q, *, every=4, noise=NOISE, seed=0, **options):
     command = np.stack([np.interp(t, taught.t, x) for x in q.T], axis=1)
     shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), arm.dof))
     return Log(t=t, command=command, measured=done.q[:n:every] + shaken, source="run.csv")
+
+
+def planar(armature):
+    """What is identified of a loaded arm without gravity, and its friction [N m]."""
+    nominal = ac.load_arm("pmk3s").with_dynamics(armature=armature)
+    coulomb = np.array([0.8, 0.4])
+    true = nominal.with_dynamics(
+        payload=ac.Payload(mass=1.0, center=[0.02, 0.01, 0.03]),
+        coulomb=coulomb,
+        viscous=[0.9, 0.5],
+        armature=1.15 * armature if armature else [0.05, 0.03],
+    )
+    q = np.array([0.4, 1.2]) + (set_points(3, 4.0) - HOME)[:, :2]
+    servo = nominal_servo().replace(kp=np.array([26.0, 24.0]), dead_time=5e-3)
+    log = record(true, servo, q, known=nominal)
+    return identify(log, arm=nominal, servo=nominal_servo(), gravity="nominal"), coulomb

@@ -1,7 +1,5 @@
 """The command `identify --arm`: from CSV to an arm file and a servo that jobs take."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -40,16 +38,10 @@ def folder(tmp_path_factory):
     return place
 
 
-def options(folder, **more):
-    arm, servo = str(folder / "arm.yaml"), folder / "job.yaml"
-    return IdentifyOptions(arm=arm, servo=servo, gravity="loaded", **more)
-
-
-def test_what_is_written_is_what_jobs_take(folder, capsys):
+def test_what_is_written_is_what_jobs_take(folder):
     out = folder / "found"
-    identify_files([folder / "run.csv"], options(folder, out=out))
-    printed = capsys.readouterr().out
-    assert "coulomb" in printed and "The controller holds the arm" in printed
+    options = {"arm": str(folder / "arm.yaml"), "servo": folder / "job.yaml", "gravity": "loaded"}
+    identify_files([folder / "run.csv"], IdentifyOptions(**options, out=out))
     names = {"robot.yaml", "servo.yaml", "report.html", "summary.json", ".armcontour.json"}
     assert {x.name for x in out.iterdir()} - {"excitation.csv"} == names
     arm = ac.load_arm(out / "robot.yaml")
@@ -69,36 +61,20 @@ def test_what_is_written_is_what_jobs_take(folder, capsys):
     assert "Coulomb friction" in html and 'src="http' not in html
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"model": "second"}, "--model is for joints without an arm"),
-        ({"drive_cycle": "1"}, "--drive-cycle: '1' has no unit"),
-        ({"gravity": "half"}, "gravity must be"),
-        ({"servo": Path("none.yaml")}, "no servo file|There is no"),
-        ({"package": ["a=b"], "out": Path("x")}, "cannot name packages"),
-    ],
-)
-def test_options_that_cannot_be_used(folder, more, message):
-    given = {"arm": "ur5e", "servo": None, "gravity": None} | more
-    with pytest.raises(InvalidInput, match=message):
-        identify_files([folder / "run.csv"], IdentifyOptions(**given))
-
-
-def test_options_of_robots_need_an_arm(folder):
-    with pytest.raises(InvalidInput, match="--gravity goes with --arm"):
-        identify_files([folder / "run.csv"], IdentifyOptions(gravity="none"))
-    with pytest.raises(InvalidInput, match="--predict is for joints without an arm"):
-        identify_files([folder / "run.csv"], IdentifyOptions(arm="ur5e", predict=[folder / "x"]))
-
-
-def test_a_servo_file_without_a_servo(folder):
+def test_options_that_cannot_be_used(folder):
+    out = folder / "other"
+    for given, message in (
+        ({"arm": "ur5e", "model": "second"}, "--model is for joints without an arm"),
+        ({"arm": "ur5e", "drive_cycle": "1"}, "--drive-cycle: '1' has no unit"),
+        ({"arm": "ur5e", "gravity": "half"}, "gravity must be"),
+        ({"arm": "ur5e", "servo": Path("none.yaml")}, "no servo file|There is no"),
+        ({"arm": "ur5e", "package": ["a=b"], "out": Path("x")}, "cannot name packages"),
+        ({"gravity": "none"}, "--gravity goes with --arm"),
+        ({"arm": "ur5e", "predict": [folder / "x"]}, "--predict is for joints without an arm"),
+        ({"arm": "panda", "out": out}, "has 6 joints .* but the arm .* has 7"),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            identify_files([folder / "run.csv"], IdentifyOptions(**given))
+    assert not out.exists()
     with pytest.raises(InvalidInput, match="has no key servo"):
         read_servo(folder / "arm.yaml", 6)
-
-
-def test_nothing_is_written_for_a_log_of_another_arm(folder):
-    out = folder / "other"
-    with pytest.raises(InvalidInput, match="has 6 joints .* but the arm .* has 7"):
-        identify_files([folder / "run.csv"], IdentifyOptions(arm="panda", out=out))
-    assert not out.exists()

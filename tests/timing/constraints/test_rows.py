@@ -1,14 +1,15 @@
-"""Rows of constraints in the form in which the compiled planner takes them."""
-
-from __future__ import annotations
+"""Rows as the compiled planner takes them; memory that is given back, and never overwritten."""
 
 import itertools
+import weakref
 
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour.timing.constraints import Disc, Rows
+from armcontour.timing.constraints.base import Constraint, JointDerivatives
+from armcontour.timing.grid import place_grid
 
 ROOM = np.arange(1.0, 4.0)
 # The same bound of five intervals and three rows, in arrays of several forms.
@@ -20,44 +21,70 @@ FORMS = {
 }
 
 
-@pytest.mark.parametrize(("low", "high"), list(itertools.product(FORMS, FORMS)))
-def test_both_bounds_have_one_shape_and_their_values(low, high):
+def test_both_bounds_have_one_shape_and_their_values():
     none = np.zeros((2, 5, 3))
-    given = Rows(none, none, -FORMS[low], FORMS[high], none[0])
-    # -x is a whole array, also of one that was broadcast.
-    plain = Rows(none, none, np.broadcast_to(-FORMS[low][0, 0], (2, 5, 3)), FORMS[high], none[0])
-    for rows in (given, plain):
-        found = rows.compact(5, "force")
-        assert found.low.shape == found.high.shape
-        assert all(x.flags.c_contiguous and x.flags.writeable for x in (found.low, found.high))
-        np.testing.assert_array_equal(np.broadcast_to(found.low, (2, 5, 3)), rows.low)
-        np.testing.assert_array_equal(np.broadcast_to(found.high, (2, 5, 3)), rows.high)
+    for low, high in itertools.product(FORMS, FORMS):
+        given = Rows(none, none, -FORMS[low], FORMS[high], none[0])
+        # -x is a whole array, also of one that was broadcast.
+        least = np.broadcast_to(-FORMS[low][0, 0], (2, 5, 3))
+        for rows in (given, Rows(none, none, least, FORMS[high], none[0])):
+            found = rows.compact(5, "force")
+            assert found.low.shape == found.high.shape, (low, high)
+            assert all(x.flags.c_contiguous and x.flags.writeable for x in (found.low, found.high))
+            np.testing.assert_array_equal(np.broadcast_to(found.low, (2, 5, 3)), rows.low)
+            np.testing.assert_array_equal(np.broadcast_to(found.high, (2, 5, 3)), rows.high)
 
 
-def whole_rows(**changes):
-    values = {name: np.ones((2, 5, 3)) for name in ("a", "b", "low", "high")}
-    return Rows(**(values | {"margin": np.zeros((5, 3))} | changes))
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"a": np.ones((2, 4, 3))},
-        {"b": np.ones((2, 5, 2))},
-        {"low": np.ones((2, 5, 1))},
-        {"high": np.ones((5, 3))},
-        {"margin": np.zeros((1, 3))},
-    ],
-)
-def test_arrays_of_another_shape_are_refused_with_their_name(changes):
-    (name,) = changes
-    # Compiled functions would read beyond them.
-    with pytest.raises(ac.InvalidInput, match=rf"constraint force have {name} of shape"):
-        whole_rows(**changes).compact(5, "force")
-
-
-def test_discs_of_another_shape_are_refused():
+def test_arrays_of_another_shape_are_refused_with_their_name():
+    """Compiled functions would read beyond them."""
+    right = {name: np.ones((2, 5, 3)) for name in ("a", "b", "low", "high")}
+    right["margin"] = np.zeros((5, 3))
+    Rows(**right).compact(5, "force")
+    for name, shape in (
+        ("a", (2, 4, 3)),
+        ("b", (2, 5, 2)),
+        ("low", (2, 5, 1)),
+        ("high", (5, 3)),
+        ("margin", (1, 3)),
+    ):
+        with pytest.raises(ac.InvalidInput, match=rf"constraint force have {name} of shape"):
+            Rows(**right | {name: np.ones(shape)}).compact(5, "force")
     Disc(np.ones((2, 5)), np.ones(5)).refuse_shape(5, "force")
     for c, r in ((np.ones((2, 4)), np.ones(5)), (np.ones((2, 5)), np.ones(4))):
         with pytest.raises(ac.InvalidInput, match="disc of the constraint force"):
             Disc(c, r).refuse_shape(5, "force")
+
+
+class Keeping(Constraint):
+    """A constraint that limits nothing and keeps what it was given."""
+
+    name = "keeping"
+
+    def __init__(self):
+        self.kept: list[JointDerivatives] = []
+        self.copies: list[np.ndarray] = []
+
+    def ceiling(self, grid, path, bounds):
+        self.kept.append(path)
+        self.copies.append(path.first.copy())
+        return None
+
+
+def test_arrays_of_one_plan_are_not_overwritten_by_the_next():
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=0.2)
+    keeping = Keeping()
+    for points in ([(0.3, 0.2), (0.4, 0.2)], [(0.3, 0.1), (0.3, 0.3)]):
+        ac.plan(ac.Path.polyline(points), arm, limits, constraints=[keeping])
+    assert len(keeping.kept) >= 2
+    for kept, copy in zip(keeping.kept, keeping.copies, strict=True):
+        np.testing.assert_array_equal(kept.first, copy)
+
+
+def test_memory_that_nobody_refers_to_is_given_back():
+    arm = ac.load_arm("pmk3s")
+    joint_path = ac.trace(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2)]), arm)
+    first = JointDerivatives.on(place_grid(joint_path, 200))
+    memory = weakref.ref(first.first.base)
+    del first
+    assert memory() is None

@@ -1,7 +1,5 @@
 """Paths drawn by splines of the joints, and the nodes that the splines start from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -22,15 +20,13 @@ def case(request):
     """The objective, its tube, the nodes along its parabolas, and the spline through them."""
     arm = ac.load_arm(request.param)
     corners = np.array([(0.0, 0.0), (0.10, 0.0), (0.10, 0.06), (0.02, 0.06)]) + (0.28, 0.16)
-    speeds = [0.3, 0.1, None]
     if arm.dimension == 3:
         corners = np.column_stack([corners + (0.15, -0.1), [0.30, 0.31, 0.30, 0.32]])
     lines = [
-        ac.Line(start=tuple(a), end=tuple(b), demand=ac.Demand(speed=v))
-        for a, b, v in zip(corners[:-1].tolist(), corners[1:].tolist(), speeds, strict=True)
+        ac.Line(start=corners[k], end=corners[k + 1], demand=ac.Demand(speed=v))
+        for k, v in enumerate((0.3, 0.1, None))
     ]
-    objective = ac.Path.from_segments(lines)
-    branch, start = "positive", None
+    objective, branch, start = ac.Path.from_segments(lines), "positive", None
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
         branch, start = None, ac.trace(objective, arm)(0.0)
@@ -38,8 +34,7 @@ def case(request):
     timer = Timer(arm, arm.limits.for_joints(arm.dof), branch, start)
     path, places = make_starts(objective, tube, wishes, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
-    nodes = place_nodes(candidate, tube, arm, branch)
-    return arm, objective, tube, nodes
+    return arm, objective, tube, place_nodes(candidate, tube, arm, branch)
 
 
 @pytest.fixture(scope="module")
@@ -81,19 +76,15 @@ def test_the_curve_is_that_of_the_spline(case, drawn):
         assert np.linalg.norm(part - point, axis=1).min() < pitch
 
 
-def test_places_lead_from_the_start_to_the_end(case, drawn):
+def test_places_lead_to_the_end_and_parts_take_the_least_speed_of_their_segments(case, drawn):
     objective, found = case[1], drawn[0]
     assert (np.diff(found.places, axis=0) >= 0).all()
-    np.testing.assert_allclose(found.places[0], 0.0)
     end = [objective.length, found.segments.breaks[-1]]
-    np.testing.assert_allclose(found.places[-1], end)
-
-
-def test_parts_take_the_least_speed_of_their_segments(case, drawn):
-    objective, found = case[1], drawn[0]
+    np.testing.assert_allclose(found.places[[0, -1]], [[0.0, 0.0], end])
     middle = (found.segments.breaks[:-1] + found.segments.breaks[1:]) / 2
-    place = np.interp(middle, found.places[:, 1], found.places[:, 0])
-    own = objective.speeds[objective.locate(place)]
+    own = objective.speeds[
+        objective.locate(np.interp(middle, found.places[:, 1], found.places[:, 0]))
+    ]
     given = np.isfinite(own)
     assert (found.segments.speeds[given] <= own[given]).all()
     # Parts that lie along two segments are short.

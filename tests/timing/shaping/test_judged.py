@@ -1,7 +1,5 @@
 """Shaped motions before an independent judge, and the judge before motions that are wrong."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +12,8 @@ from soak.shape_rivals import draw_parabolas
 import armcontour as ac
 from armcontour.geometry import Outcome
 
-# Jobs of nearly every kind that are shaped in a moment; `python -m soak.shapes` judges thousands.
-SEEDS = (2, 10, 11, 15, 16, 18, 21, 26, 27, 28, 29, 30, 33)
+# A job of nearly every kind that are shaped in a moment; `python -m soak.shapes` judges thousands.
+SEEDS = (10, 11, 15, 16, 21, 26, 27, 28, 33)
 TOLERANCE = 2e-3
 SPEED = 0.08
 
@@ -34,33 +32,30 @@ def problem(arm, limits):
 @pytest.fixture(scope="module")
 def planned(problem):
     """A motion whose shape is an arc."""
-    rounded = ac.round_corners(problem.objective, tolerance=TOLERANCE)
-    s = np.array([0.0, rounded.corners.start[0], rounded.corners.end[0], rounded.length])
-    tangent = rounded.corners.tangent[0]
-    at = problem.objective.breaks[1]
-    places = np.array([0.0, at - tangent, at + tangent, problem.objective.length])
+    rounded, corner = ac.round_corners(problem.objective, tolerance=TOLERANCE), 0.12
+    ends, tangent = problem.objective.length, rounded.corners.tangent[0]
+    s = [0.0, rounded.corners.start[0], rounded.corners.end[0], rounded.length]
     shaped = ac.ShapedPath(
         segments=rounded.segments,
         objective=problem.objective,
-        places=np.column_stack([places, s]),
+        places=np.column_stack([[0.0, corner - tangent, corner + tangent, ends], s]),
         tolerance=TOLERANCE,
         outcome=Outcome(start="arcs", durations={"shaped": 1.0}),
     )
     return ac.plan(shaped, problem.arm, problem.limits)
 
 
-def test_the_judge_blames_no_good_motion(problem, planned):
+def test_the_judge_sees_what_is_exceeded_and_no_more(problem, planned):
     assert judge(planned, problem) == []
-
-
-@pytest.mark.parametrize("limit", ["joint_acceleration", "speed", "centripetal_acceleration"])
-def test_the_judge_sees_limits_that_are_exceeded(problem, planned, limit):
-    own = getattr(problem.limits, limit)
-    hair = replace(problem, limits=problem.limits.replace(**{limit: (1 - 1e-6) * own}))
-    assert judge(planned, hair)[0].startswith(limit.replace("_", " ") + " 1 +")
-    # By a hundredth, positions alone show it.
-    tight = replace(problem, limits=problem.limits.replace(**{limit: 0.99 * own}))
-    assert any("by differences" in x for x in judge(planned, tight))
+    for limit in ("joint_acceleration", "speed", "centripetal_acceleration"):
+        own = getattr(problem.limits, limit)
+        hair, tight = (
+            replace(problem, limits=problem.limits.replace(**{limit: share * own}))
+            for share in (1 - 1e-6, 0.99)
+        )
+        assert judge(planned, hair)[0].startswith(limit.replace("_", " ") + " 1 +")
+        # By a hundredth, positions alone show it.
+        assert any("by differences" in x for x in judge(planned, tight)), limit
 
 
 def test_the_judge_sees_points_and_vertices_outside(problem, planned):
@@ -75,12 +70,13 @@ def test_the_judge_sees_points_and_vertices_outside(problem, planned):
 def test_the_judge_sees_lines_left_outside_the_zones(problem, planned):
     tangent = float(ac.round_corners(problem.objective, tolerance=TOLERANCE).corners.tangent[0])
     options = {"tolerance": TOLERANCE, "line_tolerance": 0.0}
-    assert not judge(planned, replace(problem, options=options | {"zone": tangent + 1e-6}))
-    found = judge(planned, replace(problem, options=options | {"zone": tangent - 1e-4}))
-    assert len(found) == 1 and "too far from its place" in found[0]
+    wide, less, far = (
+        judge(planned, replace(problem, options=options | {"zone": x}))
+        for x in (tangent + 1e-6, tangent - 1e-4, tangent / 3)
+    )
+    assert not wide and len(less) == 1 and "too far from its place" in less[0]
     # As much as that cannot be a matter of places.
-    found = judge(planned, replace(problem, options=options | {"zone": tangent / 3}))
-    assert any(x.startswith(("no way", "outside the tolerance")) for x in found)
+    assert any(x.startswith(("no way", "outside the tolerance")) for x in far)
 
 
 def test_no_motion_may_hop_to_a_line_that_it_crosses(arm, limits):
@@ -120,22 +116,18 @@ def shape(problem, **more):
 def test_every_iteration_keeps_everything_and_is_no_slower(short):
     """A search that is interrupted has the plan of its last iteration."""
     durations = []
-    for iterations in (0, 1, 2, 5, 30):
+    for iterations in (0, 1, 5, 20):
         planned = shape(short, iterations=iterations)
         durations.append(planned.duration)
         assert judge(planned, short) == []
         history = planned.path.outcome.history
-        assert len(history) <= iterations + 1
-        assert (np.diff(history) <= 0).all()
-    assert (np.diff(durations) <= 0).all()
-    assert durations[-1] < 0.97 * durations[0]
-
-
-def test_the_same_job_is_shaped_the_same_to_the_bit(short):
-    first, again = (shape(short) for _ in range(2))
-    assert first.duration == again.duration
+        assert len(history) <= iterations + 1 and (np.diff(history) <= 0).all()
+    assert (np.diff(durations) <= 0).all() and durations[-1] < 0.97 * durations[0]
+    # The same job is shaped the same to the bit.
+    again = shape(short, iterations=20)
+    assert again.duration == planned.duration
     for name in ("starts", "tangents", "curvatures", "lengths"):
-        assert np.array_equal(getattr(first.path, name), getattr(again.path, name))
+        assert np.array_equal(getattr(again.path, name), getattr(planned.path, name))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

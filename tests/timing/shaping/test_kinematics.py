@@ -1,7 +1,5 @@
 """Inverse kinematics of control points, against finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -31,18 +29,9 @@ def case(request):
     return near(request.param)
 
 
-def frames(dimension):
-    return np.broadcast_to(np.eye(dimension)[:, 1:], (3, dimension, dimension - 1))
-
-
-def test_points_of_the_path_have_the_joints_of_the_path(case):
+def test_the_tool_reaches_points_on_the_path_and_beside_it(case):
     found, path, s = case
-    q = found.solve(path(s), found.q + 1e-3)
-    np.testing.assert_allclose(q, found.q, atol=1e-7)
-
-
-def test_the_tool_reaches_points_beside_the_path(case):
-    found, path, s = case
+    np.testing.assert_allclose(found.solve(path(s), found.q + 1e-3), found.q, atol=1e-7)
     points = path(s) + 1e-3
     q = found.solve(points, found.q)
     np.testing.assert_allclose(found.arm.forward(q), points, atol=1e-9)
@@ -50,6 +39,8 @@ def test_the_tool_reaches_points_beside_the_path(case):
         wanted, given = path.orientation(s), found.arm.pose(q)[1]
         columns = slice(2, 3) if path.orientation.axis_only else slice(0, 3)
         np.testing.assert_allclose(given[..., columns], wanted[..., columns], atol=1e-8)
+    with pytest.raises(ac.Unreachable):
+        found.solve(path(s) + 10.0, found.q)
 
 
 def test_redundant_joints_stay_near_those_of_the_path(case):
@@ -64,14 +55,9 @@ def test_redundant_joints_stay_near_those_of_the_path(case):
 
 def test_steps_are_the_derivatives_of_the_solution(case):
     found, path, s = case
-    way = frames(found.arm.dimension)
+    n = found.arm.dimension
+    way = np.broadcast_to(np.eye(n)[:, 1:], (3, n, n - 1))
     steps = found.steps(found.q, way)
     for j in range(way.shape[2]):
         up, down = (found.solve(path(s) + x * way[:, :, j], found.q) for x in (STEP, -STEP))
         np.testing.assert_allclose(steps[:, :, j], (up - down) / (2 * STEP), rtol=1e-4, atol=1e-4)
-
-
-def test_points_out_of_reach_are_refused(case):
-    found, path, s = case
-    with pytest.raises(ac.Unreachable):
-        found.solve(path(s) + 10.0, found.q)

@@ -1,7 +1,5 @@
 """Rows of shaping's quadratic program: their values and their derivatives by finite differences."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +10,9 @@ from armcontour.timing.shaping.rows import Spline, assemble, span_rows
 
 N, STEP = 9, 1e-6
 NO_SPEEDS = np.full(N, np.inf)
+# Spans whose velocities are well above zero at both ends.
+MOVING = ~np.isin(np.arange(N), (0, 4, 5, N - 1))
+ENDS = slice(0, N), slice(1, N + 1)
 
 
 @pytest.fixture(scope="module", params=["pmk3s", "ur5e"])
@@ -21,64 +22,55 @@ def moving(request):
     arm = ac.load_arm(request.param)
     middle = [0.4, 1.1] if arm.dof == 2 else [0.3, -1.2, 1.6, -1.9, -1.5, 0.2]
     q = np.array(middle) + 0.02 * np.cumsum(random.normal(size=(N, arm.dof)), axis=0)
-    rest = np.zeros(N + 1, dtype=bool)
-    rest[[0, 5, N]] = True
+    rest = np.isin(np.arange(N + 1), (0, 5, N))
     q[5] = q[4]
     return arm, Spline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
 
 
-def frozen(spline, *, before=0.0, after=0.0, time=0.0):
-    """The velocities and span times of a spline, a little changed at each end of each span.
+def slope(arm, spline, limits, speeds=NO_SPEEDS, **change):
+    """Central difference of rows by a change of velocities before and after, and span times.
 
     Every span becomes a spline of its own, so that its two velocities are independent.
     """
-    e = spline.velocities
-    return [
-        SimpleNamespace(
-            q=spline.q[i : i + 1],
-            h=spline.h[i : i + 1] + time,
-            velocities=np.stack([e[i] + before, e[i + 1] + after]),
-            knots=spline.knots[i : i + 2],
-        )
-        for i in range(len(spline.q))
-    ]
+    found = []
+    for sign in (1, -1):
+        own = {"before": 0.0, "after": 0.0, "time": 0.0} | {k: sign * x for k, x in change.items()}
+        for i in range(N):
+            e = spline.velocities
+            part = SimpleNamespace(
+                q=spline.q[i : i + 1],
+                h=spline.h[i : i + 1] + own["time"],
+                velocities=np.stack([e[i] + own["before"], e[i + 1] + own["after"]]),
+                knots=spline.knots[i : i + 2],
+            )
+            found.append(span_rows(part, arm, limits, speeds[i : i + 1]).value)
+    up, down = np.concatenate(found[:N]), np.concatenate(found[N:])
+    return ((up - down) / (2 * STEP))[MOVING]
 
 
-def values(arm, spline, limits, speeds=NO_SPEEDS, **change):
-    parts = frozen(spline, **change)
-    found = [span_rows(x, arm, limits, speeds[i : i + 1]) for i, x in enumerate(parts)]
-    return np.concatenate([x.value for x in found])
-
-
-def moved(spline):
-    """Spans whose velocities are well above zero at both ends."""
-    return ~(spline.rest[1:] | spline.rest[:-1])
-
-
-def check_derivatives(arm, spline, limits, columns, speeds=NO_SPEEDS, on=None):
+def check_derivatives(arm, spline, limits, columns, speeds=NO_SPEEDS):
     """Compare derivatives by both velocities and the span time with central differences."""
     rows = span_rows(spline, arm, limits, speeds)
-    on = moved(spline) if on is None else on
-
-    def slope(**change):
-        less = {name: -x for name, x in change.items()}
-        up, down = (values(arm, spline, limits, speeds, **x) for x in (change, less))
-        return ((up - down) / (2 * STEP))[on][:, columns]
-
-    scale = np.abs(rows.before[on][:, columns]).max() + np.abs(rows.after[on][:, columns]).max()
+    both = {"before": rows.before, "after": rows.after}
+    scale = sum(np.abs(x[MOVING][:, columns]).max() for x in both.values())
     near = 1e-6 * max(scale, 1.0)
     for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        np.testing.assert_allclose(rows.before[on][:, columns, j], slope(before=unit), atol=near)
-        np.testing.assert_allclose(rows.after[on][:, columns, j], slope(after=unit), atol=near)
-    time = rows.time[on][:, columns]
-    np.testing.assert_allclose(time, slope(time=STEP), rtol=1e-6, atol=1e-6 * np.abs(time).max())
+        for name, own in both.items():
+            expected = slope(arm, spline, limits, speeds, **{name: unit})[:, columns]
+            np.testing.assert_allclose(own[MOVING][:, columns, j], expected, atol=near)
+    time = rows.time[MOVING][:, columns]
+    expected = slope(arm, spline, limits, speeds, time=STEP)[:, columns]
+    np.testing.assert_allclose(time, expected, rtol=1e-6, atol=1e-6 * np.abs(time).max())
+
+
+def accelerations(spline):
+    return np.diff(spline.velocities, axis=0) / spline.h[:, None]
 
 
 def test_rows_of_joint_acceleration_take_each_direction_by_its_own_limit(moving):
     arm, spline = moving
     limits = ac.Limits(joint_acceleration=2.0, joint_deceleration=3.0).for_joints(arm.dof)
-    rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
+    rows, a = span_rows(spline, arm, limits, NO_SPEEDS), accelerations(spline)
     expected = np.concatenate([a - 2.0, -a - 3.0], axis=1) * spline.h[:, None]
     np.testing.assert_allclose(rows.value, expected, atol=1e-12)
     assert (rows.scale > 0).all()
@@ -90,8 +82,7 @@ def test_rows_of_joint_velocity(moving):
     # Far below the limit a row is left out: this one is near for all.
     most = float(np.abs(spline.velocities).max())
     limits = ac.Limits(joint_velocity=most).for_joints(arm.dof)
-    rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    e = spline.velocities[1:]
+    rows, e = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities[1:]
     np.testing.assert_allclose(rows.value, np.concatenate([e, -e], axis=1) - most)
     near = rows.value > -0.5 * most
     both = np.concatenate([np.eye(arm.dof), -np.eye(arm.dof)])
@@ -111,94 +102,67 @@ def test_rows_of_the_tool_speed_know_segments_with_speeds_of_their_own(moving):
     check_derivatives(arm, spline, ac.Limits(), slice(None), speed)
 
 
-def tool_acceleration(arm, spline, last, *, across):
-    """Acceleration of the tool at one end of each span, or its part across the motion [m/s²]."""
-    e = spline.velocities
-    a = np.diff(e, axis=0) / spline.h[:, None]
-    end = slice(last, N + last)
-    velocity, found = arm.tool_motion(spline.knots[end], e[end], a)
-    if across:
-        tangent = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-300)
-        found = found - np.sum(found * tangent, axis=1, keepdims=True) * tangent
-    return np.linalg.norm(found, axis=1)
-
-
 @pytest.mark.parametrize("name", ["tool_acceleration", "centripetal_acceleration"])
 def test_rows_of_the_tool_acceleration_hold_its_own_direction(moving, name):
     arm, spline = moving
-    most = 0.7
-    limits = ac.Limits(**{name: most})
+    limits, most = ac.Limits(**{name: 0.7}), 0.7
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    per_end = rows.value.shape[1] // 2
-    on = moved(spline)
-    for last in (0, 1):
-        size = tool_acceleration(arm, spline, last, across=name.startswith("c"))
-        expected = (size - most) * spline.h
+    per_end, e = rows.value.shape[1] // 2, spline.velocities
+    for last, end in enumerate(ENDS):
+        velocity, found = arm.tool_motion(spline.knots[end], e[end], accelerations(spline))
+        if name.startswith("c"):
+            # The part across the motion.
+            size = np.linalg.norm(velocity, axis=1, keepdims=True)
+            tangent = velocity / np.maximum(size, 1e-300)
+            found = found - np.sum(found * tangent, axis=1, keepdims=True) * tangent
+        expected = (np.linalg.norm(found, axis=1) - most) * spline.h
         largest = rows.value[:, last * per_end : (last + 1) * per_end].max(axis=1)
-        np.testing.assert_allclose(largest[on], expected[on], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(largest[MOVING], expected[MOVING], rtol=1e-6, atol=1e-9)
     # Other directions turn with the first one: their derivatives are those of fixed directions.
     check_derivatives(arm, spline, limits, [0, per_end])
 
 
 def test_rows_of_joint_torques(moving):
+    """Coriolis torques count by the speed of all joints together.
+
+    Their derivative in the direction of the motion is exact, if friction is left out.
+    """
     arm, spline = moving
     if not arm.has_bodies:
-        pytest.skip("no bodies")
+        return
     limits = ac.Limits(joint_torque=20.0).for_joints(arm.dof)
-    rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
-    for last in (0, 1):
-        end = slice(last, N + last)
-        torque = arm.torque(spline.knots[end], spline.velocities[end], a)
-        expected = (np.concatenate([torque, -torque], axis=1) - 20.0) * spline.h[:, None]
-        found = rows.value[:, 2 * arm.dof * last : 2 * arm.dof * (last + 1)]
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
-    # The velocity at the other end acts by the acceleration alone, and so does the span time.
-    start, end = slice(0, 2 * arm.dof), slice(2 * arm.dof, None)
-    on = moved(spline)
-
-    def slope(**change):
-        less = {name: -x for name, x in change.items()}
-        up, down = (values(arm, spline, limits, **x) for x in (change, less))
-        return ((up - down) / (2 * STEP))[on]
-
-    near = 1e-6 * np.abs(rows.after).max()
-    for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        after, before = slope(after=unit), slope(before=unit)
-        np.testing.assert_allclose(rows.after[on][:, start, j], after[:, start], atol=near)
-        np.testing.assert_allclose(rows.before[on][:, end, j], before[:, end], atol=near)
-    np.testing.assert_allclose(rows.time[on], slope(time=STEP), rtol=1e-5, atol=1e-5)
-
-
-def test_coriolis_torques_count_by_the_speed_of_all_joints_together(moving):
-    """Their derivative in the direction of the motion is exact, if friction is left out."""
-    arm, spline = moving
-    if not arm.has_bodies:
-        pytest.skip("no bodies")
-    limits = ac.Limits(joint_torque=20.0).for_joints(arm.dof)
-    rows, e = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities
-    zero = np.zeros_like(e)
+    rows, e, a = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities, accelerations(spline)
     mass = arm.dynamics.mass_matrix(spline.knots)
-    still, bias = (arm.dynamics.torque(spline.knots, x, zero) for x in (zero, e))
-    for last, way in ((0, rows.before), (1, rows.after)):
-        end = slice(last, N + last)
-        own = way[:, 2 * arm.dof * last : 2 * arm.dof * last + arm.dof]
-        along = np.einsum("nij,nj->ni", own, e[end])
-        sign = 1.0 if last else -1.0
-        inertia = sign * np.einsum("nij,nj->ni", mass[end], e[end])
+    still, bias = (arm.dynamics.torque(spline.knots, x, 0 * e) for x in (0 * e, e))
+    for last, (end, way) in enumerate(zip(ENDS, (rows.before, rows.after), strict=True)):
+        torque = arm.torque(spline.knots[end], e[end], a)
+        expected = (np.concatenate([torque, -torque], axis=1) - 20.0) * spline.h[:, None]
+        first = 2 * arm.dof * last
+        found = rows.value[:, first : first + 2 * arm.dof]
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+        along = np.einsum("nij,nj->ni", way[:, first : first + arm.dof], e[end])
+        inertia = (1.0 if last else -1.0) * np.einsum("nij,nj->ni", mass[end], e[end])
         expected = inertia + 2 * spline.h[:, None] * (bias - still)[end]
         np.testing.assert_allclose(along, expected, rtol=1e-9, atol=1e-9)
+    # The velocity at the other end acts by the acceleration alone, and so does the span time.
+    start, end, near = slice(0, 2 * arm.dof), slice(2 * arm.dof, None), 1e-6
+    near *= np.abs(rows.after).max()
+    for j, unit in enumerate(STEP * np.eye(arm.dof)):
+        for name, own, part in (("after", rows.after, start), ("before", rows.before, end)):
+            expected = slope(arm, spline, limits, **{name: unit})[:, part]
+            np.testing.assert_allclose(own[MOVING][:, part, j], expected, atol=near)
+    time = slope(arm, spline, limits, time=STEP)
+    np.testing.assert_allclose(rows.time[MOVING], time, rtol=1e-5, atol=1e-5)
 
 
 def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
     arm, spline = moving
-    random = np.random.default_rng(5)
     k = arm.dimension - 1
-    steps = random.normal(size=(N, arm.dof, k))
-    unit = np.where(np.isin(np.arange(N), [0, 4, 5, N - 1]), 0.0, 1e-3)
+    steps = np.random.default_rng(5).normal(size=(N, arm.dof, k))
+    unit = np.where(MOVING, 1e-3, 0.0)
     limits = ac.Limits(joint_acceleration=2.0).for_joints(arm.dof)
-    found, bounds = assemble(spline, span_rows(spline, arm, limits, NO_SPEEDS), steps, unit)
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
+    found, bounds = assemble(spline, rows, steps, unit)
     np.testing.assert_allclose(bounds, -rows.value / rows.scale)
 
     def value(x):
@@ -206,13 +170,13 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
         changed = Spline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
         return span_rows(changed, arm, limits, NO_SPEEDS).value / rows.scale
 
+    near = 1e-6 * max(np.abs(found).max(), 1.0)
     for node in range(N):
         for j in range(k + 1):
             x = np.zeros((N, k + 1))
             x[node, j] = STEP
-            slope = (value(x) - value(-x)) / (2 * STEP)
+            expected = (value(x) - value(-x)) / (2 * STEP)
             for off in (-1, 0, 1):
                 if 0 <= node - off < N:
                     column = found[node - off, :, (off + 1) * (k + 1) + j]
-                    near = 1e-6 * max(np.abs(found).max(), 1.0)
-                    np.testing.assert_allclose(column, slope[node - off], atol=near)
+                    np.testing.assert_allclose(column, expected[node - off], atol=near)

@@ -1,0 +1,20 @@
+"""Jobs and runs of the tests, made of the values that matter to a test."""
+
+import armcontour as ac
+from armcontour.jobs import Job, Run
+
+ARM = ac.load_arm("pmk3s")
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+
+
+def a_run(name="one", **values):
+    """An optimal run with the inverse of the servo every 4 ms, but for the given values."""
+    asked = {"timing": "optimal", "compensation": "inverse", "rounding": None, "period": 4e-3}
+    return Run(**{"name": name, **asked, **values})
+
+
+def a_job(path, *runs, arm=ARM, process=None):
+    """A job of an arm with one servo."""
+    process = process or ac.Process()
+    values = {"servo": SERVO, "plant_servo": SERVO, "process": process, "runs": runs}
+    return Job(name="j", title="j", arm=arm, path=path, **values)

@@ -1,0 +1,38 @@
+"""Robots that are not quite their models: with a load, friction and other gains."""
+
+import numpy as np
+
+import armcontour as ac
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+GAINS = (23.0, 26.5)
+POINTS = [(0.35, 0.10), (0.38, 0.13), (0.35, 0.16)]
+
+
+def with_inertias():
+    arm = ac.load_arm("pmk3s")
+    return arm._copy(chain=arm.chain.replace(armature=np.array([0.02, 0.005])))
+
+
+def rounded(points=POINTS, tolerance=2e-3):
+    return ac.round_corners(ac.Path.polyline(points), tolerance=tolerance)
+
+
+def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
+    chain = arm.chain.replace(
+        payload=ac.Payload(mass=0.05), coulomb=np.array([0.3, 0.05]), viscous=np.array([0.4, 0.05])
+    )
+    return ac.RigidBodyPlant(
+        arm._copy(chain=chain),
+        SERVO.replace(kp=GAINS, dead_time=dead_time),
+        ac.Limits(joint_torque=1e3).for_joints(2),
+        noise=noise,
+        seed=seed,
+        known=arm,
+    )
+
+
+def rods():
+    """A planar arm without masses."""
+    limits = ac.Limits(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)

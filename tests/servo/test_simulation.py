@@ -1,0 +1,78 @@
+"""Ranges of the demand over all time, and time steps that make no progress."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.servo._response import MOST_STEPS, Servo, progresses
+from armcontour.servo._sensitivity import move_limited
+from armcontour.servo.simulation import Simulation
+
+
+def test_a_joint_that_cannot_be_simulated_is_named():
+    """Gains that `ServoModel` refuses, of the second of two joints."""
+    q = np.linspace(0.0, 1.0, 6).reshape(3, 2)
+    for gain in (1e13, 1e300):
+        for interpolation in ("linear", "step", "cubic"):
+            servo = SimpleNamespace(
+                kp=np.array([25.0, gain]),
+                kv=np.array([150.0, gain]),
+                dead_time=np.zeros(2),
+                interpolation=interpolation,
+                has_feedforward=False,
+            )
+            with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
+                Simulation(q, 4e-3, servo)
+
+
+def test_progress_is_steps_that_move_the_time_and_are_not_too_many():
+    assert progresses(25.0, 150.0, 4e-3)
+    assert not progresses(1e300, 1e300, 4e-3)
+    # Steps of half a time constant, so that a span of more than MOST_STEPS of them is too long.
+    assert progresses(100.0, 400.0, 0.9 * MOST_STEPS * 0.5 / 400.0)
+    assert not progresses(100.0, 400.0, 1.1 * MOST_STEPS * 0.5 / 400.0)
+
+
+def test_joints_of_a_log_that_cannot_be_simulated_or_are_not_numbers_end_too():
+    for value, servo in (
+        (0.0, Servo(1e300, 1e300, -1e30, 1e30)),
+        (math.nan, Servo(25.0, 150.0, -1.0, 1.0)),
+    ):
+        state, scratch, seen = np.full((2, 1), value), np.zeros((3, 4)), np.zeros(2)
+        move_limited(state, scratch, servo, 0.0, 1.0, np.zeros(8), 1.0, seen)
+        assert math.isnan(state[0, 0]) and (value or math.isnan(seen[0])), servo
+
+
+PERIOD, BOUND = 1e-3, 3.0
+
+
+def integrate(q, servo, every):
+    """Lowest and highest demand of a joint under held set-points, integrated in small steps."""
+    kp, kv, late = float(servo.kp), float(servo.kv), float(servo.dead_time)
+    x, v, seen = q[0], 0.0, [0.0, 0.0]
+    for i in range(round(60 * PERIOD / every)):
+        k = int((i * every - late) / PERIOD + 1e-6) if i * every >= late - 1e-12 else 0
+        u = q[min(k, len(q) - 1)]
+        demand = kv * (kp * (u - x) - v)
+        seen = [min(seen[0], demand), max(seen[1], demand)]
+        a = min(max(demand, -BOUND), BOUND)
+        x += every * (v + every * a / 2)
+        v += every * a
+    return np.array(seen)
+
+
+def test_held_set_points_while_the_joint_saturates():
+    random = np.random.default_rng(5)
+    q = np.cumsum(np.append(np.zeros(5), random.normal(0, 2e-3, 35)))
+    bound = np.array([BOUND])
+    for late in (0.0, 0.97e-3):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=late, interpolation="step")
+        true = integrate(q, servo, 1e-5)
+        for steps in (1, 3):
+            own = Simulation(q[:, None], PERIOD, servo.for_joints(1), -bound, bound, steps=steps)
+            found = own.run(0, 60, q[:1], np.zeros(1))
+            assert found.saturated[0] > 5 * PERIOD
+            np.testing.assert_allclose([found.lowest[0], found.highest[0]], true, rtol=2e-3)

@@ -1,0 +1,188 @@
+"""The page of troubles: each sentence on it is what the tool says when the trouble is provoked."""
+
+import math
+import re
+import shlex
+import socket
+import sys
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import yaml
+from docs.pages import run_command
+from markdown_it import MarkdownIt
+
+from armcontour._progress import tell_compiling
+from armcontour.cli.progress import compiling_said
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs/guides/troubles.md"
+GASKET = (ROOT / "examples/drawings/gasket.dxf").read_bytes()
+# A job without trouble, and one in space; troubles change single keys of them.
+BEND = yaml.safe_load("""
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {}}
+""")
+SEAM = BEND | {
+    "arm": "ur5e",
+    "path": {"points": [[0.4, -0.3, 0.2], [0.4, 0.3, 0.2]], "orientation": {"axis": [0, 0, -1]}},
+}
+GCODE = "G21 G90 F600\nG0 X0 Y0\nG1 X50 Y0\n{}\nG1 X50 Y40\nM2\n"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+RUN = "armcontour run job.yaml --out out --no-simulation"
+SIMULATED = "armcontour run job.yaml --out out"
+SHOW = "armcontour show part.dxf"
+# Measured points of a half circle, whose tool axes turn to and fro.
+BEAD = "x [mm],y [mm],z [mm],ax,ay,az\n" + "".join(
+    f"{450 + 60 * math.cos(k / 25):.3f},{60 * math.sin(k / 25):.3f},300,"
+    f"{0.01 * (-1) ** k:.4f},{0.01 * math.sin(k * k):.4f},-1\n"
+    for k in range(79)
+)
+STEPS = "t,u1,q1\n" + "".join(f"{k / 250},{k * 1e-4},{k // 2 * 2e-4}\n" for k in range(200))
+LINE = "t,q1,q2\n" + "".join(f"{k / 250},{0.1 + k * 4e-4:.3f},1.0\n" for k in range(200))
+# A description as makers write it: six joints, no accelerations, and 0 for unknown torques.
+JOINTS = ("0 0 .4;0 0 1", ".1 0 0;0 1 0", "0 0 .5;0 1 0", ".05 0 0;1 0 0", ".45 0 0;0 1 0",
+          "0 0 .1;1 0 0")  # fmt: skip
+URDF = "".join(
+    f'<link name="l{k}"/><joint name="joint_{k + 1}" type="revolute"><parent link="l{k}"/>'
+    f'<child link="l{k + 1}"/><origin xyz="{place}"/><axis xyz="{axis}"/>'
+    '<limit lower="-3" upper="3" velocity="2" effort="0"/></joint>'
+    for k, (place, axis) in enumerate(x.split(";") for x in JOINTS)
+)
+
+
+@dataclass
+class Trouble:
+    """What provokes a trouble; libraries in `without` are not installed."""
+
+    command: str = RUN
+    files: dict = field(default_factory=dict)
+    job: dict = field(default_factory=lambda: BEND)
+    without: tuple = ()
+
+
+def drawn(words, more="", cell="pmk3s"):
+    """A program of G-code with one more line, on an arm."""
+    command = f"armcontour run part.ngc --cell {cell} --out out --no-simulation {more}"
+    return Trouble(command, {"part.ngc": GCODE.format(words)})
+
+
+def gasket(command, content=GASKET, **more):
+    return Trouble(command, {"part.dxf": content}, **more)
+
+
+def changed(job=BEND, command=RUN, files=None, **keys):
+    """A job with other keys."""
+    return Trouble(command, files or {}, job | keys)
+
+
+RANGE = {"joint_lower": -0.4, "joint_upper": 0.4}
+EARLY = {"switch": {"name": "laser", "on_lead": "200 ms"}}
+PAPER = {"paper": {"timing": {"method": "mac"}}}
+TROUBLES = {
+    "Out of reach": drawn("", "--at '1.2 m, 0 m, 100 mm'", "ur5e"),
+    "Out of reach by hundreds of metres": changed(path={"points": [[300, 200], [400, 200]]}),
+    "A joint at the end of its range": changed(SEAM, limits=RANGE),
+    "A singularity": changed(path={"points": [[0.135, 0.3], [0.135, 0.465]]}),
+    "A collision": drawn("", "--at '350 mm, -100 mm, -50 mm'", "ur5e"),
+    "Not realizable": changed(
+        path={"points": [[-0.065, 0.30], [0.335, 0.30]]}, limits={"speed": "0.3 m/s"}, runs=PAPER
+    ),
+    "Limits of jerk with another method": changed(limits={"joint_jerk": 10}, runs=PAPER),
+    "Nothing limits the acceleration": changed(
+        SEAM, RUN, {"robot.urdf": f'<robot name="robot">{URDF}<link name="l6"/></robot>'},
+        arm={"file": "robot.urdf"}, limits={"speed": "0.1 m/s"},
+    ),
+    "The tool stops on the way": changed(limits={"joint_jerk": 10}, corners="sharp"),
+    "A contour that is too short for its speed": changed(
+        path={"points": [[0.30, 0.20], [0.303, 0.20]]}, corners="sharp",
+        process={"lead_in": {"length": "30 mm"}, "switch": {"name": "laser"}},
+    ),
+    "An event before the motion": changed(process=EARLY),
+    "Demand above the limit: the servo saturates": changed(
+        command=SIMULATED, limits={"speed": "0.2 m/s", "centripetal_acceleration": "0.3 m/s^2"},
+        command_interval="20 ms", runs={"only": {"compensation": {"method": "inverse"}}},
+    ),
+    "The certificate fails": Trouble("armcontour certify job.yaml --servo '0.01 um'"),
+    "A number without a unit": drawn("", "--speed 50"),
+    "A drawing without a unit": gasket(SHOW, GASKET.replace(b"INSUNITS", b"INSUNITZ")),
+    "A drawing that was cut off": gasket(SHOW, GASKET[:14500]),
+    "No contour on that layer": gasket("armcontour run part.dxf --cell pmk3s --layer cut --out o"),
+    "Words of G-code that are not read": drawn("G1 X50 Y40 A10"),
+    "Another coordinate system": drawn("G55"),
+    "A drawing in space, an arm in the plane": drawn("G1 Z-5"),
+    "An unknown key": changed(limits={"speed": "0.1 m/s", "centripetal": 0.09}),
+    "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
+    "Too much memory": changed(command=SIMULATED, command_interval="1 us", memory="2 GB"),
+    "The tool never reaches its speed": changed(
+        SEAM, RUN, {"bead.csv": BEAD}, path={"file": "bead.csv"}, limits={"speed": "0.15 m/s"},
+        corners={"tolerance": "0.3 mm", "angular_tolerance": "2 deg"},
+    ),
+    "The largest error is at the begin of a contour": changed(
+        SEAM, SIMULATED, process={"approach": "20 mm"}, limits={"speed": "20 mm/s"},
+        runs={"only": {"compensation": {"method": "none"}}},
+        start=[2.9, -1.9, -2.1, -0.7, 1.57, 0.0],
+    ),
+    "The folder is not empty": Trouble(files={"out/notes.txt": "mine"}),
+    "A xacro file is refused": changed(SEAM, RUN, {"robot.xacro": "<robot/>"}, arm="robot.xacro"),
+    "A library is missing": gasket(SHOW, without=("ezdxf",)),
+    "An export that does not fit": Trouble(RUN + " --export urscript"),
+    "The Studio does not start": Trouble("armcontour studio --no-open --port 8765"),
+    "The servo is not determined": Trouble("armcontour identify log.csv", {"log.csv": STEPS}),
+    "Cannot tell": Trouble("armcontour check log.csv --arm pmk3s", {"log.csv": LINE}),
+}  # fmt: skip
+
+
+def sections():
+    """Every heading with the sentence below it, on one line."""
+    heading = ""
+    tokens = MarkdownIt().parse(PAGE.read_text(encoding="utf-8"))
+    for i, token in enumerate(tokens):
+        if token.type == "heading_open":
+            heading = tokens[i + 1].content
+        elif token.type == "fence" and token.info == "text":
+            yield heading, " ".join(token.content.split())
+
+
+SAID = dict(sections())
+
+
+@pytest.mark.parametrize("name", TROUBLES)
+def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
+    trouble = TROUBLES[name]
+    monkeypatch.chdir(tmp_path)
+    for file, content in (trouble.files | {"job.yaml": yaml.safe_dump(trouble.job)}).items():
+        Path(file).parent.mkdir(exist_ok=True)
+        Path(file).write_bytes(content if isinstance(content, bytes) else content.encode())
+    for library in trouble.without:
+        monkeypatch.setitem(sys.modules, library, None)
+    _, *arguments = shlex.split(trouble.command)
+    monkeypatch.setenv("COLUMNS", "200")
+    with ExitStack() as held:
+        if "--port" in arguments:
+            taken = held.enter_context(socket.socket())
+            with suppress(OSError):  # If another program has it, it is taken as well.
+                taken.bind(("127.0.0.1", int(arguments[-1])))
+                taken.listen()
+        _, out, errors = run_command(arguments)
+    told = " ".join((out + errors).split())
+    words = NUMBER.split(SAID[name])
+    found = re.search(f"({NUMBER.pattern})".join(map(re.escape, words)), told)
+    assert found, told
+    # Last digits may differ from machine to machine.
+    expected = [float(x) for x in NUMBER.findall(SAID[name])]
+    assert [float(x) for x in found.groups()] == pytest.approx(expected, rel=0.01)
+
+
+def test_every_sentence_on_the_page_is_provoked(capsys):
+    with compiling_said():
+        tell_compiling("armcontour.arms._newton.solve")
+    assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
+    assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()

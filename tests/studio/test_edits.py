@@ -1,0 +1,346 @@
+"""What a page sends as an edit, and the job afterwards."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from armcontour._yaml import load
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_job
+from armcontour.io.job_edits import change_data, change_text
+from armcontour.studio.edits import EDITS, EditState, changes_of
+from armcontour.studio.handles import handles_of
+from armcontour.studio.variants import remove_run
+
+HEAD = "name: a\narm: {arm}\n"
+TAIL = """\
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+corners: {tolerance: 5 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 4 ms
+runs:
+  mac: {timing: {method: mac, knots: 600}, compensation: {method: none}}
+  own: {limits: {speed: 20 mm/s}, corners: sharp, command_interval: 0.002}
+"""
+PLANE = HEAD.replace("{arm}", "pmk3s") + (
+    "path: {points: [[0.30, 0.20], [360 mm, 20 cm], [0.36, 0.26]]}\n" + TAIL
+)
+TURNED = PLANE.replace(
+    "path: {", "path: {frame: {position: [10 mm, 0.02, 0], rpy: [0, 0, 30 deg]}, "
+)
+CHAIN = (
+    HEAD.replace("{arm}", "pmk3s")
+    + """\
+path:
+  start: [0.30, 0.20]
+  segments:
+    - {to: [0.36, 0.20], speed: 0.1 m/s}
+    - {via: [0.37, 0.21], to: [0.38, 0.20]}
+    - {center: [0.38, 0.22], angle: 90 deg}
+    - {to: [0.36, 0.26]}
+"""
+    + TAIL
+)
+SPACE = (
+    HEAD.replace("{arm}", "ur5e")
+    + """\
+path:
+  points: [[0.45, 0.0, 0.2], [500 mm, 0.0, 0.2], [0.50, 0.03, 0.2]]
+  frame: {position: [0, 0, 0.05], rpy: [10 deg, -5 deg, 20 deg]}
+  orientation: [{rpy: [180 deg, 0, 0]}, {rpy: [3, 0, 0]}, {rpy: [3.1, 0, 0]}]
+"""
+    + TAIL
+)
+
+
+@cache
+def state_of(text, run="own"):
+    data = load(text, "")
+    return EditState(data=data, run=run, handles=handles_of(parse_job(text), data))
+
+
+def edited(text, run="own", **edit):
+    """The data after an edit."""
+    changes = changes_of(edit, state := state_of(text, run))
+    return change_data(state.data, changes)
+
+
+def again(text, run="own", **edit):
+    """The job after an edit, and its handles."""
+    new = change_text(text, changes_of(edit, state_of(text, run)))
+    job = parse_job(new)
+    return job, handles_of(job, load(new, ""))
+
+
+def test_edits_that_make_no_sense_are_refused():
+    for edit in (
+        {"do": "fly"},
+        {"do": "set", "key": "limits.speed"},
+        {"do": "set", "key": "", "value": 1},
+        {"do": "set", "key": "limits.speed", "value": math.nan},
+        {"do": "move_waypoint", "index": 9, "to": [0, 0]},
+        {"do": "move_waypoint", "index": 1, "to": [0, math.inf]},
+        {"do": "move_waypoint", "index": 1, "to": [0]},
+        {"do": "to_waypoints"},
+        {"do": "corner_tolerance", "index": None, "value": 1},
+    ):
+        with pytest.raises(InvalidInput):
+            changes_of(edit, state_of(PLANE))
+
+
+WORDS = ("", ".", "limits.speed", "5 mm", "1", "add", "change", "box", "own", "corners.at.2", "mac")
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(WORDS),
+    lambda x: st.lists(x, max_size=3) | st.dictionaries(st.sampled_from(WORDS), x, max_size=2),
+    max_leaves=4,
+)
+VALID = (
+    {"do": "set", "key": "limits.speed", "value": 0.1},
+    {"do": "unset", "key": "limits.speed"},
+    {"do": "move_waypoint", "index": 1, "to": [0.3, 0.2], "step": 1e-4},
+    {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
+    {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
+    {"do": "remove_waypoint", "index": 1},
+    {"do": "corner_tolerance", "index": 1, "value": "1 mm"},
+    {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
+    {"do": "to_waypoints"},
+    {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
+)
+BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
+
+
+@given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
+def test_whatever_a_page_sends_is_a_change_or_one_sentence(valid, text, draw):
+    fields = [x for x in valid if x != "do"] or ["do"]
+    edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
+    state = state_of(text)
+    try:
+        found = change_data(state.data, changes_of(edit, state))
+    except InvalidInput as error:
+        assert str(error).endswith((".", "?"))
+    else:
+        assert isinstance(found, dict)
+    assert {x["do"] for x in VALID} == set(EDITS)
+
+
+def set_to(key, value, run="own", text=PLANE):
+    return edited(text, run, do="set", key=key, value=value)
+
+
+def test_a_value_goes_to_the_run_if_it_has_its_own_else_to_the_job():
+    assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
+    found = set_to("limits.speed", 0.2, "mac")
+    assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["mac"]
+    assert set_to("limits.joint_acceleration", 0.5)["limits"]["joint_acceleration"] == "0.5 rad/s^2"
+    assert set_to("command_interval", 1e-3)["runs"]["own"]["command_interval"] == 1e-3
+    assert set_to("command_interval", 1e-3, "mac")["command_interval"] == "1 ms"
+    assert set_to("corners.tolerance", 1e-3)["runs"]["own"]["corners"] == {"tolerance": "1 mm"}
+    assert set_to("corners.tolerance", 1e-3, "mac")["corners"] == {"tolerance": "1 mm"}
+    assert set_to("timing.reserve", 0.1)["runs"]["own"]["timing"] == {"reserve": "10 %"}
+    assert set_to("runs.mac.timing.knots", 100)["runs"]["mac"]["timing"]["knots"] == 100
+
+
+def test_values_are_taken_as_typed_lifted_and_unset():
+    assert set_to("limits.speed", "3 m/min")["runs"]["own"]["limits"]["speed"] == "3 m/min"
+    # A number without a unit has that of the old value.
+    assert set_to("limits.speed", "30")["runs"]["own"]["limits"]["speed"] == "30 mm/s"
+    assert set_to("limits.tool_acceleration", "2")["limits"]["tool_acceleration"] == "2 m/s^2"
+    assert set_to("command_interval", "0.001")["runs"]["own"]["command_interval"] == 1e-3
+    assert set_to("limits.joint_velocity", None)["limits"]["joint_velocity"] is None
+    gone = edited(PLANE, do="unset", key="limits.speed")
+    assert gone["runs"]["own"]["limits"] == {} and gone["limits"]["speed"] == "0.15 m/s"
+    assert edited(PLANE, do="unset", key="limits.joint_jerk") == load(PLANE, "")
+
+
+def test_one_joint_of_several_gets_a_list_in_the_unit_that_was_written():
+    assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
+    listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
+    assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
+    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
+        with pytest.raises(InvalidInput, match=words):
+            set_to(key, 1.0)
+
+
+def test_choices_take_away_what_does_not_go_with_them():
+    found = set_to("timing.method", "optimal", "mac")
+    assert found["runs"]["mac"]["timing"] == {"method": "optimal"}
+    poles = PLANE.replace("{method: none}", "{method: pole_placement, poles: [-9, -9, -9]}")
+    found = set_to("compensation.method", "inverse", "mac", poles)
+    assert found["runs"]["mac"]["compensation"] == {"method": "inverse"}
+    assert set_to("corners.shape", "sharp", "mac")["corners"] == "sharp"
+    assert set_to("corners.shape", "free", "mac")["corners"]["shape"] == "free"
+    found = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
+    assert found == {"shape": "arc", "tolerance": "1 mm"}
+
+
+def test_single_corners_get_a_tolerance_and_lose_it():
+    def tolerance(text, value):
+        return edited(text, "mac", do="corner_tolerance", index=1, value=value)
+
+    assert tolerance(PLANE, 2e-3)["corners"] == {"tolerance": "5 mm", "at": {2: "2 mm"}}
+    text = PLANE.replace("5 mm}", "5 mm, at: {2: 1.5 mm}}")
+    assert tolerance(text, "0.5")["corners"]["at"] == {2: "0.5 mm"}
+    assert tolerance(text, None) == load(PLANE, "")
+
+
+def test_obstacles_are_added_changed_and_removed():
+    def boxes(text, action, **more):
+        more = {"kind": "box", **more}
+        return edited(text, do="obstacle", action=action, **more)["scene"].get("boxes")
+
+    def with_boxes(*boxes):
+        return f"{PLANE}scene: {{boxes: [{', '.join(boxes)}]}}\n"
+
+    size, box = [0.1, "2 cm", 0.3], "{name: box, size: [1, 1, 1]}"
+    written = {"size": ["100 mm", "2 cm", "300 mm"], "at": ["0 mm", "0 mm", "500 mm"]}
+    assert boxes(PLANE, "add", size=size, at=[0, 0, 0.5]) == [{"name": "box", **written}]
+    text, one = with_boxes(box, "{name: b, size: [1 m, 2, 3]}"), with_boxes(box)
+    assert boxes(text, "add", size=size)[2]["name"] == "box 2"
+    more = {"size": [1.5, 2, 3], "at": [0.1, 0, 0], "name": "c"}
+    found = boxes(text, "change", kind="boxes", index=1, **more)
+    written = {"size": ["1.5 m", 2, 3], "at": ["100 mm", "0 mm", "0 mm"]}
+    assert found[1] == {"name": "c", **written}
+    assert len(boxes(text, "remove", index=0)) == 1 and boxes(one, "remove", index=0) is None
+    for action, more in (("remove", {"index": 1}), ("add", {"kind": "cone"})):
+        with pytest.raises(InvalidInput):
+            boxes(one, action, **more)
+
+
+@pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
+@given(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.floats(-3, 3))
+def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
+    handles = state_of(text).handles
+    about = handles.waypoints[1].uv + [0.01, -0.02]
+    found = edited(text, do="place", by=[u, v], turn=turn, about=about.tolist())
+    moved = handles_of(handles.job, found)
+    c, s = math.cos(turn), math.sin(turn)
+    for before, after in zip(handles.waypoints, moved.waypoints, strict=True):
+        if before.why_not is None:
+            wanted = about + np.array([[c, -s], [s, c]]) @ (before.uv - about) + [u, v]
+            np.testing.assert_allclose(handles.plane.uv(after.point), wanted, atol=1e-12)
+    kept = found["path"]["frame"]["position"][2]
+    assert kept in (0, "0 mm") or text == SPACE
+
+
+def test_a_frame_keeps_the_form_in_which_it_is_written():
+    found = edited(TURNED, do="place", by=[0.0125, 0.0])
+    assert found["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
+    found = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
+    assert found["path"]["frame"] == {"position": ["10 mm", 0.02, 0], "rpy": [0, 0, "45 deg"]}
+    quaternion = TURNED.replace("rpy: [0, 0, 30 deg]", "quaternion: [0, 0, 0, 1]")
+    turned = edited(quaternion, do="place", turn=math.pi / 2)["path"]["frame"]["quaternion"]
+    np.testing.assert_allclose(turned, [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
+
+
+@pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
+@given(st.integers(0, 8), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
+def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
+    handles = state_of(text).handles
+    index %= len(handles.waypoints)
+    point = handles.waypoints[index]
+    to = point.uv + [u, v]
+    if point.why_not is not None:
+        with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. This end follows"):
+            edited(text, do="move_waypoint", index=index, to=to.tolist())
+        return
+    found = edited(text, do="move_waypoint", index=index, to=to.tolist())
+    moved = handles_of(handles.job, found).waypoints[index]
+    # The plane of the first picture: that of the new points may be another one.
+    np.testing.assert_allclose(handles.plane.uv(moved.point), to, rtol=0, atol=1e-12)
+    off = (moved.point - point.point) @ handles.plane.normal
+    assert abs(off) <= 1e-12
+
+
+def test_a_point_moved_in_steps_has_round_digits_and_a_typed_one_those_typed():
+    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
+    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
+
+    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
+    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
+    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
+        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
+
+
+def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corners():
+    single = PLANE.replace("5 mm}", "5 mm, at: {2: 1 mm}}")
+    found = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
+    # In the form of the point that is there.
+    assert found["path"]["points"][1] == ["330 mm", "21 cm"] and len(found["path"]["points"]) == 4
+    assert found["corners"]["at"] == {3: "1 mm"}
+    found = edited(single, do="insert_waypoint", index=3, at=[0.4, 0.2])
+    assert found["corners"]["at"] == {2: "1 mm"}
+    # The point that becomes an end of the path has no corner any more.
+    for index in (0, 1, 2):
+        assert "at" not in edited(single, do="remove_waypoint", index=index)["corners"]
+    found = edited(SPACE, do="insert_waypoint", index=3, at=[0.5, 0.1])
+    assert len(found["path"]["orientation"]) == len(found["path"]["points"]) == 4
+    found = edited(SPACE, do="remove_waypoint", index=1)
+    assert found["path"]["orientation"] == [{"rpy": ["180 deg", 0, 0]}, {"rpy": [3.1, 0, 0]}]
+    two = PLANE.replace(", [0.36, 0.26]", "")
+    with pytest.raises(InvalidInput, match="A path needs two points"):
+        edited(two, do="remove_waypoint", index=0)
+
+
+def test_a_new_point_of_a_tilted_path_lies_in_its_plane():
+    handles = state_of(SPACE).handles
+    to = (handles.waypoints[1].uv + [0.01, 0.02]).tolist()
+    job, found = again(SPACE, do="insert_waypoint", index=2, at=to)
+    np.testing.assert_allclose(found.waypoints[2].uv, to, atol=1e-12)
+    assert found.plane.flat and job.program.dimension == 3
+
+
+def test_segments_take_points_and_lose_them():
+    at = {"at": [0.33, 0.19]}
+    job, found = again(CHAIN, do="insert_waypoint", index=1, **at)
+    assert len(found.ends) == 6 and found.ends[1].written == (0.33, 0.19)
+    assert job.path.speeds[:2].tolist() == [0.1, 0.1]
+    job, found = again(CHAIN, do="insert_waypoint", index=0, **at)
+    assert found.ends[0].written == (0.33, 0.19) and found.ends[1].written == (0.3, 0.2)
+    _, found = again(CHAIN, do="insert_waypoint", index=5, **at)
+    assert len(found.ends) == 6 and found.ends[5].written == (0.33, 0.19)
+    _, found = again(CHAIN, do="remove_waypoint", index=0)
+    assert len(found.ends) == 4 and found.ends[0].written == (0.36, 0.2)
+    _, found = again(CHAIN, do="remove_waypoint", index=3)
+    assert [x.role for x in found.waypoints] == ["point"] * 4 + ["via"]
+    with pytest.raises(InvalidInput, match="Segment 2 is an arc"):
+        edited(CHAIN, do="insert_waypoint", index=2, **at)
+    with pytest.raises(InvalidInput, match="the via point of an arc"):
+        edited(CHAIN, do="remove_waypoint", index=5)
+
+
+NAMED = """\
+name: a
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.26]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs:
+  first: {compensation: {method: none}}
+  second: {}
+experiment: {runs: [first, second]}
+certificate: {tolerance: 9 mm, run: second}
+placement: {every: true, run: second}
+published:
+  source: a
+  runs: {first: {}, second: {duration: 1 s}}
+  time_stamps: {run: second, values: []}
+"""
+
+
+def test_a_run_is_removed_with_all_that_names_it():
+    data = load(NAMED, "")
+    changes = remove_run(data, "second")
+    gone = change_data(data, changes)
+    assert list(gone["runs"]) == ["first"] and gone["experiment"] == {"runs": ["first"]}
+    assert gone["certificate"] == {"tolerance": "9 mm"} and gone["placement"] == {"every": True}
+    assert gone["published"] == {"source": "a", "runs": {"first": {}}}
+    # So the job is one still.
+    assert [x.name for x in parse_job(change_text(NAMED, changes)).runs] == ["first"]
+    # Where nothing names it, only the run goes.
+    kept = change_data(data, remove_run(data, "first"))
+    assert kept["certificate"] == data["certificate"]
+    assert kept["published"]["time_stamps"] == data["published"]["time_stamps"]

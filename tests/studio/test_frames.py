@@ -1,0 +1,418 @@
+"""Plans, executions and refusals as frames for the screen, and frames as bytes."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from tests.studio.conftest import PAPER
+
+from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
+from armcontour.evaluation import check, evaluate
+from armcontour.studio.executed import executed_frame
+from armcontour.studio.kept import KEPT, LARGE_KEPT, MOST_SAMPLES, Kept
+from armcontour.studio.line import NOTHING
+from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
+from armcontour.studio.preview import Previewer
+from armcontour.studio.refusals import refusal_header
+from armcontour.studio.thinning import bends, thin
+from armcontour.studio.wire import TYPES, Frame
+
+
+def packed(frame):
+    """What the page gets."""
+    return Frame.unpack(frame.pack())
+
+
+def uv(view, points):
+    """Points in the plane by hand: this one is that of x and y."""
+    return points[..., :2] - view.plane.origin[:2]
+
+
+@pytest.fixture(scope="module")
+def shown(plans, view):
+    return plans["optimal"], packed(picture_frame(plans["optimal"], view))
+
+
+@pytest.fixture(scope="module")
+def gasket(gasket_plan, view):
+    return gasket_plan, packed(picture_frame(gasket_plan, view))
+
+
+def near(found, wanted, within):
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=within)
+
+
+def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
+    planned, frame = shown
+    s, a = frame.arrays["path_s"].astype(float), frame.arrays
+    path, trajectory = planned.path.path, planned.trajectory
+    inside = np.clip(s, 0, path.length)
+    near(a["path"] + view.centre, uv(view, path(inside)), 1e-7)
+    near(a["xyz"][:, :2], path(inside), 1e-7)
+    # Near rests, small differences of s are large ones of t.
+    times = np.clip(a["path_t"].astype(float), 0, trajectory.duration)
+    near(trajectory.s(times), inside, 1e-6)
+    near(a["speed"], trajectory.speed_at(inside), 2e-4)
+    assert (a["assigned"] == np.float32(0.15)).all()
+    assert frame.header["duration"] == trajectory.duration
+    assert frame.header["plane"]["flat"] is True
+
+
+def test_colours_are_what_explain_says(shown):
+    planned, frame = shown
+    bindings, a = planned.explanation.bindings, frame.arrays
+    random = np.random.default_rng(3).uniform(0, planned.path.length, 200)
+    names = [x["name"] for x in frame.header["limits"]]
+    drawn = a["path_s"].astype(float)
+    # Not where 32 bits cannot tell on which side of a change a place is.
+    edges = np.array([x.s[0] for x in bindings])
+    close = np.abs(random[:, None] - edges).min(axis=1) < 1e-6
+    assert close.sum() < 20
+    for s in random[~close]:
+        (why,) = (x.name for x in bindings if x.s[0] <= s < x.s[1])
+        k = a["binding"][np.searchsorted(drawn, s, side="right") - 1]
+        assert (names[k] if k != NOTHING else "nothing") == why
+    kinds = {x["name"]: x["kind"] for x in frame.header["limits"]}
+    assert kinds["joint 2 acceleration"] == "acceleration"
+    assert kinds["assigned velocity"] == "speed"
+    times = sum(x["time"] for x in frame.header["shares"])
+    assert times == pytest.approx(frame.header["duration"], rel=1e-9)
+
+
+def test_charts_have_the_shares_of_the_limits(shown, gasket):
+    planned, frame = shown
+    a, limits = frame.arrays, planned.run.limits
+    assert (np.diff(a["t"]) >= 0).all() and a["t"][0] == 0
+    assert a["q"].dtype == np.float64
+    found = check(planned.trajectory, planned.job.arm, limits)["joint_acceleration"]
+    assert np.abs(a["usage_a"]).max() == pytest.approx(found.ratio, abs=1e-3)
+    middle = len(a["t"]) // 2
+    near(a["q"][middle], planned.trajectory(float(a["t"][middle])), 1e-5)
+    assert (a["usage_a"].min(axis=0) < 0).all()
+    for planned, frame in (shown, gasket):
+        is_limited = planned.run.limits.joint_torque is not None
+        assert ("usage_torque" in frame.arrays) == is_limited
+
+
+def test_corners_can_be_grabbed(shown, gasket, view):
+    planned, frame = shown
+    corners = frame.header["corners"]
+    assert [x["vertex"] for x in corners] == [1, 2]
+    for x, point in zip(corners, planned.objective.path.vertices[1:3], strict=True):
+        near(x["corner"], uv(view, point), 1e-12)
+        gap = np.linalg.norm(np.subtract(x["apex"], x["corner"]))
+        assert gap == pytest.approx(x["error"], rel=1e-9)
+        assert x["allowed"] == pytest.approx(5e-3)
+    # Those of drawings are no waypoints.
+    assert {x["waypoint"] for x in gasket[1].header["corners"]} == {None}
+
+
+def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
+    paper["corners"] = {"tolerance": "5 mm", "at": {3: "1 mm"}}
+    lead = {"length": "5 mm", "shape": "line", "side": "left"}
+    paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}, "published": None}
+    del paper["experiment"]
+    corners = packed(picture_frame(previewer.plan(paper, "optimal"), view)).header["corners"]
+    assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
+    assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
+    assert corners[1]["error"] == pytest.approx(1e-3)
+
+
+def test_shortfalls_are_where_the_tool_is_slow(shown, view):
+    planned, frame = shown
+    assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
+    for x in frame.header["shortfalls"]:
+        near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
+        assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
+
+
+def test_other_methods_have_no_colours_and_say_so(plans, view):
+    for name in ("proposed", "conventional"):
+        frame, method = packed(picture_frame(plans[name], view)), plans[name].run.timing
+        assert (frame.arrays["binding"] == NOTHING).all()
+        assert not frame.header["limits"] and not frame.header["shares"]
+        assert any(f"the method {method} have no" in x for x in frame.header["notes"])
+        assert len(frame.arrays["t"]) >= 200
+
+
+def test_the_arm_is_played_closely(plans, gasket_plan, view):
+    for planned in (*plans.values(), gasket_plan):
+        a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory
+        t = np.linspace(0, trajectory.duration, 5001)
+        near(np.transpose([np.interp(t, a["t"], q) for q in a["q"].T]), trajectory(t), 1e-4)
+
+
+def test_contours_and_rapids_between_them_are_parts_of_the_arrays(gasket, view):
+    planned, frame = gasket
+    contours, a, given = frame.header["contours"], frame.arrays, planned.path.contours
+    assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
+    for x, contour in zip(contours, given, strict=True):
+        own = a["path"][x["from"] : x["to"]] + view.centre
+        ends = contour.path(np.array([0.0, contour.path.length]))
+        near(own[[0, -1]], uv(view, ends), 1e-7)
+        assert x["name"] == contour.name
+    breaks = a["objective_breaks"]
+    assert len(breaks) == len(contours) + 1 and breaks[-1] == len(a["objective"])
+    count = sum(x.kind == "rapid" for x in planned.trajectory.spans)
+    assert len(a["rapid_breaks"]) == count + 1
+    rapids = np.split(a["rapid_xyz"], a["rapid_breaks"][1:-1])
+    for rapid, before, after in zip(rapids, given, given[1:], strict=False):
+        near(rapid[0], before.path(before.path.length), 1e-6)
+        near(rapid[-1], after.path(0.0), 1e-6)
+
+
+def test_contours_have_their_own_colours_and_are_drawn_round(gasket):
+    planned, frame = gasket
+    names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
+    for x, span in zip(frame.header["contours"], planned.trajectory.contour_spans, strict=True):
+        own = a["binding"][x["from"] : x["to"] - 1]
+        told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
+        assert {names[k] if k != NOTHING else "nothing" for k in own} == told
+    path_s, starts = a["path_s"].astype(float), planned.path.breaks
+    size = np.ptp(a["path"], axis=0).max()
+    for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):
+        s = np.clip(path_s[(path_s >= start) & (path_s <= end)] - start, 0, x.path.length)
+        ends, middle = x.path(s), x.path((s[1:] + s[:-1]) / 2)
+        # At most a quarter of a pixel of a picture of 500 pixels.
+        assert np.linalg.norm(middle - (ends[1:] + ends[:-1]) / 2, axis=1).max() < size / 2000
+
+
+def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
+    square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+    lead = {"length": "2 mm", "shape": "arc"}
+    marks = {"MARK": {"kerf": None, "lead_in": None}}
+    leads = {"lead_in": lead | {"active": True}, "lead_out": lead}
+    square["process"] = {"kerf": "1 mm", "by_layer": marks, **leads}
+    planned = previewer.plan(square)
+    frame = packed(picture_frame(planned, view))
+    a, cut = frame.arrays, [x for x in planned.path.contours if x.layer == "CUT"]
+    assert frame.header["kerfs"] == [1e-3] * len(cut)
+    parts = np.split(a["cut"], a["cut_breaks"][1:-1])
+    # Along the active lead-in, without the lead-out.
+    for part, contour in zip(parts, cut, strict=True):
+        ends = contour.path(np.array([0.0, contour.at_work[1]]))
+        near(part[[0, -1]] + view.centre, uv(view, ends), 1e-7)
+    drawn = np.split(a["drawn"], a["drawn_breaks"][1:-1])
+    given = [x for x in planned.job.program.contours if x.layer == "CUT"]
+    for part, contour in zip(drawn, given, strict=True):
+        near(part[0], uv(view, contour.path(0.0)) - view.centre, 1e-7)
+    assert "cut" not in packed(picture_frame(previewer.plan(PAPER, "optimal"), view)).arrays
+
+
+def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
+    drawing = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
+    for dwell in (0.0, 0.2):
+        data = square | {"path": drawing, "process": {"dwell": f"{dwell} s"}}
+        planned = previewer.plan(data)
+        frame = packed(picture_frame(planned, view))
+        times = {x["name"]: x["time"] for x in frame.header["shares"]}
+        assert sum(times.values()) == pytest.approx(frame.header["duration"], rel=1e-9)
+        assert "nothing" not in times and times["between two limits"] > 0
+        spans = planned.trajectory.spans
+        rapid = sum(x.t[1] - x.t[0] for x in spans if x.kind == "rapid")
+        assert times["rapids between contours"] == pytest.approx(rapid) and rapid > 0.1
+        count = sum(x.kind == "dwell" for x in spans)
+        assert times.get("dwells", 0.0) == pytest.approx(dwell * count)
+
+
+def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
+    for height, is_below in ((0.0, False), (-0.3, True)):
+        path = square["path"] | {"frame": {"position": [0, 0, height]}}
+        planned = previewer.plan(square | {"path": path})
+        arm = planned.job.arm
+        points = arm.links(planned.trajectory(np.linspace(0, 1, 50)))
+        lowest = (points - arm.chain.base.position)[..., 2].min()
+        warnings = picture_frame(planned, view).header["warnings"]
+        assert (lowest < -0.05) == any("below its base" in x for x in warnings) == is_below
+
+
+def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
+    k = np.arange(30_001)
+    given = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)
+    data = paper | {"path": {"points": given.tolist()}}
+    assert previewer.is_long(data) and not previewer.is_long(paper)
+    frame = packed(drawing_frame(previewer.drawn(data), view))
+    points = frame.arrays["objective"]
+    assert 1000 < len(points) <= MOST_POINTS * 1.01
+    assert frame.header["duration"] is None and frame.header["planned"] is False
+    for extreme in (np.min, np.max):
+        near(extreme(points + view.centre, axis=0), extreme(uv(view, given), axis=0), 1e-7)
+
+
+@pytest.fixture(scope="module")
+def done(previewer_of_plans, plans, view):
+    executed = previewer_of_plans.execute(plans["uncompensated"])
+    return executed, packed(executed_frame(executed, view))
+
+
+def test_errors_and_demand_are_those_of_an_evaluation(done):
+    executed, frame = done
+    found = evaluate(executed.execution, executed.planned.path)
+    e, demand = found.contour_error, found.demand_ratio
+    assert frame.header["rms"] == pytest.approx(e.rms, rel=1e-12)
+    assert frame.header["max"] == pytest.approx(e.max, rel=1e-12)
+    assert frame.header["max_at"]["t"] == pytest.approx(e.t_max)
+    assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
+    assert frame.header["settled"] == executed.settled
+    np.testing.assert_allclose(frame.header["demand"], demand, rtol=1e-12)
+    assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
+
+
+def test_offsets_lead_from_the_path_to_the_tool(done, view):
+    executed, frame = done
+    a, path = frame.arrays, executed.planned.path.path
+    execution = executed.execution
+    tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
+    found = a["base"] + view.centre + a["offset"]
+    np.testing.assert_allclose(found, uv(view, tool), rtol=0, atol=2e-7)
+    np.testing.assert_allclose(
+        np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
+    )
+    base = a["base"] + view.centre + view.plane.origin[:2]
+    assert path.project(base.astype(float)).distance.max() < 1e-7
+    # Small errors have as many digits as large ones.
+    t = a["t"].astype(float)
+    k = int(np.argmin(np.where((t > 1) & (t < 4), a["error"], 1)))
+    exact = executed.pieces[0].found.distance[np.abs(executed.execution.t - t[k]).argmin()]
+    assert a["error"][k] == pytest.approx(exact, rel=1e-4)
+
+
+def test_the_arm_is_played_closely_also_between_contours(
+    previewer_of_plans, plans, gasket_plan, view
+):
+    for planned in (plans["proposed"], gasket_plan):
+        executed = previewer_of_plans.execute(planned)
+        a, execution = packed(executed_frame(executed, view)).arrays, executed.execution
+        played = [np.interp(execution.t, a["pose_t"], q) for q in a["q"].T]
+        np.testing.assert_allclose(np.transpose(played), execution.q, rtol=0, atol=1e-4)
+        tool = execution.arm.forward(a["q"])
+        np.testing.assert_allclose(a["xyz"][:, : tool.shape[1]], tool, rtol=0, atol=1e-7)
+
+
+def test_refusals_are_where_they_are(paper, plans, view):
+    path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
+    with pytest.raises(Unreachable) as caught:
+        Previewer().plan(paper | {"path": path}, "optimal")
+    error, waypoints = caught.value, uv(view, np.array(path["points"]))
+    told = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
+    assert told["sentence"] == str(error) and told["exit"] == 3
+    assert (told["error"], told["tier"], told["run"]) == ("Unreachable", 1, "optimal")
+    np.testing.assert_allclose(told["at"]["uv"], uv(view, np.array(error.point)))
+    packed(Frame("refusal", told))
+    # At a waypoint, it is named.
+    error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
+    waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
+    at = refusal_header(error, view, tier=1, waypoints=waypoints)["at"]
+    assert (at["waypoint"], at["s"], at["joint"]) == (1, 0.3, 2)
+    assert "waypoint" not in refusal_header(error, view, tier=1, waypoints=waypoints[:1])["at"]
+    # A time has the place of the plan.
+    planned, error = plans["optimal"], ExecutionError("It did not rest.", t=2.0, joint=1)
+    tool = planned.job.arm.forward(planned.trajectory(2.0))
+    at = refusal_header(error, view, tier=2, planned=planned)["at"]
+    np.testing.assert_allclose(at["uv"], uv(view, tool))
+    told = refusal_header(Collision("Somewhere."), view, tier=3)
+    assert told["at"] == {} and told["exit"] == 8
+
+
+arrays = st.dictionaries(
+    st.text(max_size=5),
+    st.sampled_from(TYPES).flatmap(
+        lambda kind: hnp.arrays(kind, hnp.array_shapes(max_dims=2, min_side=0, max_side=7))
+    ),
+    max_size=4,
+)
+
+
+@given(arrays=arrays)
+def test_what_is_unpacked_is_what_was_packed(arrays):
+    frame = Frame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
+    found = Frame.unpack(frame.pack())
+    assert (found.kind, found.header) == (frame.kind, frame.header)
+    assert found.arrays.keys() == arrays.keys()
+    for name, values in arrays.items():
+        assert found.arrays[name].dtype == values.dtype
+        np.testing.assert_array_equal(found.arrays[name], values)
+
+
+def test_arrays_are_where_the_page_reads_them():
+    data = Frame("k", {}, {"a": np.array([7], np.uint8), "b": np.array([[1.5, 2.5]])}).pack()
+    (count,) = struct.unpack_from("<I", data)
+    header = json.loads(data[4 : 4 + count].decode())
+    begin = (4 + count + 7) // 8 * 8
+    assert header["kind"] == "k"
+    assert header["arrays"] == {
+        "a": {"type": "u1", "shape": [1], "at": 0},
+        "b": {"type": "f8", "shape": [1, 2], "at": 8},
+    }
+    assert data[begin] == 7
+    assert struct.unpack_from("<dd", data, begin + 8) == (1.5, 2.5)
+
+
+def test_headers_are_plain_json_and_arrays_of_some_types():
+    header = {"a": np.float64(2.5), "b": np.array([[1, 2]]), "c": float("nan")}
+    header |= {"d": (np.int64(3), float("-inf")), "e": {1: np.bool_(True)}}
+    found = Frame.unpack(Frame("k", header).pack()).header
+    assert found == {"a": 2.5, "b": [[1, 2]], "c": None, "d": [3, None], "e": {"1": True}}
+    with pytest.raises(InvalidInput):
+        Frame("k", {}, {"x": np.array([1])}).pack()
+
+
+@given(
+    count=st.integers(1, 3000),
+    most=st.integers(20, 400),
+    seed=st.integers(0, 100),
+    heavy=st.floats(0, 1),
+)
+def test_what_stands_out_is_kept(count, most, seed, heavy):
+    random = np.random.default_rng(seed)
+    rows = list(random.normal(size=(2, count)))
+    weight = random.uniform(size=count) * (random.uniform(size=count) < heavy)
+    weight[random.integers(count)] = np.inf
+    kept = thin(weight, rows, most)
+    assert (np.diff(kept) > 0).all() and kept[0] == 0 and kept[-1] == count - 1
+    assert len(kept) <= max(most + 20, 0) or count <= most
+    if count <= most:
+        assert len(kept) == count
+    assert int(np.argmax(weight)) in kept
+    for row in rows:
+        assert {int(row.argmin()), int(row.argmax())} <= set(kept.tolist())
+    # Of those that only a part of fits, the heavy ones are kept.
+    left = np.setdiff1d(np.arange(count), kept)
+    if len(left) and (weight > 0).sum() <= most // 2:
+        assert (weight[left] == 0).all()
+
+
+def test_a_bend_is_the_distance_from_the_line_through_its_neighbours():
+    points = np.array([[0.0, 0], [1, 0], [2, 0], [2, 3], [2, 3]])
+    np.testing.assert_allclose(bends(points), [0, 0, 3 / np.sqrt(10), 0, 0], atol=1e-15)
+    assert bends(points[:2]).tolist() == [0, 0]
+
+
+def made(kept, key, **how):
+    """Whether the result had to be made."""
+    news = []
+    kept.get("step", key, lambda: news.append(key) or key, **how)
+    return bool(news)
+
+
+def test_as_many_are_kept_as_are_wanted():
+    kept = Kept()
+    assert all(made(kept, k) for k in range(KEPT + 1))
+    assert not any(made(kept, k) for k in range(1, KEPT + 1))
+    assert made(kept, 0)
+
+
+def test_of_results_with_many_samples_only_the_newest_is_kept():
+    kept = Kept()
+    how = {"most": LARGE_KEPT, "samples": lambda key: key}
+    half, more = MOST_SAMPLES // 2, MOST_SAMPLES + 1
+    assert made(kept, half, **how) and made(kept, half - 1, **how)
+    assert not made(kept, half, **how)
+    assert made(kept, more, **how)
+    assert not made(kept, more, **how)
+    assert made(kept, half, **how)
+    assert made(kept, more, **how)

@@ -1,0 +1,295 @@
+"""Tasks as the other process does them."""
+
+import zipfile
+from io import BytesIO
+from itertools import count
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from tests.studio.conftest import DRAWINGS
+
+import armcontour as ac
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_job
+from armcontour.jobs import run, teach
+from armcontour.studio.exact import TASKS as OF_A_PERSON
+from armcontour.studio.tasks import working
+from armcontour.studio.tasks.figures import OTHER_CONFIGURATION
+from armcontour.studio.tasks.working import SMALL, TASKS, do, work
+from armcontour.studio.wire import Frame
+
+
+def quiet(step):
+    """Hears nothing."""
+
+
+def ask(task, data, run, **options):
+    text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
+    request = {"text": text, "folder": str(DRAWINGS), "run": run, "options": options}
+    return do(task, request, quiet)
+
+
+@pytest.fixture
+def coarse(paper):
+    """The paper's job with fewer set-points and runs."""
+    for key in ("experiment", "published"):
+        del paper[key]
+    paper["runs"] = {x: paper["runs"][x] for x in ("uncompensated", "optimal")}
+    for x in paper["runs"].values():
+        x["command_interval"] = "2 ms"
+    return paper
+
+
+@pytest.fixture
+def short(coarse):
+    """The same with a short path."""
+    return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
+
+
+@pytest.fixture
+def line(square):
+    """The square's job with a short line."""
+    return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
+
+
+def test_an_unknown_task_is_refused():
+    frame = Frame.unpack(work(("a", "bake", {"text": ""}), lambda data: None))
+    assert frame.kind == "failed" and frame.header["id"] == "a"
+    assert set(TASKS) > {*OF_A_PERSON, "figures"}
+
+
+def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
+    # Each look at the clock is a second later than the one before.
+    monkeypatch.setattr(working, "time", SimpleNamespace(monotonic=count().__next__))
+    told = []
+    options = {"key": "limits.speed", "values": [0.1, 0.2]}
+    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
+    for k, frame in enumerate(map(Frame.unpack, told), 1):
+        share, eta = frame.header["share"], frame.header["eta"]
+        assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
+        assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
+    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
+
+
+def test_a_check_has_a_row_per_limit(coarse):
+    found = ask("check", coarse, "optimal").header
+    assert found["verdict"] == "kept" and found["sentence"].startswith("All limits are kept.")
+    rows = {x["limit"]: x for x in found["rows"]}
+    assert rows["speed"]["ratio"] == pytest.approx(1, abs=1e-6)
+    assert rows["speed"]["unit"] == "m/s"
+
+
+def test_clearance_over_time_is_not_below_what_is_proven(square):
+    found = ask("clearance", square, "optimal")
+    assert found.header["kept"] and found.header["kinds"] == ["own"]
+    least = min(x["least"] for x in found.header["nearest"])
+    assert found.arrays["own"].min() >= least - 1e-3
+
+
+GASKET = """
+name: gasket
+arm: {name: ur5e, work: {position: [400 mm, -100 mm, 100 mm]}}
+path:
+  file: gasket.dxf
+  names: [handle 31, handle 33]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 0.2 m/s}
+corners: {tolerance: 0.5 mm}
+servo: {kp: 25, kv: 150}
+command_interval: 8 ms
+runs: {cut: {}}
+"""
+
+
+@pytest.mark.parametrize("which", ["coarse", "square", "gasket"])
+def test_they_are_those_of_a_run_of_the_saved_job(which, request):
+    data = GASKET if which == "gasket" else request.getfixturevalue(which)
+    text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
+    study = run(parse_job(text, folder=DRAWINGS))
+    for name, result in study.runs.items():
+        found, e = ask("figures", text, name).header, result.evaluation
+        for key, value in (
+            ("duration", e.duration),
+            ("settled", e.settled),
+            ("rms", e.contour_error.rms),
+            ("max", e.contour_error.max),
+            ("objective_max", e.objective_error.max),
+            ("missed", e.missed.max),
+        ):
+            assert found[key] == pytest.approx(value, abs=1e-9), key
+        assert found["warnings"] == result.warnings
+        executed = result.execution
+        held = zip(executed.arm.joint_names, executed.saturated_time.tolist(), strict=True)
+        told = [(x["joint"], x["time"]) for x in found["saturated"]]
+        assert told == [x for x in held if x[1] > 0]
+        if result.clearance is not None:
+            least = result.clearance.least
+            assert found["clearance"]["least"] == pytest.approx(least.high, abs=1e-9)
+
+
+def test_a_collision_is_a_refusal_where_it_is(square):
+    box = {"name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
+    square["scene"] = {"boxes": [box | {"fixed_to": "part"}]}
+    square["start"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
+    frame = ask("figures", square, "optimal")
+    assert (frame.kind, frame.header["tier"]) == ("refusal", 3)
+    assert frame.header["error"] == "Collision" and frame.header["exit"] == 8
+    assert "post" in frame.header["sentence"]
+    assert abs(frame.header["at"]["uv"] - np.array([0.1, 0.1])).max() < 0.02
+    assert frame.header["at"]["t"] >= 0
+    # Data that make no job are refused as well.
+    del square["servo"]
+    frame = ask("figures", square, "optimal")
+    assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
+
+
+def test_another_configuration_is_said(line):
+    start = np.array(ask("figures", line, "optimal").header["start"])
+    for more, says in ((0.0, False), (0.5, True)):
+        found = ask("figures", line, "optimal", start=(start + more).tolist())
+        assert (OTHER_CONFIGURATION in found.header["notes"]) is says
+
+
+def test_the_plan_of_a_full_run_has_a_picture(coarse):
+    found = ask("plan", coarse, "optimal")
+    assert found.kind == "picture" and found.header["planned"]
+
+
+FORMATS = (
+    ({"format": "csv"}, ".csv", b"t [s],q"),
+    ({"format": "csv", "of": "planned", "period": 0.01}, ".csv", b"t [s],q"),
+    ({"format": "npz"}, ".npz", b"PK"),
+    ({"format": "parquet"}, ".parquet", b"PAR1"),
+    ({"format": "ros-yaml"}, ".yaml", b""),
+    ({"format": "mcap"}, ".mcap.zip", b"PK"),
+    ({"format": "urscript"}, ".script", b""),
+    ({"format": "template", "template": "kuka"}, ".src", b""),
+    ({"format": "template", "template": "abb"}, ".mod", b"MODULE"),
+)
+
+
+def test_every_format_is_exported(line):
+    for options, ending, begins in FORMATS:
+        found = ask("export", line, "optimal", **options)
+        content = found.arrays["content"].tobytes()
+        # KRL finds a program by the name of its file, which may have no hyphen.
+        stem = "square_optimal" if ending == ".src" else "square-optimal"
+        assert found.header["name"] == f"{stem}{ending}"
+        assert found.header["bytes"] == len(content) > 100
+        assert begins in content[:100], options
+        if ending == ".mcap.zip":
+            # A bag is an archive of its folder.
+            with zipfile.ZipFile(BytesIO(content)) as archive:
+                assert any(x.endswith(".mcap") for x in archive.namelist())
+
+
+def test_a_kuka_program_of_any_job_has_a_name_that_krl_takes_and_names_outputs(line):
+    kuka = {"format": "template", "template": "kuka"}
+    named = line | {"name": "7 Löcher für den langen Deckel"}
+    found = ask("export", named, "optimal", **kuka)
+    assert found.header["name"] == "p_7_L_cher_f_r_den_lange.src"
+    assert b"DEF p_7_L_cher_f_r_den_lange( )" in found.arrays["content"].tobytes()
+    laser = line | {"process": {"switch": {"name": "laser"}}}
+    found = ask("export", laser, "optimal", **kuka)
+    (told,) = (x for x in found.header["warnings"] if "switched" in x)
+    assert "laser" in told
+
+
+def test_what_a_file_cannot_be_made_of_is_refused(line, short):
+    hostile = {"format": "template", "template": "/etc/passwd"}
+    bodies = {"tolerance": 5.5e-3, "saturation": "report", "plant": "rigid_body"}
+    for task, job, options, words in (
+        ("export", line, hostile, "There is no template '/etc/passwd'"),
+        ("certify", short, {"tolerance": 5.5e-3, "plant": "robot"}, "plant must be one of"),
+        ("certify", short, bodies, "on rigid bodies does not allow"),
+        ("certify", short, {}, "beside Certify"),
+    ):
+        with pytest.raises(ac.InvalidInput, match=words):
+            ask(task, job, "optimal", **options)
+
+
+def test_a_report_is_a_page_and_a_certificate_has_one(short):
+    found = ask("report", short, "optimal")
+    assert found.header["type"] == "text/html"
+    assert b"optimal" in found.arrays["content"].tobytes()
+    found = ask("certify", short, "optimal", tolerance=5.5e-3)
+    assert found.header["sentence"].startswith("Certified: ")
+    assert found.header["left"] >= 0
+    assert found.header["name"] == "paper-certificate.html"
+    # Its answer says for which robots it is true.
+    assert found.header["notes"][-1].startswith("Valid for independent joint servos only: ")
+
+
+def test_learning_tells_what_it_would_gain(short):
+    found = ask("learn", short, "optimal", runs=1, seed=1)
+    assert found.header["rms"][1] < found.header["rms"][0]
+
+
+def test_a_sweep_is_the_duration_over_a_key(coarse):
+    speeds = [0.05, 0.1, 0.15]
+    found = ask("sweep", coarse, "optimal", key="limits.speed", values=speeds)
+    for speed, duration in zip(speeds, found.arrays["duration"], strict=True):
+        data = coarse | {"limits": coarse["limits"] | {"speed": speed}}
+        job = parse_job(yaml.safe_dump(data))
+        planned = teach(job)["optimal"].trajectory
+        assert duration == pytest.approx(planned.duration, abs=1e-9)
+    assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
+
+
+def test_values_of_a_sweep_that_are_refused_are_not_numbers(coarse):
+    options = {"key": "corners.tolerance", "min": -1e-3, "max": 1e-3, "count": 2}
+    found = ask("sweep", coarse, "optimal", **options)
+    assert np.isnan(found.arrays["duration"]).tolist() == [True, False]
+    assert "tolerance" in found.header["refusals"][0]
+
+
+def test_a_place_that_is_better_is_found_in_the_plane(coarse):
+    over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
+    found = ask("place", coarse, "optimal", over=over, refined=False)
+    # The part is moved by these, and they are written into the file.
+    assert set(found.arrays["by"].ravel()) == {-0.02, 0.0, 0.02}
+    assert found.arrays["by"].shape == (9, 2)
+    durations = found.arrays["duration"]
+    best = int(np.nanargmin(durations))
+    by = found.header["best"]["by"]
+    np.testing.assert_allclose(by, found.arrays["by"][best])
+    # It stays true when the part is moved.
+    assert found.header["sentence"].endswith("s less than where the part was.")
+    frame = {"position": [float(by[0]), float(by[1]), 0.0]}
+    moved = coarse | {"path": coarse["path"] | {"frame": frame}}
+    taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]
+    assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
+
+
+ASKED = {"over": {"x": {"from": -0.02, "to": 0.02, "places": 2}}, "refine": False, "run": "optimal"}
+
+
+def test_the_question_is_that_of_the_job_and_options_replace_its_keys(coarse):
+    data = coarse | {"placement": ASKED}
+    found = ask("place", data, "optimal")
+    assert found.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
+    more = ask("place", data, "optimal", over={"y": [0.01, 0.01, 1]})
+    np.testing.assert_allclose(more.arrays["by"], [[-0.02, 0.01], [0.02, 0.01]], atol=1e-7)
+    over = {"y": [0.0, 0.01, 2]}
+    alone = ask("place", data, "optimal", over=over, as_job=False, refined=False)
+    np.testing.assert_allclose(alone.arrays["by"], [[0, 0], [0, 0.01]], atol=1e-7)
+
+
+def test_shifts_are_from_where_the_part_is_if_places_are_coordinates(coarse):
+    span = {"from": 0.0, "to": 0.0, "places": 1}
+    data = coarse | {"placement": ASKED | {"over": {"x": span}}}
+    here = ask("place", data, "optimal")
+    anchor = float(here.header["anchor"][0])
+    span = {"from": anchor + 0.01, "to": anchor + 0.02, "places": 2}
+    data = coarse | {"placement": ASKED | {"over": {"x": span}, "absolute": True}}
+    found = ask("place", data, "optimal")
+    np.testing.assert_allclose(found.arrays["by"], [[0.01, 0], [0.02, 0]], atol=1e-6)
+
+
+def test_what_a_click_on_the_map_cannot_do_is_refused(coarse):
+    data = coarse | {"placement": ASKED}
+    for options in ({"what": "base"}, {"over": {"z": [0, 0.1, 2]}}):
+        with pytest.raises(InvalidInput):
+            ask("place", data, "optimal", **options)
