@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from soak import check, corners, judge
 
-BATCH, CHECKS, CORNERS = 200, 40, 150
+BATCH, CHECKS, CORNERS = 200, 25, 150
 # Random places per interval of a law, beside its ends; `make soak` looks at 8.
 PLACES = 3
 

@@ -12,7 +12,7 @@ DOWN = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 REACH = {"ur5e": 0.35, "panda": 0.3, "ur10e": 0.5}
 KINDS = ["held", "per waypoint", "axis per waypoint", "pointing", "following", "axis following"]
 TORCH = Frame.rpy([0.05, 0, 0.15], [0, 0.7, 0])
-BATCHES, PATHS = 2, 10
+BATCHES, PATHS = 2, 7
 
 
 def random_path(rng, reach):

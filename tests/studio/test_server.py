@@ -78,7 +78,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
     async def watch():
         desk = Desk(lambda say: None)
         desk.tabs = Tabs()
-        watching = asyncio.create_task(server._watch(desk, True))
+        watching = asyncio.create_task(server.watch(desk, True))
         desk.stop = watching.cancel
         with contextlib.suppress(asyncio.CancelledError):
             await watching

@@ -323,7 +323,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     sys.setswitchinterval(SWITCH)
     desk.stop = stop
     threading.Thread(target=_start, args=(desk,), name="starting", daemon=True).start()
-    watching = asyncio.create_task(_watch(desk, exit_when_closed))
+    watching = asyncio.create_task(watch(desk, exit_when_closed))
     try:
         await server.serve(sockets=[listening])
     finally:
@@ -341,7 +341,7 @@ def _start(desk: Desk) -> None:
     gc.freeze()
 
 
-async def _watch(desk: Desk, exit_when_closed: bool) -> None:
+async def watch(desk: Desk, exit_when_closed: bool) -> None:
     """Look at the job file now and then, and at whether pages are open."""
     loop = asyncio.get_running_loop()
     seen, last = False, loop.time()
