@@ -54,9 +54,9 @@ def test_both_paths_are_within_the_tolerance_of_each_other(
     assert c.reason[0] is None
     assert c.error[0] <= tolerance * (1 + 1e-12)
     vertex = path.starts[1]
-    s = np.linspace(c.start[0], c.end[0], 2001)
+    s = np.linspace(c.start[0], c.end[0], 1001)
     assert found.project(vertex[None]).distance[0] == pytest.approx(c.error[0], abs=1.1e-9)
-    at = path.breaks[1] + np.linspace(-c.tangent[0], c.tangent[0], 2001)
+    at = path.breaks[1] + np.linspace(-c.tangent[0], c.tangent[0], 1001)
     away = path.project(found(s)).distance.max(), found.project(path(at)).distance.max()
     assert max(away) <= tolerance * (1 + 1e-3) + 1.1e-9
     if found.segments.bent.any():
@@ -66,29 +66,20 @@ def test_both_paths_are_within_the_tolerance_of_each_other(
     assert len(found.stops) == 0
 
 
-def test_the_tolerance_is_used():
-    path = corner(1.2, (0.0, 20.0), (0.1, 0.1))
-    found = ac.round_corners(path, tolerance=2e-3, continuity="curvature")
-    assert found.segments.bent.any()
+def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
+    def rounded(path, tolerance, **values):
+        return ac.round_corners(path, tolerance=tolerance, continuity="curvature", **values)
+
+    found = rounded(corner(1.2, (0.0, 20.0), (0.1, 0.1)), 2e-3)
+    assert found.segments.bent.any() and not found.corners.shrunk[0]
     assert found.corners.error[0] == pytest.approx(2e-3, rel=1e-6)
-    assert not found.corners.shrunk[0]
-
-
-def test_a_corner_speed_ends_the_search_early():
     path = corner(0.4, (0.0, 2.0), (0.1, 0.1), dimension=2)
-    wide = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
-    slow = ac.round_corners(
-        path, tolerance=5e-3, speed=0.1, acceleration=2.0, continuity="curvature"
-    )
+    wide, slow = rounded(path, 5e-3), rounded(path, 5e-3, speed=0.1, acceleration=2.0)
     assert 0.005 <= slow.corners.radius[0] * (1 + 1e-9) < wide.corners.radius[0]
     assert slow.corners.tangent[0] < wide.corners.tangent[0]
-
-
-def test_sharp_turns_beside_arcs_keep_their_pairs_of_arcs():
-    path = corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2)
-    found = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
-    assert found.corners.reason[0] is None
-    assert not found.segments.bent.any()
+    # Sharp turns beside arcs keep their pairs of arcs.
+    found = rounded(corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2), 1e-3)
+    assert found.corners.reason[0] is None and not found.segments.bent.any()
 
 
 def test_corners_beside_transitions_are_rounded():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
@@ -59,6 +59,7 @@ def alike(path, other, s, at, *, direction=1):
 
 
 @held
+@settings(max_examples=10)
 @given(cut=st.lists(st.floats(0, 1), min_size=2, max_size=2).map(sorted))
 def test_a_part_is_the_path_between_two_places(path, cut):
     begin, end = np.array(cut) * path.length
@@ -131,28 +132,21 @@ def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
 
 def test_a_path_in_the_plane_stays_there_where_its_frame_does():
     assert keeps_plane(FLAT) and not keeps_plane(FRAME)
-    found = place_path(PLANE, FLAT, scale=2.0)
+    found, s = place_path(PLANE, FLAT, scale=2.0), SHARES * PLANE.length
     assert found.dimension == 2
-    s = SHARES * PLANE.length
     seen = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]
     np.testing.assert_allclose(found(2 * s), seen, atol=1e-12)
     np.testing.assert_array_equal(found.tags, PLANE.tags)
     np.testing.assert_array_equal(found.speeds, PLANE.speeds)
-
-
-def test_in_space_and_back():
+    # In space and back.
     there = lift_path(PLANE)
     assert there.dimension == 3 and lift_path(there) is there and drop_z(PLANE) is PLANE
-    s = SHARES * PLANE.length
     np.testing.assert_array_equal(there(s), np.pad(PLANE(s), ((0, 0), (0, 1))))
     np.testing.assert_allclose(drop_z(there)(s), PLANE(s), atol=1e-15)
     assert drop_z(there).tags == PLANE.tags
-
-
-def test_a_flattened_path_is_its_shadow():
+    # A flattened path is its shadow: what only goes up and down is gone.
     up = ac.Path.polyline([(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 2), (1, 1, 0)])
     found = drop_z(up)
-    # What only goes up and down is gone.
     np.testing.assert_allclose(found.vertices, [(0, 0), (1, 0), (1, 1)], atol=1e-15)
     np.testing.assert_allclose(found.lengths, [1, 1])
 
@@ -216,11 +210,8 @@ def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(o
 
 
 def test_a_rounded_path_that_is_placed_elsewhere_does_not_remember_old_corners():
-    corner = ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
-    rounded = ac.round_corners(corner, tolerance=1e-2)
-    frame = Frame(position=[1.0, 2.0, 0.0])
-    for moved in (place_path(rounded, frame, scale=2.0), lift_path(rounded)):
-        assert type(moved) is ac.Path
-    found = place_path(rounded, frame, scale=2.0)
+    rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
+    moved = place_path(rounded, Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
+    assert type(moved) is type(lift_path(rounded)) is ac.Path
     s = np.linspace(0, rounded.length, 9)
-    np.testing.assert_allclose(found(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)
+    np.testing.assert_allclose(moved(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)

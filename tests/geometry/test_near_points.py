@@ -50,12 +50,9 @@ def test_groups_are_those_of_the_graph(points, near):
     assert np.array_equal(table, tree)
 
 
-def test_a_long_chain_is_one_group():
+def test_a_long_chain_is_one_group_and_no_points_have_none():
     chain = np.column_stack([np.random.default_rng(3).permutation(400), np.zeros(400)])
     assert not group_points(chain, 1.0).any()
     assert len(set(group_points(chain, 0.9))) == 400
-
-
-def test_no_points_have_no_groups():
     none = np.empty((0, 2))
     assert len(group_points(none, 1.0)) == 0 and len(pairs_within(none, none, 1.0)[0]) == 0

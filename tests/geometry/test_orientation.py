@@ -100,16 +100,20 @@ def test_the_tool_stops_where_its_rate_of_turning_jumps():
     np.testing.assert_array_equal(oriented.stops, [2.0])
     np.testing.assert_allclose(oriented.orientation.kinks, [0, 0.3], atol=1e-12)
     np.testing.assert_allclose(oriented.orientation.jumps, [0, 0], atol=1e-15)
-
-
-def test_turning_about_the_tool_axis_is_no_kink_where_it_is_free():
-    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)])
-    spun = DOWN @ exp(np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, -0.5]]))
-    np.testing.assert_array_equal(line.oriented(spun).stops, [1.0])
-    free = line.oriented(spun, axis_only=True)
+    # Turning about the tool's axis is no kink where it is free.
+    straight = ac.Path.polyline([(x, 0, 0) for x in range(3)])
+    spun, tilted = (DOWN @ exp(np.array([[0, 0, 0], [x, 0, 0.5], [x, 0, -0.5]])) for x in (0, 0.2))
+    np.testing.assert_array_equal(straight.oriented(spun).stops, [1.0])
+    free = straight.oriented(spun, axis_only=True)
     assert len(free.stops) == 0 and len(ac.round_corners(free, tolerance=0).stops) == 0
-    tilted = DOWN @ exp(np.array([[0, 0, 0.0], [0.2, 0, 0.5], [0.2, 0, -0.5]]))
-    np.testing.assert_array_equal(line.oriented(tilted, axis_only=True).stops, [1.0])
+    np.testing.assert_array_equal(straight.oriented(tilted, axis_only=True).stops, [1.0])
+    # Rounding of the given rotations turns nothing, though points nanometres apart would make a
+    # rate of the last digits.
+    points = [(0, 0, 0), (0.1, 0, 0), (0.1 + 2e-9, 0, 0), (0.2, 0, 0)]
+    same = Rotation.from_rotvec([0.3, 0.2, 0.1])
+    given = np.array([same.as_matrix(), (same * same * same.inv()).as_matrix()] * 2)
+    path = ac.Path.polyline(points).oriented(given)
+    assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
 def test_a_jump_is_told_as_an_angle():
@@ -121,15 +125,6 @@ def test_a_jump_is_told_as_an_angle():
     tilted = exp(np.array([[0, 0, 0.0], [0.3, 0, 0]]))
     free = Orientation.even(np.ones(2), tilted, np.zeros((2, 3)), axis_only=True)
     np.testing.assert_allclose(free.jumps, [0.3])
-
-
-def test_rounding_of_the_given_rotations_turns_nothing():
-    # Points nanometres apart would make a rate of the last digits.
-    points = [(0, 0, 0), (0.1, 0, 0), (0.1 + 2e-9, 0, 0), (0.2, 0, 0)]
-    same = Rotation.from_rotvec([0.3, 0.2, 0.1])
-    given = np.array([same.as_matrix(), (same * same * same.inv()).as_matrix()] * 2)
-    path = ac.Path.polyline(points).oriented(given)
-    assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
 def test_repeated_points_take_one_orientation_each():

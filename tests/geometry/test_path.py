@@ -89,11 +89,14 @@ def test_derivatives_agree_with_differences(path, order):
 
 
 @each("path", PATHS)
-def test_arc_length_is_the_parameter(path):
+def test_arc_length_is_the_parameter_and_shapes_follow_the_argument(path):
     s = np.linspace(0, path.length, 1001)
     np.testing.assert_allclose(np.linalg.norm(path(s, 1), axis=-1), 1, rtol=1e-13)
     chords = np.linalg.norm(np.diff(path(np.linspace(0, path.length, 50001)), axis=0), axis=1)
     assert chords.sum() == pytest.approx(path.length, rel=1e-5)
+    for shape in ((), (0,), (2,), (3, 4)):
+        for order in (0, 1):
+            assert path(np.zeros(shape), order).shape == (*shape, path.dimension)
 
 
 def test_both_sides_of_a_joint_stops_turns_and_vertices():
@@ -112,14 +115,6 @@ def test_both_sides_of_a_joint_stops_turns_and_vertices():
     vertices = [(0, 0), (1, 0), (1 + R, R), (1 + R, 1), (1 + R, 1), (2, 1.5)]
     np.testing.assert_allclose(path.vertices, vertices, atol=1e-12)
     assert path.dimension == 2 and len(path) == 5
-
-
-def test_shapes_follow_the_argument():
-    path = winding_path()
-    assert path(0.1).shape == (2,)
-    assert path(np.zeros((3, 4)), 1).shape == (3, 4, 2)
-    assert path([]).shape == (0, 2)
-    assert space_path()([0.1, 0.2]).shape == (2, 3)
 
 
 @each("radius", [1e-6, 1.0, 1e9])

@@ -40,23 +40,18 @@ def test_axes_that_turn_to_and_fro_are_told_with_what_binds():
         assert words in said
     assert "turns to and fro from waypoint to waypoint, by 0.42° RMS" in said
     assert "path.smooth_axes: 1.5 deg" in said
-
-
-def test_smooth_axes_and_a_given_duration_are_not_told():
+    # Smooth axes, a given duration and lines without room for their speed are not told.
     assert told(job(measured(0.0))) == []
     assert told(job(measured(6e-3), duration=30.0)) == []
+    for length in (1e-4, 5e-3, 0.05):
+        line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
+        assert told(job(line)) == [], length
 
 
 def test_many_contours_are_told_once_with_the_worst():
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
     (said,) = told(job(Program(moves=(a, Rapid(), b))))
     assert said.startswith("2 contours are far slower than assigned, most of all contour b, which")
-
-
-@each("length", [1e-4, 5e-3, 0.05])
-def test_a_line_without_room_for_its_speed_is_not(length):
-    line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
-    assert told(job(line)) == []
 
 
 def test_tight_arcs_are_told_with_the_centripetal_acceleration():
@@ -117,15 +112,3 @@ def test_that_bound_is_the_acceleration_of_a_motion_with_a_uniform_one():
     x[45:56] = 0.05
     found = bound_acceleration(moved(s, x, np.zeros(100)), 0.1)
     assert found == pytest.approx(0.7, rel=0.02) and np.diff(x).max() / 2e-3 > 10
-
-
-def test_missed_speeds_are_looked_for_once(monkeypatch):
-    plan, asked = teach(job(measured(6e-3)))["one"], []
-
-    def look(*args, **values):
-        asked.append(args)
-        return ["slow"]
-
-    monkeypatch.setattr("armcontour.jobs.study.missed_speeds", look)
-    assert plan.warnings == plan.warnings == ("Run one: slow",)
-    assert len(plan.weak_points) == 1 and len(asked) == 1

@@ -71,7 +71,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
 
 def test_of_very_many_contours_the_worst_is_found():
     near, far = (ac.Path.polyline([(x, 0.2), (x + 0.01, 0.2)]) for x in (0.3, 0.8))
-    moves = (*[ac.Contour(path=near)] * 599, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
+    moves = (*[ac.Contour(path=near)] * 299, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
     job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))
-    with pytest.raises(ac.Unreachable, match="Contour 600 is out of reach"):
+    with pytest.raises(ac.Unreachable, match="Contour 300 is out of reach"):
         teach(dataclasses.replace(job, path=ac.Program(moves=moves)))

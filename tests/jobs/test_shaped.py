@@ -171,7 +171,7 @@ def test_a_shape_is_never_slower_than_arcs_of_a_redundant_arm():
     limits = arm.limits.replace(speed=0.15, joint_torque=None, joint_jerk=None)
     arcs = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     free = dataclasses.replace(arcs, shape="free", iterations=1)
-    asked = {"limits": limits, "reserve": 0.1}
+    asked = {"limits": limits, "reserve": 0.1, "timing_options": {"intervals": 150}}
     runs = (a_run("a", rounding=arcs, **asked), a_run("b", rounding=free, **asked))
     for given in (path, Program(moves=(Contour(path=path), ac.Dwell(duration=0.1)))):
         plans = teach(a_job(given, *runs, arm=arm))

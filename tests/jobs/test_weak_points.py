@@ -145,7 +145,7 @@ def test_what_is_left_of_the_approach_is_said_with_the_dwell_that_mends_it():
     assert mended.contour_error.max <= 1.01e-3 * later
 
 
-def delayed_loops(taught, limits, delay, step=25e-6):
+def delayed_loops(taught, limits, delay, step=50e-6):
     """Joint positions of two loops with saturation whose velocity command is delayed.
 
     Euler's method with its own interpolation; shares no code with the servo model.

@@ -33,8 +33,3 @@ def test_a_pierce_needs_a_switch_and_an_active_lead():
     )
     marked = Process(pierce=pierce, switch=LASER, by_layer={"MARK": {"pierce": None}})
     assert marked.of_layer("CUT").begins_on and not marked.of_layer("MARK").begins_on
-
-
-def test_a_path_is_prepared_as_a_program_of_one_contour():
-    events = ac.prepare(LINE, Process(switch=LASER)).contours[0].events
-    assert [(x.name, x.value) for x in events] == [("laser", True), ("laser", False)]
