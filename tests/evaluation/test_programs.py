@@ -1,6 +1,7 @@
 """Programs judged contour by contour, against projections by hand."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -147,29 +148,45 @@ def test_the_objective_gives_corners_of_every_contour(execution, program, object
 def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     limits = LIMITS.replace(speed=0.02, tool_acceleration=0.1)
     trajectory = ac.plan(DRAWN, ARM, limits, reserve=0.2)
-    taught = ac.compensate(trajectory, SERVO, method="inverse", period=4e-3)
-    execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
-    found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
     t = np.linspace(*rapid.t, 200)
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
     assert speed.max() > 0.05
+    taught = ac.compensate(trajectory, SERVO, method="inverse", period=4e-3)
+    execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
+    found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
         assert found.limit_ratios[name] <= 1 + 1e-6
     # Of the joints the rapid uses what the reserve leaves.
     assert found.limit_ratios["joint_acceleration"] == pytest.approx(0.8, abs=1e-3)
     assert found.speed < 0.021 and found.speed_overshoot < 0.001
+    # So does a check of the plan; a contour that is too fast is seen, at its own time.
+    found = ac.check(trajectory, ARM, limits)
+    assert not found.violated and found["speed"].ratio == pytest.approx(1.0, abs=1e-6)
+    assert found["joint_acceleration"].ratio == pytest.approx(0.8, abs=1e-3)
+    slower = ac.check(trajectory, ARM, limits.replace(speed=0.01))
+    assert [x.name for x in slower.violations] == ["speed"]
+    contours = [x.t for x in trajectory.spans if x.kind == "contour"]
+    assert any(a <= slower["speed"].t <= b for a, b in contours)
 
 
 def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     one = Program(moves=program.contours[:1])
-    refuses(lambda: ac.evaluate(execution, one), InvalidInput, "2 contours")
-    refuses(lambda: ac.evaluate(execution, BEND, objective=one), InvalidInput, "2 contours")
-    refuses(lambda: ac.evaluate(execution, program, objective=one), InvalidInput, "2 contours")
-    refuses(lambda: ac.evaluate(execution, program, objective=BEND), InvalidInput, "2 contours")
-    refuses(lambda: ac.evaluate(execution, BEND), InvalidInput, "2 contours")
     plain = executed(BEND)
-    refuses(lambda: ac.evaluate(plain, program), InvalidInput, "1 contour:")
+    for call, words in (
+        (partial(ac.evaluate, execution, one), "2 contours"),
+        (partial(ac.evaluate, execution, BEND, objective=one), "2 contours"),
+        (partial(ac.evaluate, execution, program, objective=one), "2 contours"),
+        (partial(ac.evaluate, execution, program, objective=BEND), "2 contours"),
+        (partial(ac.evaluate, execution, BEND), "2 contours"),
+        (partial(ac.evaluate, plain, program), "1 contour:"),
+        (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),
+        (partial(ac.check, plain.taught.trajectory, ARM, LIMITS, "path"), "not str"),
+    ):
+        refuses(call, InvalidInput, words)
+    planned, whole = plain.taught.trajectory, Program(moves=(Contour(path=BEND),))
+    found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
+    assert found[0] == found[1]
 
 
 def test_a_contour_shorter_than_an_interval_is_judged_too():
@@ -179,40 +196,3 @@ def test_a_contour_shorter_than_an_interval_is_judged_too():
     found = ac.evaluate(executed(program), program, limits=LIMITS)
     assert len(found.contours) == 2
     assert np.isfinite([x.rms for x in found.contours]).all()
-
-
-def test_check_judges_tool_limits_on_contours_and_joints_on_every_move():
-    arm = ac.load_arm("pmk3s")
-    lines = ([(0.30, 0.10), (0.33, 0.10)], [(0.30, 0.30), (0.33, 0.30)])
-    program = ac.Program(moves=tuple(ac.Contour(path=ac.Path.polyline(x)) for x in lines))
-    limits = arm.limits.replace(speed=0.02)
-    planned = ac.plan(program, arm, limits)
-    found = ac.check(planned, arm, limits)
-    assert not found.violated
-    assert found["speed"].ratio == pytest.approx(1.0, abs=1e-6)
-    assert found["joint_acceleration"].ratio == pytest.approx(1.0, abs=1e-6)
-    # The rapid is faster than that, and its joints are where the limit of acceleration is used.
-    rapid = next(x for x in planned.spans if x.kind == "rapid")
-    t = np.linspace(*rapid.t, 200)
-    speed = np.linalg.norm(arm.tool_velocity(planned(t), planned(t, 1)), axis=1)
-    assert speed.max() > 2 * limits.speed
-    # A contour that is too fast is seen, at its own time.
-    slower = ac.check(planned, arm, limits.replace(speed=0.01))
-    assert [x.name for x in slower.violations] == ["speed"]
-    contours = [x.t for x in planned.spans if x.kind == "contour"]
-    assert any(a <= slower["speed"].t <= b for a, b in contours)
-
-
-def test_trace_takes_a_path_and_no_program_and_check_takes_both(refuses):
-    arm = ac.load_arm("pmk3s")
-    path = ac.Path.polyline([(0.30, 0.10), (0.33, 0.10)])
-    program = ac.Program(moves=(ac.Contour(path=path),))
-    planned = ac.plan(program, arm, arm.limits.replace(speed=0.02))
-    refuses(lambda: ac.trace(program, arm), ac.InvalidInput, "trace takes a Path, not a Program")
-    found = [ac.check(planned, arm, arm.limits, x).path_deviation for x in (program, path)]
-    assert found[0] == found[1]
-    refuses(
-        lambda: ac.check(planned, arm, arm.limits, "path"),
-        ac.InvalidInput,
-        "check compares with a Path or a Program, not str",
-    )

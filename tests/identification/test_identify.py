@@ -53,7 +53,7 @@ def short(usual):
     return tuple(x[:2000] for x in usual)
 
 
-# tests/slow has more gains, seeds and samples; `python -m soak.identify` has the full bar.
+# `python -m soak.identify` has the full bar.
 @pytest.mark.parametrize(
     ("kind", "gains", "seeds", "samples"),
     [

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from soak.encoders import estimate
-from soak.identify import NOISE, case, judge, multisine
+from soak.identify import NOISE, multisine
 from soak.joint import move
 
 import armcontour as ac
@@ -16,33 +15,6 @@ TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
 
 def _one(t, u, y):
     return identify(Log(t=t, command=u, measured=y, set_points=True)).joints[0]
-
-
-@pytest.mark.parametrize(
-    ("kp", "kv", "delay"),
-    [(25.0, 150.0, 12.3e-3), (10.0, 60.0, 0.0), (60.0, 300.0, 100e-3), (60.0, 60.0, 4.4e-3)],
-)
-def test_the_reference_log_is_told_as_well_as_its_bound_allows(kp, kv, delay):
-    result = case("multisine", kp, kv, delay, range(4), samples=15_000)
-    for row in judge(result)[:3]:
-        # Of four estimates chance passes by either once in ten thousand.
-        assert np.abs(row["errors"]).max() < 4.5 and row["spread"] < 2.4
-        assert row["determined"] == 1
-    assert all(x[3][3] is False for x in result["found"])
-
-
-@pytest.mark.parametrize("kind", ["saturating", "large step"])
-def test_a_log_that_saturates_tells_the_limit(kind):
-    for row in judge(case(kind, 25.0, 150.0, 12.3e-3, range(3))):
-        assert np.abs(row["errors"]).max() < 4.5 and row["determined"] == 1
-
-
-@pytest.mark.parametrize("excitation", ["guide", "repeating"])
-def test_intervals_on_a_coarse_encoder(excitation):
-    """`python -m soak.encoders` has the full bar; they once held 45 %, with errors of 3.4 sd."""
-    rows = np.array([estimate((excitation, 14, 0.0, s))[0] for s in range(3)], dtype=float)
-    assert ((rows[:, :, 1] <= 0) & (rows[:, :, 2] >= 0)).sum() >= 7  # of 9
-    assert np.sqrt(np.mean((rows[:, :, 0] / rows[:, :, 4]) ** 2, axis=0)).max() < 2.2
 
 
 @pytest.mark.parametrize(("friction", "standstill"), [(0.3, 0.0), (0.3, 100.0), (0.0, 100.0)])
