@@ -42,7 +42,7 @@ def execute(q, plant, arm):
 
 def command_at(q, t, servo=SERVO):
     """The command that set-points give, by weights."""
-    index, weight = command_weights(len(q), PERIOD, servo.for_joints(q.shape[1]), 0, 0.0, t)
+    index, weight = command_weights(len(q), PERIOD, servo.interpolation, t)
     return np.einsum("nk,nkj->nj", weight, q[index])
 
 
@@ -122,20 +122,17 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
 
 
 def test_weights_of_set_points_give_the_command():
-    kinds = [("linear", 0.0, 0.0), ("step", 0.0, 0.0), ("cubic", 0.0, 0.0)]
-    kinds += [("linear", 1.0, 0.7), ("step", 0.9, 0.0), ("cubic", 1.1, 0.7)]
-    for kind, f, g in kinds:
-        more = {"interpolation": kind, "velocity_feedforward": f, "acceleration_feedforward": g}
-        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.5e-3, **more).for_joints(1)
+    for kind in ("linear", "step", "cubic"):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=kind)
         for count in (2, 3, 8):
             rng = np.random.default_rng(count)
             q = rng.normal(size=(count, 1))
             t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
-            index, weight = command_weights(count, PERIOD, servo, 0, 1.2e-3, t)
+            index, weight = command_weights(count, PERIOD, kind, t)
             pieces = polynomials(q, PERIOD, servo)
-            expected = sample_command(pieces, PERIOD, np.array([1.7e-3]), t)[:, 0]
+            expected = sample_command(pieces, PERIOD, np.zeros(1), t)[:, 0]
             found = (q[index, 0] * weight).sum(axis=1)
-            np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{more} {count}")
+            np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{kind} {count}")
 
 
 def test_drives_need_a_velocity_loop_and_masses(arm):

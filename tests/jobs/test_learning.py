@@ -65,11 +65,11 @@ def test_the_verdict(study):
     def notes(**values):
         return dataclasses.replace(study, lesson=dataclasses.replace(study.lesson, **values)).notes
 
-    assert notes(finished=False)[0].startswith("Go on: the next run should have ")
+    assert notes(finished=False, reason="")[0].startswith("Go on: the next run should have ")
     done = notes(finished=True, reason="three setbacks")
     assert done[0].startswith("Finished: three setbacks; the set-points are those of run 2")
     assert "a payload of 0.12 kg" in done[-1]
-    assert any("12.3 ms later" in x for x in notes(delay=0.0123))
+    assert any("0.2 mrad" in x and "3 mrad" in x for x in notes(misfits=(3e-3, 2e-4)))
     *before, last = study.lesson.runs
     fast = (*before, dataclasses.replace(last, rate=1.004))
     assert any("+0.400 %" in x for x in notes(runs=fast))

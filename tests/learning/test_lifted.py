@@ -83,3 +83,27 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     done = ac.execute(taught, ac.ServoPlant(arm, servo))
     found = lifted.at_times(done.t, done.q, lifted.expected(q))
     assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
+
+
+@pytest.mark.parametrize("kind", ["linear", "step", "cubic"])
+def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
+    arm = rods()
+    plan = ac.plan(
+        ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
+        arm,
+        ac.Limits(joint_velocity=9.0, joint_acceleration=20.0),
+    )
+    more = {} if kind == "step" else {"acceleration_feedforward": 0.6}
+    servo = ac.ServoModel(
+        kp=[25.0, 20.0], kv=150.0, dead_time=3.3e-3, interpolation=kind, velocity_feedforward=0.8,
+        **more,
+    ).for_joints(2)  # fmt: skip
+    taught = ac.compensate(plan, servo, method="none", period=4e-3)
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    lifted = Lifted(taught, Nominal(arm=arm, servo=servo))
+    inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])
+    expected = np.stack([np.interp(lifted.t[inside], done.t, x) for x in done.q.T], axis=1)
+    lag = np.abs(done.q - plan.with_rests(done.t)).max()
+    # Steps are sampled once per millisecond.
+    near = 0.015 if kind == "step" else 3e-3
+    assert np.abs(lifted.expected(taught.q)[inside] - expected).max() < near * lag

@@ -17,7 +17,7 @@ def executed(arm, path):
 
 
 def log_of(arm, taught):
-    done = ac.execute(taught, ac.ServoPlant(arm, SERVO.replace(kp=24.0)))
+    done = ac.execute(taught, ac.ServoPlant(arm, SERVO.replace(kp=24.0), saturation="none"))
     t = np.arange(-0.1, done.t[-1], 5e-3)
     q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
     command = np.stack([np.interp(t, taught.t, x) for x in taught.q.T], axis=1)

@@ -21,7 +21,6 @@ LEARNING_UNITS = {
     "joint_max": "rad",
     "loop_noise": "rad",
     "predicted": "m",
-    "bound": "m",
     "set_points_off": "rad",
     "offset": "s",
     "delay": "s",
@@ -29,7 +28,7 @@ LEARNING_UNITS = {
     "remaining": "m",
 }
 # What a lesson says beside its set-points and runs.
-OF_LESSON = "delay predicted bound setbacks finished reason remaining noise_share".split()
+OF_LESSON = "delay predicted setbacks finished reason remaining noise_share".split()
 # Arrays over time are in the file of the lesson.
 LEFT_OUT = ("q", "error")
 

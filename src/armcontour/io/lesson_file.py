@@ -18,11 +18,12 @@ from armcontour._version import __version__
 from armcontour.errors import InvalidInput
 from armcontour.learning import LearnedRun, Lesson
 from armcontour.motion import Trajectory
+from armcontour.servo import ServoModel
 
 # Changes with the content of these files.
-VERSION = 1
+VERSION = 2
 # The plan is made again from the job, and the model of the response from the plan.
-LEFT_OUT = ("trajectory", "runs", "lifted")
+LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits")
 RUN = "run {}: {}"
 # Types of values that are no arrays, by the annotations of their fields.
 KINDS: dict[Any, tuple[type, ...]] = {
@@ -49,7 +50,18 @@ def write_lesson(file: FilePath, lesson: Lesson) -> None:
         of_run, own = _split(run)
         arrays |= {RUN.format(number, name): values for name, values in of_run.items()}
         runs.append(own)
-    about = {"version": VERSION, "armcontour": __version__, "lesson": plain, "runs": runs}
+    about = {
+        "version": VERSION,
+        "armcontour": __version__,
+        "lesson": plain,
+        "servo": {
+            x.name: value.tolist() if isinstance(value, np.ndarray) else value
+            for x in dataclasses.fields(lesson.servo)
+            for value in [getattr(lesson.servo, x.name)]
+        },
+        "misfits": lesson.misfits,
+        "runs": runs,
+    }
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
         target.writestr(_entry("about.json"), json.dumps(about, indent=1))
         for name, values in arrays.items():
@@ -90,7 +102,15 @@ def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
             for number, plain in enumerate(about["runs"], start=1)
         )
         own: dict[str, Any] = {name: values for name, values in arrays.items() if ": " not in name}
-        return Lesson(trajectory=plan, runs=runs, **_checked(Lesson, about["lesson"]), **own)
+        before, after = (float(x) for x in about["misfits"])
+        return Lesson(
+            trajectory=plan,
+            runs=runs,
+            servo=ServoModel(**about["servo"]),
+            misfits=(before, after),
+            **_checked(Lesson, about["lesson"]),
+            **own,
+        )
     except InvalidInput as error:
         raise error.at(str(file)) from None
     except Exception as error:

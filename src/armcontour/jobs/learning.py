@@ -97,8 +97,14 @@ class LearningStudy:
     def notes(self) -> list[str]:
         """Sentences on what comes next, and on what the runs have shown."""
         lesson = self.lesson
-        told = _on_time(lesson.delay, lesson.runs[-1])
+        told = _on_time(0.0, lesson.runs[-1])
         found = [self._verdict, *(f"{x}; learning allows for it." for x in told)]
+        if any(lesson.misfits):
+            before, after = (x * 1e3 for x in lesson.misfits)
+            found.append(
+                f"The log of run 1 deviates by {before:.3g} mrad RMS from the servo of the job. "
+                f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
+            )
         found += _other_set_points(lesson.runs[-1])
         if limits_to_keep(self.job, self.plan) is None:
             found.append(
@@ -120,10 +126,8 @@ class LearningStudy:
             best = f"the set-points are those of run {lesson.best + 1}, the best"
             return f"Finished: {lesson.reason}; {best}, and {noise}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        return (
-            f"Go on{because}: the next run should have {lesson.predicted * 1e3:.3g} mm RMS, and at "
-            f"most {lesson.bound * 1e3:.3g} mm; {noise}."
-        )
+        expected = f"the next run should have {lesson.predicted * 1e3:.3g} mm RMS"
+        return f"Go on{because}: {expected}; {noise}."
 
     def planned(self, t: FloatArray) -> FloatArray:
         """Planned joint positions [rad], (n, dof); at rest before and after the motion.

@@ -1,10 +1,8 @@
-"""When a recording was made: its clock, and the dead time of the robot."""
+"""The clock of a recording, in time of the plan."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -17,15 +15,6 @@ from armcontour.motion import TaughtData
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03
-# Longest dead time that is looked for [s]; a controller with more is not one for contours.
-LONGEST_DELAY = 0.05
-# Dead times are looked at by this much [s], then found to within NEAR_DELAY.
-LOOKED, NEAR_DELAY = 2.5e-3, 1e-5
-# Least gain of log likelihood by which a dead time can be told from none. Noise alone gained 2 at
-# most on a loaded PMK-3s and UR5e with friction and 1e-5 to 1e-4 rad of it; 5 ms with it 2 to 1200.
-TELLING = 10.0
-# Times that a fit with heavy tails is reweighted.
-REWEIGHTED = 8
 # Command intervals over which differences of set-points are averaged.
 AVERAGED = 10
 # Steps of Newton's method, which ends below this time [s].
@@ -173,88 +162,3 @@ def coarse_offset(
     power = squares[len(short) :] - squares[: len(product)]
     k = int(np.argmin(power - 2 * product))
     return float(short[0] - long[k])
-
-
-def fit_delay(
-    lifted: Lifted, moved: FloatArray, expected: Callable[[float], FloatArray], penalty: float
-) -> float:
-    """The dead time that the servo model does not know [s]; 0 if it cannot be told.
-
-    Friction, load and gains that differ from the model's make joints late, too. So every joint may
-    also be off by parts that go with its direction, velocity and acceleration, before the rest is
-    taken for dead time. All is compared as differences of the set-points that would explain it, so
-    that dead time shows where the motion changes fast; absolute values count, not squares, because
-    friction is not quite known at reversals.
-
-    Args:
-        lifted: The model.
-        moved: Measured motion of the joints at the model's times [rad], (n, dof).
-        expected: What is expected of it for a dead time [rad], (n, dof).
-        penalty: As in `Lifted.correct`, for the difference from what is expected.
-    """
-    from scipy.optimize import minimize_scalar
-
-    # Of the expected motion: noise in them would leave a part of what they cause to dead time.
-    others = _other_causes(lifted, expected(lifted.delay))
-    causes = [_jumps(lifted, x, penalty) for x in others]
-    explained = np.stack(causes, axis=-1)
-
-    @cache
-    def unlikely(delay: float) -> float:
-        rest = _jumps(lifted, moved - expected(delay), penalty)
-        return sum(_unlikely(explained[:, j], rest[:, j]) for j in range(lifted.dof))
-
-    least = -float(lifted.nominal.servo.dead_time.min())
-    looked = np.arange(least, LONGEST_DELAY, LOOKED)
-    k = int(np.argmin([unlikely(x) for x in looked.tolist()]))
-    if k == len(looked) - 1:
-        # Noise drowns what dead time does, or something else is much later: nothing is known.
-        return 0.0
-    found = minimize_scalar(
-        unlikely,
-        bounds=(max(least, looked[k] - LOOKED), looked[k] + LOOKED),
-        method="bounded",
-        options={"xatol": NEAR_DELAY},
-    )
-    return float(found.x) if unlikely(0.0) - found.fun > TELLING else 0.0
-
-
-def _jumps(lifted: Lifted, error: FloatArray, penalty: float) -> FloatArray:
-    """Differences of the set-points that explain an error [rad], (count - 1, dof)."""
-    return np.diff(-lifted.correct(error, penalty)[0], axis=0)
-
-
-def _other_causes(lifted: Lifted, q: FloatArray) -> list[FloatArray]:
-    """Deviations of all joints by other causes than dead time, one cause for each joint.
-
-    Args:
-        lifted: The model.
-        q: The joints' motion [rad], (n, dof).
-    """
-    speed = np.gradient(q, lifted.step, axis=0)
-    change = np.gradient(speed, lifted.step, axis=0)
-    fastest = np.abs(speed).max(axis=0)
-    direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
-    return [lifted.respond_to(x) for x in (direction, speed, change)]
-
-
-def _unlikely(parts: FloatArray, values: FloatArray) -> float:
-    """-log of the likelihood of values, by parts of any size and rests with heavy tails (Laplace).
-
-    Args:
-        parts: The parts, (n, parts).
-        values: What they explain, (n,).
-    """
-    size = np.linalg.norm(parts, axis=0)
-    matrix = parts[:, size > 0] / size[size > 0]
-    rest = values
-    weight = np.ones(len(values))
-    for _ in range(REWEIGHTED):
-        square = matrix.T @ (matrix * weight[:, None])
-        factors = np.linalg.lstsq(square, matrix.T @ (values * weight), rcond=None)[0]
-        rest = np.abs(values - matrix @ factors)
-        typical = float(np.median(rest))
-        if typical == 0.0:
-            return -np.inf if not rest.any() else 0.0
-        weight = typical / np.maximum(rest, typical)
-    return len(values) * float(np.log(rest.mean()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError
-from armcontour.learning.aligning import Clock, fit_clock, fit_delay, set_points_off
+from armcontour.learning.aligning import Clock, fit_clock, set_points_off
 from armcontour.learning.diagnosing import refuse_coarse, refuse_other_set_points, refuse_unlike
 from armcontour.learning.estimating import (
     UNTESTED,
@@ -25,9 +24,10 @@ from armcontour.learning.judging import Judge
 from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson, TransferredData
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
+from armcontour.learning.servo_fit import fit_servo
 from armcontour.learning.tracking import add_tool
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import refuse_commands
+from armcontour.motion.command_limits import SLACK, refuse_commands
 from armcontour.servo import ServoModel
 
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
@@ -37,8 +37,12 @@ HALF, SLOWER = 0.5, 100.0
 # A joint whose set-points would exceed a limit gets this share of its change, again and again; of
 # less than NO_STEP it gets none.
 SHORTER, NO_STEP = 0.8, 1e-6
-# With less noise than the model is off, dead time is looked for with this penalty.
-TO_FIND_DELAY = 1e-2
+# Set-points may accelerate so many times as much as before learning, where this is above the limit
+# of the joint; smoother corrections, with a larger penalty, are tried before shorter ones.
+ROUGHER = 2.0
+SMOOTHINGS, SMOOTHER = 5, 10.0
+# Learning ends at a setback if the effect of the last change is off by more than this share.
+MOST_OFF = 1.0
 # A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
 
@@ -79,10 +83,11 @@ def learn(
         CompensationError: The set-points of the last run exceed the limits.
     """
     nominal = _nominal(arm, servo, gravity_feedforward, known)
-    lifted, judge, taught, run, _ = _see(taught, executed, nominal, tool)
+    lifted, judge, taught, misfits, run, _ = _see(taught, executed, nominal, tool)
     refuse_other_set_points(run)
     before = taught.runs if isinstance(taught, Lesson) else ()
-    return _next_lesson(taught, (*before, run), lifted, judge, limits)
+    lesson = _next_lesson(taught, (*before, run), lifted, judge, limits)
+    return replace(lesson, delay=more_delay(lesson.servo, nominal.servo), misfits=misfits)
 
 
 def judge_run(
@@ -110,13 +115,13 @@ def judge_run(
         InvalidInput: The log is not of this taught data, or not fit to be judged.
     """
     nominal = _nominal(arm, servo, gravity_feedforward, known)
-    lifted, _, _, run, smooth = _see(taught, executed, nominal, tool)
+    lifted, _, _, _, run, smooth = _see(taught, executed, nominal, tool)
     return JudgedRun(
         run=run,
         t=lifted.t,
         q=lifted.planned + run.error,
         smooth=lifted.planned + smooth,
-        delay=lifted.delay,
+        delay=more_delay(lifted.nominal.servo, nominal.servo),
     )
 
 
@@ -133,45 +138,50 @@ def _see(
     executed: Execution | Log | Recording,
     nominal: Nominal,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> tuple[Lifted, Judge, TaughtData, LearnedRun, FloatArray]:
-    """A run as learning sees it: its model, judge, set-points, errors, and those without noise."""
+) -> tuple[Lifted, Judge, TaughtData, tuple[float, float], LearnedRun, FloatArray]:
+    """A run as learning sees it: model, judge, set-points, misfits, errors, those without noise."""
     recording = record(executed, taught)
-    lifted, clock, taught = _align(taught, recording, nominal)
+    lifted, clock, taught, misfits = _align(taught, recording, nominal)
     judge = Judge(nominal.arm, taught.trajectory, lifted.t, lifted.planned)
     run, smooth = _judge_run(lifted, judge, taught, recording, clock, tool)
-    return lifted, judge, taught, run, smooth
+    return lifted, judge, taught, misfits, run, smooth
 
 
 def _align(
     taught: TaughtData, recording: Recording, nominal: Nominal
-) -> tuple[Lifted, Clock, TaughtData]:
-    """The model, the recording's clock, and the taught data with times as the robot has them.
+) -> tuple[Lifted, Clock, TaughtData, tuple[float, float]]:
+    """The model, the recording's clock, the taught data with times as the robot has them, misfits.
 
-    A robot that is later than its model by whole command intervals gets its set-points earlier by
-    these: only their times in the plan change.
+    The servo is fitted to the log of the first run. A robot with more dead time than its model, by
+    whole command intervals, gets its set-points earlier by these: only their times in the plan
+    change.
     """
+    told = taught.servo if isinstance(taught, Lesson | TransferredData) else None
+    if told is not None:
+        nominal = replace(nominal, servo=told)
     known = taught.lifted if isinstance(taught, Lesson) else None
-    told = taught.delay if isinstance(taught, Lesson | TransferredData) else None
-    lifted = Lifted(taught, nominal, told or 0.0) if known is None else known
+    lifted = Lifted(taught, nominal) if known is None else known
     refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
     expected = lifted.expected(taught.q)
     refuse_unlike(recording, clock, lifted, expected)
     knows_time = recording.in_plan_time or recording.command is not None
     if told is not None or not knows_time:
-        return lifted, clock, taught
+        misfits = taught.misfits if isinstance(taught, Lesson) else (0.0, 0.0)
+        return lifted, clock, taught, misfits
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
     noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
-    variance = float(np.mean(unexplained(noise, measured - lifted.planned)))
-    penalty = TO_FIND_DELAY
-    if np.mean(noise**2) > variance / 2:
-        penalty = max(penalty, choose_penalty(lifted, measured - expected, variance))
-    delay = fit_delay(lifted, measured, partial(lifted.expected, taught.q), penalty)
-    earlier = start_early(taught, delay)
-    if earlier is taught:
-        return lifted.with_delay(delay), clock, taught
+    lead = lifted.reaching(taught.q) - lifted.planned
+    variance = float(np.mean(unexplained(noise, lead)))
+    fit = fit_servo(taught, lifted, measured, variance)
+    earlier = start_early(taught, more_delay(fit.servo, nominal.servo))
     clock = Clock(clock.offset + earlier.start_time - taught.start_time, clock.rate)
-    return Lifted(earlier, nominal, delay), clock, earlier
+    return Lifted(earlier, replace(nominal, servo=fit.servo)), clock, earlier, fit.misfits
+
+
+def more_delay(servo: ServoModel, nominal: ServoModel) -> float:
+    """Dead time of a servo beyond that of the nominal one [s]."""
+    return float((servo.dead_time - nominal.dead_time).max())
 
 
 def start_early(taught: TaughtData, delay: float) -> TaughtData:
@@ -222,7 +232,6 @@ def _judge_run(
         offset=clock.offset,
         rate=clock.rate,
         predicted=None if last is None else last.predicted,
-        bound=None if last is None else last.bound,
         set_points_off=set_points_off(recording, clock, taught),
         source=recording.source,
     )
@@ -242,24 +251,33 @@ def _next_lesson(
     setbacks = taught.setbacks if isinstance(taught, Lesson) else 0
     before = min((x.rms for x in runs[:-1]), default=np.inf)
     repeated = isinstance(taught, Lesson) and taught.finished
-    if runs[-1].rms > before + SURE * known.resolution and not repeated:
-        setbacks += 1
-    change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
+    is_setback = runs[-1].rms > before + SURE * known.resolution and not repeated
+    setbacks += is_setback
     step = HALF**setbacks * (known.step if len(runs) > 1 else 1.0)
-    change = step * (known.q - best.q + change)
-    share, reason = keep_limits(taught, best.q, change, limits)
+    fastest = allowed_accelerations(runs[0].q, taught.period, limits)
+    penalty = known.penalty * SLOWER**setbacks
+    for _ in range(SMOOTHINGS):
+        change, response = lifted.correct(known.error, penalty)
+        change = step * (known.q - best.q + change)
+        share, reason = keep_limits(taught, best.q, change, limits, fastest)
+        if "acceleration" not in reason:
+            break
+        penalty *= SMOOTHER
     left = judge.judge(max(known.off, UNTESTED) * response).rms
     rest = 1 - float(share.min()) * step
     predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
-    bound = best.rms + SURE * known.resolution
-    finished = best.rms - known.noise < known.resolution or setbacks >= MOST_SETBACKS
-    if finished:
+    finished = True
+    if best.rms - known.noise < known.resolution:
+        reason = "what remains is noise"
+    elif setbacks >= MOST_SETBACKS:
+        reason = f"{setbacks} changes made the error larger"
+    elif is_setback and known.off > MOST_OFF:
         reason = (
-            f"{setbacks} changes made the error larger"
-            if setbacks >= MOST_SETBACKS
-            else "what remains is noise"
+            f"the last change made the error larger, and its effect differs by {known.off:.0%} "
+            "from that of the servo model, so identify the servo"
         )
-        predicted = best.rms
+    else:
+        finished = False
     return Lesson(
         period=taught.period,
         q=best.q if finished else best.q + share * change,
@@ -267,9 +285,8 @@ def _next_lesson(
         method="learning",
         start_time=taught.start_time,
         runs=runs,
-        delay=lifted.delay,
-        predicted=predicted,
-        bound=bound,
+        servo=lifted.nominal.servo,
+        predicted=best.rms if finished else predicted,
         noise=known.noise,
         setbacks=setbacks,
         finished=finished,
@@ -278,8 +295,32 @@ def _next_lesson(
     )
 
 
+def allowed_accelerations(q: FloatArray, period: float, limits: Limits | None) -> FloatArray:
+    """Largest acceleration of the set-points of each joint [rad/s²], (dof,).
+
+    It is the limit of the joint, or so many times that of the set-points before learning if this
+    is more.
+
+    Args:
+        q: The set-points before learning [rad], (n, dof).
+        period: Command interval [s].
+        limits: Limits of the controller.
+    """
+    own = None if limits is None else limits.for_joints(q.shape[1]).joint_acceleration
+    return np.maximum(0.0 if own is None else own, ROUGHER * _accelerations(q, period))
+
+
+def _accelerations(q: FloatArray, period: float) -> FloatArray:
+    """Largest acceleration of set-points of each joint [rad/s²], (dof,)."""
+    return np.asarray(np.abs(np.diff(q, 2, axis=0)).max(axis=0, initial=0.0) / period**2)
+
+
 def keep_limits(
-    taught: TaughtData, q: FloatArray, change: FloatArray, limits: Limits | None
+    taught: TaughtData,
+    q: FloatArray,
+    change: FloatArray,
+    limits: Limits | None,
+    fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
     """The share of each joint's change that keeps the limits, (dof,), and why it is not all of it.
 
@@ -288,26 +329,28 @@ def keep_limits(
         q: The set-points that are changed [rad], (n, dof).
         change: Their change [rad], (n, dof).
         limits: Limits of the controller.
+        fastest: As `allowed_accelerations` gives it.
 
     Raises:
         CompensationError: The set-points exceed the limits before the change.
     """
-    share = np.ones(q.shape[1])
-    if limits is None:
-        return share, ""
-    own = limits.for_joints(q.shape[1])
+    share, reason = np.ones(q.shape[1]), ""
+    own = (limits or Limits()).for_joints(q.shape[1])
     plain = TaughtData(
         period=taught.period, q=q, trajectory=taught.trajectory, method=taught.method,
         start_time=taught.start_time,
     )  # fmt: skip
     refuse_commands(plain, own)
-    reason = ""
     while True:
+        found = q + share * change
+        rough = _accelerations(found, taught.period) > fastest * (1 + SLACK)
         try:
-            refuse_commands(replace(plain, q=q + share * change), own)
-            return share, reason
+            refuse_commands(replace(plain, q=found), own)
+            if not rough.any():
+                return share, reason
+            name, j = "acceleration", int(np.argmax(rough))
         except CompensationError as error:
             assert error.joint is not None
-            reason = f"the {error.limit} of joint {error.joint} bounds the step"
-            j = error.joint - 1
-            share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0
+            name, j = str(error.limit), error.joint - 1
+        reason = f"the {name} of the set-points of joint {j + 1} limits the step"
+        share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0

@@ -10,6 +10,7 @@ from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
+from armcontour.servo import ServoModel
 
 # Largest number of runs whose errors are printed.
 MOST_LISTED = 10
@@ -37,7 +38,6 @@ class LearnedRun:
         offset: Time of the plan when the clock of the log was at 0 [s].
         rate: Seconds of the plan in a second of the log.
         predicted: What `rms` was predicted to be [m]; None for the first run.
-        bound: What it was not to exceed [m].
         set_points_off: RMS by which the set-points in the log are beside those of the run [rad]; 0
             where the log has none.
         source: Where it comes from, for messages.
@@ -56,7 +56,6 @@ class LearnedRun:
     offset: float = 0.0
     rate: float = 1.0
     predicted: float | None = None
-    bound: float | None = None
     set_points_off: float = 0.0
     source: str = "the execution"
 
@@ -129,10 +128,12 @@ class Lesson(TaughtData):
 
     Args:
         runs: The runs so far, in order.
+        servo: The servo whose response learning assumes: the nominal one, or, if the log of the
+            first run does not support it, the one fitted to that log.
+        misfits: RMS deviation of the joints in that log from the motion with the nominal servo,
+            and with `servo` [rad]; both 0 if no servo was fitted.
         delay: Dead time of the robot beyond that of the servo model [s].
         predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
-        bound: A next run with a larger RMS error than this [m] is worse than the best run by more
-            than noise. It then is a setback, and learning goes back to the best run.
         noise: RMS error that does not repeat from run to run [m], as far as it is known.
         setbacks: Number of times that a run was worse than the best before it.
         finished: Whether nothing more is to be had. The set-points are then those of the best run.
@@ -145,9 +146,10 @@ class Lesson(TaughtData):
     """
 
     runs: tuple[LearnedRun, ...]
+    servo: ServoModel
+    misfits: tuple[float, float] = (0.0, 0.0)
     delay: float = 0.0
     predicted: float
-    bound: float
     noise: float
     setbacks: int = 0
     finished: bool = False
@@ -205,11 +207,13 @@ class TransferredData(TaughtData):
     Args:
         explained: Share of what was learned, in squares of joint positions, that causes with a
             known dependence on speed explain, from 0 to 1. The rest goes by the place on the path.
+        servo: The servo of the lesson.
         delay: Dead time of the robot beyond that of the servo model, from the lesson [s].
         reason: What keeps the correction small; may be empty.
     """
 
     explained: float
+    servo: ServoModel
     delay: float = 0.0
     reason: str = ""
 

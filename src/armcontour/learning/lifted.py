@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,8 +61,12 @@ class Nominal:
         )  # fmt: skip
 
     def command(self, plan: Trajectory, t: FloatArray) -> FloatArray:
-        """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof)."""
+        """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof).
+
+        At the first time the joints rest.
+        """
         q, dq, ddq = plan.motion_with_rests(t)
+        dq[0] = ddq[0] = 0.0
         model = self.drives if self.has_bodies else self.servo
         return model.command(q, dq, ddq)
 
@@ -75,7 +79,6 @@ class Lifted:
     Args:
         taught: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
-        delay: Dead time beyond that of the servo model [s].
         memory: Memory that the model may take [bytes].
 
     Attributes:
@@ -87,13 +90,9 @@ class Lifted:
     """
 
     def __init__(
-        self,
-        taught: TaughtData,
-        nominal: Nominal,
-        delay: float = 0.0,
-        memory: float = _memory.DEFAULT,
+        self, taught: TaughtData, nominal: Nominal, memory: float = _memory.DEFAULT
     ) -> None:
-        self.plan, self.nominal = taught.trajectory, nominal
+        self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
         self.t = _times(taught, nominal.servo)
@@ -105,26 +104,20 @@ class Lifted:
             "learn contour by contour or at a higher speed",
         )
         self.planned = self.plan.with_rests(self.t)
-        self._needed = nominal.command(self.plan, self.t).ravel()
-        self._make_equations()
-        self._set_delay(delay)
+        self._set_nominal(nominal)
 
-    def with_delay(self, delay: float) -> Lifted:
-        """The same model with another dead time beyond that of the servo model [s]."""
+    def with_servo(self, servo: ServoModel) -> Lifted:
+        """The response with another servo, at the same times."""
         other = copy.copy(self)
-        other._set_delay(delay)
+        other._set_nominal(replace(self.nominal, servo=servo))
         return other
 
-    def _set_delay(self, delay: float) -> None:
-        """Everything that depends on the dead time beyond that of the servo model [s]."""
-        self.delay = delay
-        self._weights = self._set_point_weights(delay)
+    def _set_nominal(self, nominal: Nominal) -> None:
+        self.nominal = nominal
+        self._needed = nominal.command(self.plan, self.t)
+        self._make_equations()
+        self._weights = self._weights_at()
         self._right = csc_array(self._by_command @ self._weights)
-        # What set-points that stay where the plan starts make the joints do.
-        held = np.tile(self.planned[0], self.count)
-        self._still = self.planned + self._solved(
-            self._by_command @ (self._weights @ held - self._needed)
-        )
         self._factors: dict[float, tuple[Any, Any]] = {}
 
     def _make_equations(self) -> None:
@@ -147,14 +140,41 @@ class Lifted:
         self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
         self._solve = splu(self._left, permc_spec="NATURAL")
 
-    def _set_point_weights(self, delay: float) -> csc_array:
-        """The command that reaches the drives, per set-point."""
-        n, servo = len(self.t), self.nominal.servo
+    def _weights_at(self, shift: float = 0.0) -> csc_array:
+        """Weights of the set-points in the command that reaches the drives, with feed-forward."""
+        kind = self.nominal.servo.interpolation
+        a, b = (np.tile(x, len(self.t)) for x in self.nominal.servo.lead)
+        found = self._interpolated(kind, shift)
+        if not (a.any() or b.any()):
+            return found
+        rates = self._rates_at(shift)
+        found = found + diags_array(a) @ rates
+        if kind == "linear":
+            second = (rates - self._rates_at(shift - self.period)) / self.period
+        else:
+            ends = (self._interpolated(kind, shift + x * self.step) for x in (-1, 0, 1))
+            before, here, after = ends
+            second = (after - 2 * here + before) / self.step**2
+        return csc_array(found if kind == "step" else found + diags_array(b) @ second)
+
+    def _rates_at(self, shift: float) -> csc_array:
+        """Weights of the set-points in the velocity of the command, mean over one step [1/s].
+
+        For interpolation "step" it is the velocity of the line one interval before.
+        """
+        kind, half = self.nominal.servo.interpolation, self.step / 2
+        if kind == "step":
+            kind, shift = "linear", shift - self.period
+        after, before = (self._interpolated(kind, shift + x) for x in (half, -half))
+        return csc_array((after - before) / self.step)
+
+    def _interpolated(self, kind: str, shift: float) -> csc_array:
+        """Weights of the set-points in the delayed command without feed-forward."""
+        n, dead_time = len(self.t), self.nominal.servo.dead_time
         rows, columns, values = [], [], []
         for j in range(self.dof):
-            index, weight = command_weights(
-                self.count, self.period, servo, j, delay, self.t - self.start
-            )  # fmt: skip
+            at = self.t - self.start - dead_time[j] + shift
+            index, weight = command_weights(self.count, self.period, kind, at)
             rows.append(np.repeat(np.arange(n) * self.dof + j, index.shape[1]))
             columns.append(index.ravel() * self.dof + j)
             values.append(weight.ravel())
@@ -162,15 +182,24 @@ class Lifted:
         shape = n * self.dof, self.count * self.dof
         return csc_array(coo_array((np.concatenate(values), where), shape=shape))
 
-    def respond(self, change: FloatArray, delay: float | None = None) -> FloatArray:
+    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Velocities of the command at the times: of the set-points, and with feed-forward [rad/s].
+
+        Args:
+            q: Set-points [rad], (count, dof).
+        """
+        half, shape = self.step / 2, self.t.shape + (self.dof,)
+        plain = self._rates_at(0.0) @ q.ravel()
+        after, before = (self._weights_at(x) @ q.ravel() for x in (half, -half))
+        return plain.reshape(shape), ((after - before) / self.step).reshape(shape)
+
+    def respond(self, change: FloatArray) -> FloatArray:
         """Change of the joints by a change of the set-points [rad], (n, dof).
 
         Args:
             change: Change of the set-points [rad], (count, dof).
-            delay: Dead time beyond that of the servo model [s]; by default that of the model.
         """
-        weights = self._weights if delay is None else self._set_point_weights(delay)
-        return self._solved(self._by_command @ (weights @ change.ravel()))
+        return self.respond_to(self.reaching(change))
 
     def reaching(self, change: FloatArray) -> FloatArray:
         """The change of the command that reaches the drives at the times [rad], (n, dof).
@@ -187,21 +216,23 @@ class Lifted:
             command: Change of the command at the times [rad], (n, dof) or (n, dof, cases).
         """
         cases = command.reshape(len(self.t) * self.dof, -1)
-        return self._solved(self._by_command @ cases).reshape(command.shape)
+        return np.asarray(self._solve.solve(self._by_command @ cases)).reshape(command.shape)
 
-    def expected(self, q: FloatArray, delay: float | None = None) -> FloatArray:
+    def follow(self, command: FloatArray) -> FloatArray:
+        """Joint positions of the nominal robot under a command that reaches the drives [rad].
+
+        Args:
+            command: The command at the times, with feed-forward [rad], (n, dof).
+        """
+        return self.planned + self.respond_to(command - self._needed)
+
+    def expected(self, q: FloatArray) -> FloatArray:
         """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
 
         Args:
             q: Set-points [rad], (count, dof).
-            delay: Dead time beyond that of the servo model [s]; by default that of the model.
         """
-        held = np.tile(self.planned[0], (self.count, 1))
-        return self._still + self.respond(q - held, delay)
-
-    def _solved(self, right: FloatArray) -> FloatArray:
-        found = np.asarray(self._solve.solve(right))
-        return found.reshape(len(self.t), self.dof) if found.ndim == 1 else found
+        return self.follow(self.reaching(q))
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
         """The change of the set-points that takes an error away, and the joints' response to it.

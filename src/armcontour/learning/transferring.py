@@ -10,7 +10,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.drives.drives import CREEP
 from armcontour.errors import InvalidInput
 from armcontour.learning.estimating import choose_penalty, unexplained
-from armcontour.learning.learner import keep_limits, start_early
+from armcontour.learning.learner import allowed_accelerations, keep_limits, start_early
 from armcontour.learning.lesson import LearnedRun, Lesson, TransferredData
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.motion import TaughtData, Trajectory
@@ -59,19 +59,21 @@ def transfer(
     """
     way = _Way(lesson.trajectory, taught.trajectory)
     nominal = Nominal(
-        arm=arm, servo=servo.for_joints(arm.dof),
+        arm=arm, servo=lesson.servo,
         gravity_feedforward=gravity_feedforward, known=known,
     )  # fmt: skip
-    old = lesson.lifted or Lifted(lesson, nominal, lesson.delay)
+    old = lesson.lifted or Lifted(lesson, nominal)
     taught = start_early(taught, lesson.delay)
-    new = Lifted(taught, nominal, lesson.delay)
+    new = Lifted(taught, nominal)
     best = lesson.runs[lesson.best]
-    factors, rest, explained = _explain(nominal, old, best)
+    factors, rest, explained = _explain(nominal, old, best, lesson.runs[0])
     at_place = interpolate(way.learned_at(new.t), old.t, rest)
     command = _causes(nominal, new.plan, new.t) @ factors + at_place
     error = new.expected(taught.q) - new.planned - new.respond_to(command)
     change, _ = new.correct(error, SMOOTH)
-    share, reason = keep_limits(taught, taught.q, change, limits)
+    fastest = allowed_accelerations(taught.q, taught.period, limits)
+    fastest = np.maximum(fastest, allowed_accelerations(best.q, lesson.period, limits))
+    share, reason = keep_limits(taught, taught.q, change, limits, fastest)
     return TransferredData(
         period=taught.period,
         q=taught.q + share * change,
@@ -79,13 +81,14 @@ def transfer(
         method="learning",
         start_time=taught.start_time,
         explained=explained,
+        servo=lesson.servo,
         delay=lesson.delay,
         reason=reason,
     )
 
 
 def _explain(
-    nominal: Nominal, lifted: Lifted, run: LearnedRun
+    nominal: Nominal, lifted: Lifted, run: LearnedRun, first: LearnedRun
 ) -> tuple[FloatArray, FloatArray, float]:
     """Splits what a robot needs beyond its model into causes and a rest.
 
@@ -93,6 +96,7 @@ def _explain(
         nominal: The nominal robot.
         lifted: Its model along the plan.
         run: The run that shows it.
+        first: The run before learning.
 
     Returns:
         Factors of the causes, (causes,); the command that they leave unexplained at the model's
@@ -111,7 +115,8 @@ def _explain(
     change, _ = lifted.correct(-left, choose_penalty(lifted, left, variance))
     noise = float(np.mean(run.noise**2))
     moving = (lifted.t >= 0) & (lifted.t <= lifted.plan.duration)
-    power, lost = (max(float(np.mean(x[moving] ** 2)) - noise, 0.0) for x in (needed, left))
+    learned = lifted.respond(run.q - first.q)
+    power, lost = (max(float(np.mean(x[moving] ** 2)) - noise, 0.0) for x in (learned, left))
     explained = 1 - lost / power if power > lost else 0.0
     factors = np.zeros(len(size))
     factors[size > 0] = found

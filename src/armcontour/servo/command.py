@@ -99,55 +99,36 @@ def sample_command(
 
 
 def command_weights(
-    count: int, period: float, servo: ServoModel, joint: int, delay: float, t: FloatArray
+    count: int, period: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Weights of the set-points in the delayed command of one joint, as `polynomials` gives it.
+    """Weights of the set-points in the command without dead time and feed-forward.
 
     Args:
         count: Number of set-points.
         period: Command interval [s].
-        servo: Servo model with values per joint.
-        joint: Index of the joint.
-        delay: Dead time beyond that of the servo model [s].
+        interpolation: As in `ServoModel`.
         t: Times since the first set-point [s], (n,).
 
     Returns:
         Indices of four set-points, which may repeat, and their weights, (n, 4) each.
     """
-    interpolation, dead_time = servo.interpolation, servo.dead_time[joint] + delay
-    a, b = (float(x[joint]) for x in servo.lead)
-    moves = ((t > dead_time) & (t < dead_time + (count - 1) * period)).astype(np.float64)
-    first, second = moves * a / period, moves * b / period**2
-    at = np.clip((t - dead_time) / period, 0.0, count - 1)
+    at = np.clip(t / period, 0.0, count - 1)
     k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
     x = np.clip(at - k, 0.0, 1.0)
     index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
     weight = np.zeros((len(t), 4))
-    if interpolation == "step":
+    if interpolation != "cubic":
         # The last set-point is reached at the end of the last interval.
-        late = (x >= 1 - SNAP).astype(np.float64)
-        weight[:, 1], weight[:, 2] = 1 - late, late
-        weight[:, 0] -= first
-        weight[:, 1] += first
-        return index, weight
-    if interpolation == "linear":
-        end = x + first
+        end = x if interpolation == "linear" else (x >= 1 - SNAP).astype(np.float64)
         weight[:, 1], weight[:, 2] = 1 - end, end
-        weight[:, :3] += second[:, None] * np.array([1.0, -2.0, 1.0])
         return index, weight
-
-    def reach(*coefficients: float) -> FloatArray:
-        """A polynomial in x, with what feed-forward adds."""
-        p = np.polynomial.Polynomial(coefficients)
-        return np.asarray(p(x) + first * p.deriv()(x) + second * p.deriv(2)(x))
-
-    end = reach(0, 0, 3, -2)
+    end = x * x * (3 - 2 * x)
     weight[:, 1], weight[:, 2] = 1 - end, end
     # The slopes at the first and the last set-point are 0.
-    slope = np.where(k > 0, reach(0, 1, -2, 1), 0.0) / 2
+    slope = np.where(k > 0, x * (1 - x) ** 2, 0.0) / 2
     weight[:, 0] -= slope
     weight[:, 2] += slope
-    slope = np.where(k < count - 2, reach(0, 0, -1, 1), 0.0) / 2
+    slope = np.where(k < count - 2, -x * x * (1 - x), 0.0) / 2
     weight[:, 1] -= slope
     weight[:, 3] += slope
     return index, weight

@@ -80,11 +80,7 @@ def _tiles(study: LearningStudy) -> tuple[Tile, ...]:
         found.append(Tile(label="next run", value="not needed", note=lesson.reason))
     else:
         found.append(
-            Tile(
-                label="next run, expected RMS",
-                value=_mm(lesson.predicted),
-                note=f"at most {_mm(lesson.bound)}",
-            )
+            Tile(label="next run, expected RMS", value=_mm(lesson.predicted), note=lesson.reason)
         )
     found.append(
         Tile(
@@ -128,33 +124,20 @@ def _over_runs(study: LearningStudy) -> Any:
 
 
 def _predictions(study: LearningStudy) -> Any:
-    """Markers of predicted RMS errors, with bars up to their bounds."""
+    """Markers of predicted RMS errors."""
     lesson = study.lesson
     found = [
-        (number, x.predicted, x.bound)
-        for number, x in enumerate(lesson.runs, start=1)
-        if x.predicted is not None and x.bound is not None
+        (k, x.predicted) for k, x in enumerate(lesson.runs, start=1) if x.predicted is not None
     ]
     if not lesson.finished:
-        found.append((len(lesson.runs) + 1, lesson.predicted, lesson.bound))
-    numbers = [x[0] for x in found]
-    expected = np.maximum(1e3 * np.array([x[1] for x in found]), SMALLEST_ERROR)
-    bound = np.maximum(1e3 * np.array([x[2] for x in found]), expected)
+        found.append((len(lesson.runs) + 1, lesson.predicted))
     return make_trace(
         "scatter",
-        x=numbers,
-        y=expected,
-        name="RMS that was predicted, and its bound",
+        x=[number for number, _ in found],
+        y=np.maximum(1e3 * np.array([x for _, x in found]), SMALLEST_ERROR),
+        name="RMS that was predicted",
         mode="markers",
         marker={"color": LIMIT_COLOUR, "symbol": "circle-open", "size": 13},
-        error_y={
-            "type": "data",
-            "symmetric": False,
-            "array": bound - expected,
-            "arrayminus": np.zeros(len(found)),
-            "color": LIMIT_COLOUR,
-            "thickness": 1,
-        },
     )
 
 
@@ -211,7 +194,7 @@ def _table(study: LearningStudy) -> Table:
 def run_header(study: LearningStudy) -> tuple[str, ...]:
     """Titles of the columns of `run_rows`."""
     seen = ("encoders show, RMS [mm]",) if study.robot else ("begins in the log at [s]",)
-    return ("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", "bound [mm]", *seen)
+    return ("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", *seen)
 
 
 def run_rows(study: LearningStudy) -> list[list[str]]:
@@ -222,9 +205,9 @@ def run_rows(study: LearningStudy) -> list[list[str]]:
         seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:z.2f}"
         mark = " (best)" if k == lesson.best and k else ""
         errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
-        rows.append([name + mark, *errors, _cell(x.predicted), _cell(x.bound), seen])
+        rows.append([name + mark, *errors, _cell(x.predicted), seen])
     if not lesson.finished:
-        rows.append(["next", "", "", _cell(lesson.predicted), _cell(lesson.bound), ""])
+        rows.append(["next", "", "", _cell(lesson.predicted), ""])
     return rows
 
 

@@ -1,0 +1,210 @@
+"""Fit of the servo model to the log of a run: gains, velocity feed-forward, dead time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.learning.estimating import choose_penalty
+from armcontour.learning.lifted import Lifted
+from armcontour.motion import TaughtData
+from armcontour.servo import ServoModel
+
+# Largest factor between a fitted gain and that of the model.
+MOST_FACTOR = 5.0
+# Largest feed-forward.
+MOST_F = 1.5
+# Fits start from the feed-forward of the model and from these.
+STARTS = (0.0, 0.9)
+# Longest dead time [s]; no controller for contouring has more.
+LONGEST_DELAY = 0.05
+# Standard deviations before the log is known: of logarithms of gains and of the feed-forward, and
+# of the dead time [s].
+PRIOR, DELAY_PRIOR = 0.5, 0.01
+# The penalty with which the first fits take all deviations for noise or the servo.
+NO_DISTURBANCE = 1e4
+# Most evaluations of a fit from each start, and of each of the fits that follow from the best.
+FIRST, ROUNDS, NEXT = 8, 2, 20
+# Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
+DAMPING, MOST_DAMPING = 1e-3, 1e6
+# A search ends where a step gains less than this of twice the log likelihood.
+SETTLED = 1e-2
+# Gain of twice the log likelihood per joint that a fitted servo needs.
+LEAST_GAIN = 20.0
+
+
+class ServoFit(NamedTuple):
+    """Servo model that a log supports.
+
+    Args:
+        servo: The servo.
+        misfits: RMS deviation of the joints from the motion with the nominal servo, and with this
+            one, without friction and offsets [rad]; both 0 if it is the nominal servo.
+    """
+
+    servo: ServoModel
+    misfits: tuple[float, float] = (0.0, 0.0)
+
+
+def fit_servo(
+    taught: TaughtData, lifted: Lifted, measured: FloatArray, variance: float
+) -> ServoFit:
+    """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
+
+    The deviation from the expected motion is white noise, friction of each joint, and
+    the response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
+    penalty that stands for the size of the disturbance is estimated together with the servo.
+
+    Args:
+        taught: Set-points of the run.
+        lifted: Response with the nominal servo.
+        measured: Measured joint positions at the times of the response [rad], (n, dof).
+        variance: Variance of the white noise in them [rad²].
+    """
+    fit = _Fit(taught, lifted, measured, variance)
+    nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
+    starts = [nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)]
+    found = min((fit.solve(x, FIRST) for x in starts), key=fit.cost)
+    for _ in range(ROUNDS):
+        fit.penalty = choose_penalty(lifted, fit.rest(found), variance)
+        found = fit.solve(found, NEXT)
+    alone = fit.solve_friction(nominal)
+    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
+        return ServoFit(lifted.nominal.servo)
+    before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
+    return ServoFit(fit.servo(found), (before, after))
+
+
+class _Fit:
+    """Residuals of a log, whitened by the nominal response, and their derivatives.
+
+    A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
+    T, the acceleration that its torque stands for. Parameters are, per joint, the changes of
+    `K_p b` and `K_p a` with the nominal K_p, friction, and, for order "second", the change of
+    `K_p K_v c`; and one change of all dead times. Offsets are part of the disturbance.
+    """
+
+    def __init__(
+        self, taught: TaughtData, lifted: Lifted, measured: FloatArray, variance: float
+    ) -> None:
+        self.taught, self.lifted, self.measured = taught, lifted, measured
+        self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
+        self.nominal, self.dof = lifted.nominal.servo, lifted.dof
+        spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
+        self.spread = np.append(np.repeat(spread, self.dof), DELAY_PRIOR)
+        self._last = np.zeros(len(self.spread)), lifted
+
+    def start(self, feedforward: FloatArray) -> FloatArray:
+        """Parameters of the nominal servo with another feed-forward."""
+        found = np.zeros(len(self.spread))
+        found[self.dof : 2 * self.dof] = feedforward - self.nominal.velocity_feedforward
+        return found
+
+    def servo(self, x: FloatArray) -> ServoModel:
+        """The servo of parameters."""
+        b, a, _, *c = x[:-1].reshape(-1, self.dof)
+        nominal = self.nominal
+        return nominal.replace(
+            kp=nominal.kp / (1 + b),
+            kv=None if nominal.kv is None else nominal.kv * (1 + b) / (1 + c[0]),
+            velocity_feedforward=np.clip((nominal.velocity_feedforward + a) / (1 + b), 0.0, MOST_F),
+            dead_time=np.maximum(nominal.dead_time + x[-1], 0.0),
+        )
+
+    def response(self, x: FloatArray) -> Lifted:
+        """The response with the servo of parameters."""
+        if not np.array_equal(x, self._last[0]):
+            self._last = x.copy(), self.lifted.with_servo(self.servo(x))
+        return self._last[1]
+
+    def rest(self, x: FloatArray) -> FloatArray:
+        """Deviations that parameters leave unexplained [rad], (n, dof)."""
+        friction = x[:-1].reshape(-1, self.dof)[2]
+        expected = self.response(x).expected(self.taught.q)
+        return np.asarray(self.measured - expected - self._friction(expected) * friction)
+
+    def _friction(self, expected: FloatArray) -> FloatArray:
+        speed = np.gradient(expected, self.lifted.step, axis=0)
+        fastest = np.abs(speed).max(axis=0)
+        direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
+        return self.lifted.respond_to(direction)
+
+    def whiten(self, error: FloatArray) -> FloatArray:
+        """A deviation whose values are independent, with the standard deviation 1."""
+        change, response = self.lifted.correct(error, self.penalty)
+        jumps = np.sqrt(self.penalty) * np.diff(change, axis=0)
+        return np.asarray(np.concatenate([error + response, jumps]).ravel() / self.deviation)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Whitened deviations, and parameters relative to their standard deviations."""
+        return np.append(self.whiten(self.rest(x)), x / self.spread)
+
+    def derivatives(self, x: FloatArray) -> FloatArray:
+        """Derivatives of `residuals` by the parameters."""
+        lifted, nominal, dof = self.response(x), self.nominal, self.dof
+        rate, with_feedforward = lifted.rates(self.taught.q)
+        expected = lifted.expected(self.taught.q)
+        dq = np.gradient(expected, lifted.step, axis=0)
+        causes = [-dq / nominal.kp, rate / nominal.kp]
+        if nominal.kv is not None:
+            causes.append(-_driven(lifted, expected, dq) / (nominal.kp * nominal.kv))
+        each = [x[:, :, None] * np.eye(dof) for x in causes]
+        late = -with_feedforward[:, :, None]
+        parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
+        friction = self._friction(expected)[:, :, None] * np.eye(dof)
+        parts = np.concatenate([parts[:, :, : 2 * dof], friction, parts[:, :, 2 * dof :]], axis=2)
+        columns = [-self.whiten(part) for part in np.moveaxis(parts, 2, 0)]
+        return np.vstack([np.stack(columns, axis=1), np.diag(1 / self.spread)])
+
+    def solve(self, x: FloatArray, steps: int) -> FloatArray:
+        """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
+        from scipy.optimize import lsq_linear
+
+        most, free = np.full(self.dof, MOST_FACTOR), np.full(self.dof, np.inf)
+        least = -self.nominal.velocity_feedforward
+        lower = np.concatenate([1 / most - 1, least, -free, 1 / most - 1])[: len(x) - 1]
+        upper = np.concatenate([most - 1, most, free, most - 1])[: len(x) - 1]
+        lower = np.append(lower, -float(self.nominal.dead_time.min())) - 1e-9
+        upper = np.append(upper, LONGEST_DELAY) + 1e-9
+        rest = self.residuals(x)
+        cost, damping = float(rest @ rest), DAMPING
+        for _ in range(steps):
+            slope = self.derivatives(x)
+            square, down = slope.T @ slope, slope.T @ rest
+            while damping < MOST_DAMPING:
+                factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
+                wanted = -np.linalg.solve(factor.T, down)
+                there = x + lsq_linear(factor, wanted, (lower - x, upper - x)).x
+                rest = self.residuals(there)
+                found = float(rest @ rest)
+                if found < cost:
+                    break
+                damping *= 10
+            else:
+                return x
+            gained, x, cost, damping = cost - found, there, found, damping / 10
+            if gained < SETTLED:
+                return x
+        return x
+
+    def solve_friction(self, x: FloatArray) -> FloatArray:
+        """Parameters with the most probable friction for the servo of x."""
+        of = slice(2 * self.dof, 3 * self.dof)
+        columns, found = self.derivatives(x)[:, of], x.copy()
+        found[of] -= np.linalg.lstsq(columns, self.residuals(x), rcond=None)[0]
+        return found
+
+    def cost(self, x: FloatArray) -> float:
+        """-2 log likelihood, up to a constant."""
+        return float(np.sum(self.residuals(x) ** 2))
+
+
+def _driven(lifted: Lifted, q: FloatArray, dq: FloatArray) -> FloatArray:
+    """Accelerations that the torques of the joints stand for [rad/s²], (n, dof)."""
+    ddq = np.gradient(dq, lifted.step, axis=0)
+    if not lifted.nominal.has_bodies:
+        return np.asarray(ddq)
+    drives = lifted.nominal.drives
+    return np.asarray(drives.moving_torque(q, dq, ddq) / drives.inertia)

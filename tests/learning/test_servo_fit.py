@@ -1,0 +1,99 @@
+"""The servo that learning assumes is the nominal one, unless the log supports another."""
+
+import numpy as np
+import pytest
+from soak.learning import record, task, wrong_model
+
+import armcontour as ac
+from armcontour.motion import smooth
+
+from .robots import SERVO, loaded, rounded, with_inertias
+
+pytest.importorskip("mujoco")
+
+
+def log_of(done, noise, seed=0):
+    """Log of an execution, with a sample of set-points and noisy positions per millisecond."""
+    taught = done.taught
+    command = np.stack([np.interp(done.t, taught.t, x) for x in taught.q.T], axis=1)
+    measured = done.q + np.random.default_rng(seed).normal(scale=noise, size=done.q.shape)
+    return ac.Log(t=done.t - done.t[0], command=command, measured=measured)
+
+
+def runs_of(taught, robot, noise, count, servo=SERVO):
+    """Lessons, and true RMS contour errors of the runs [mm], that of the last lesson included."""
+    arm, path, lessons, errors = robot.arm, taught.trajectory.path, [], []
+    for k in range(count):
+        done = ac.execute(taught, robot)
+        errors.append(1e3 * ac.evaluate(done, path).contour_error.rms)
+        taught = ac.learn(taught, log_of(done, noise, k), arm=arm, servo=servo)
+        lessons.append(taught)
+        if taught.finished:
+            break
+    errors.append(1e3 * ac.evaluate(ac.execute(taught, robot), path).contour_error.rms)
+    return lessons, errors
+
+
+def with_set_points():
+    """An arm, and set-points for it."""
+    arm = with_inertias()
+    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+    return arm, ac.compensate(smooth(ac.plan(rounded(), arm, limits), 0.02), SERVO)
+
+
+def test_feed_forward_that_the_model_lacks_is_found():
+    """Corrections of a model without it are wrong by the factor 1 + f s / K_p, and diverge."""
+    own = task("pmk3s")
+    true = {"kp": [28.0, 24.0], "kv": [160.0, 130.0], "velocity_feedforward": 0.9}
+    robot = ac.ServoPlant(own.arm, SERVO.replace(**true, dead_time=6e-3), saturation="none")
+    lessons, errors = runs_of(own.taught, robot, 1e-5, 4)
+    found = lessons[0].servo
+    np.testing.assert_allclose(found.velocity_feedforward, 0.9, atol=0.1)
+    assert lessons[0].misfits[1] < 0.2 * lessons[0].misfits[0]
+    assert errors[0] > 0.04 and min(errors[:4]) < 0.005 and errors[-1] < 0.005
+    assert all(after < before + 1e-3 for before, after in zip(errors, errors[1:], strict=False))
+    fastest = [np.abs(np.diff(x.q, 2, axis=0)).max(axis=0) for x in (own.taught, *lessons)]
+    assert all((x <= 2 * fastest[0] * (1 + 1e-9)).all() for x in fastest)
+    assert all(x.servo is found for x in lessons)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_random_wrong_models_are_learned_from(seed):
+    """`python -m soak.learning --wrong-models` has more."""
+    errors, lessons = wrong_model(task("pmk3s"), seed, runs=4)
+    assert errors.min() < 5e-6 or lessons[-1].finished
+    assert errors[-1] < errors.min() + 3 * lessons[-1].noise
+
+
+def test_a_right_model_is_kept():
+    arm, taught = with_set_points()
+    strong = ac.Limits(joint_torque=1e3).for_joints(2)
+    for noise in (0.0, 1e-6, 1e-4):
+        done = ac.execute(taught, ac.RigidBodyPlant(arm, SERVO, strong, known=arm, noise=noise))
+        lesson = ac.learn(taught, done, arm=arm, servo=SERVO)
+        assert lesson.misfits == (0.0, 0.0) and lesson.delay == 0.0
+        np.testing.assert_array_equal(lesson.servo.kp, [25.0, 25.0])
+
+
+def test_dead_time_is_found_beside_load_and_friction():
+    """A load delays joints, too: dead time is that of the servo that explains both best."""
+    arm, taught = with_set_points()
+    robot = loaded(arm, dead_time=9e-3, noise=1e-5)
+    lesson = ac.learn(taught, ac.execute(taught, robot), arm=arm, servo=SERVO)
+    assert lesson.delay == pytest.approx(9e-3, abs=3e-3)
+    assert lesson.start_time == pytest.approx(taught.start_time - 8e-3)
+
+
+def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
+    """Positions alone do not show dead time, so the servo of the job is used, right or wrong."""
+    own, random = task("pmk3s"), np.random.default_rng(0)
+    robot = ac.ServoPlant(own.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
+    taught = own.taught
+    for _ in range(6):
+        log = record(ac.execute(taught, robot), 1e-6, 1.0, random)
+        taught = ac.learn(taught, ac.Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO)
+        assert taught.misfits == (0.0, 0.0)
+        if taught.finished:
+            break
+    assert taught.finished and taught.reason
+    np.testing.assert_array_equal(taught.q, taught.runs[taught.best].q)
