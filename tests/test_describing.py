@@ -90,14 +90,15 @@ def learned(x):
         )
         for rms in (1e-4, 2e-5)
     )  # fmt: skip
-    told = {"predicted": 5e-6, "bound": 2e-5, "noise": 2e-6, "reason": "why"}
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    told = {"servo": servo, "predicted": 5e-6, "noise": 2e-6, "reason": "why"}
     return [
         (first, "contour error 0.1 mm RMS, 0.3 mm largest", "joints, RMS 0.1 0.2 mrad",
          "off the plan 0.2 mm RMS, 0.5 mm largest", "noise 0.001 0.002 mrad"),
         (ac.Lesson(**taught, runs=(first, second), **told), "RMS errors 0.1 0.02 mm",
          "Lesson of 2 runs: 608 set-points every 4 ms", "best run run 2, 0.02 mm",
          "next run 0.005 mm expected", "does not repeat 0.002 mm, 1% of the square"),
-        (ac.TransferredData(**taught, explained=0.97), "explained 97% of what was learned"),
+        (ac.TransferredData(**taught, servo=servo, explained=0.97), "explained 97% of what was learned"),
     ]  # fmt: skip
 
 

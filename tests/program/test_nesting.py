@@ -101,7 +101,7 @@ def test_the_survey_of_a_drawing_has_sizes_nesting_and_corners():
     )
     found = outer, hole, mark, away = survey(ac.Program(moves=moves))
     facts = [(x.number, x.inside, x.closed, x.corners) for x in found]
-    assert facts == [(1, None, True, 3), (2, 1, True, 0), (3, 2, False, 0), (4, None, False, 0)]
+    assert facts == [(1, None, True, 4), (2, 1, True, 0), (3, 2, False, 0), (4, None, False, 0)]
     assert (outer.lines, outer.arcs, hole.lines, hole.arcs) == (4, 0, 0, 1)
     assert outer.area == pytest.approx(0.006, rel=1e-12)
     assert hole.area == pytest.approx(-np.pi * 1e-4, rel=1e-9)

@@ -47,6 +47,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         names=None if x.contour is None else tuple(x.contour),
         colors=tuple(x.color) if x.color else None,
         flat=x.flat,
+        texts=x.texts,
         skip_unknown=x.skip_unknown,
         skip_words=split_words(x.skip),
         tools=read_tools(x.tool),

@@ -15,8 +15,9 @@ from typer.core import TyperCommand, TyperGroup
 
 # Topics in the help of a command, with the names of their options; others stand under "Options".
 TOPICS = {
-    "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "skip_unknown", "skip",
-                "tool", "waypoint_columns"),
+    "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "texts", "skip_unknown",
+                "waypoint_columns"),
+    "G-code": ("skip", "tool"),
     "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
     "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
                                  "iterations", "continuity", "from_s"),
@@ -214,6 +215,10 @@ class DrawingOptions:
         ),
     ] = None
     flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False
+    texts: Annotated[
+        str | None,
+        typer.Option("--texts", help="TEXT of DXF: leave_out, or contours of its letters."),
+    ] = None
     skip_unknown: Annotated[bool, typer.Option("--skip-unknown", help="Skip unknown elements.")] = (
         False
     )

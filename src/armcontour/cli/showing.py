@@ -84,6 +84,7 @@ def read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Progr
         names=x.contour or None,
         colors=x.color or None,
         flat=x.flat,
+        texts=x.texts or "leave_out",
         unknown=unknown,
         tools=read_tools(x.tool),
         progress=progress,

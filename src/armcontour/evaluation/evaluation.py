@@ -157,7 +157,9 @@ def _words(error: ErrorProfile | Missed | None, unit: Callable[[float], str] = m
 
 
 def _most(shares: FloatArray) -> str:
-    """The largest share of a limit, and its joint."""
+    """The largest share of a limit, and its joint; joints without a limit have the share 0."""
+    if not shares.any():
+        return "no limit"
     worst = int(shares.argmax())
     return f"{shares[worst]:.4f} (joint {worst + 1})"
 

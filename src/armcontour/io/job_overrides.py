@@ -39,6 +39,7 @@ class JobOverrides:
         names: Contours to run.
         colors: Colours of DXF entities, or of strokes in SVG, to run.
         flat: Whether to leave z out.
+        texts: What becomes of the texts of DXF.
         skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
         tools: Diameters of tools for G-code [m], by their numbers.
@@ -71,6 +72,7 @@ class JobOverrides:
     names: tuple[str, ...] | None = None
     colors: tuple[str, ...] | None = None
     flat: bool = False
+    texts: str | None = None
     skip_unknown: bool = False
     skip_words: tuple[str, ...] | None = None
     tools: dict[int, float] | None = None
@@ -211,6 +213,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "names": None if x.names is None else list(x.names),
         "colors": None if x.colors is None else list(x.colors),
         "flat": x.flat or None,
+        "texts": x.texts,
         "tools": x.tools,
         "unknown": SkipModel(skip=list(x.skip_words))
         if x.skip_words

@@ -244,6 +244,7 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
         "names": None if x.names is None else list(x.names),
         "colors": None if x.colors is None else list(x.colors),
         "flat": x.flat or None,
+        "texts": x.texts,
         "tools": x.tools,
         "unknown": {"skip": list(x.skip_words)}
         if x.skip_words

@@ -62,7 +62,7 @@ class Rounding:
         line_tolerance: For the shape free, the largest distance from the objective farther than
             `zone` from its corners [m]; by default the tolerance holds everywhere.
         zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
-        iterations: For the shape free, the largest number of steps of the search; by default 30.
+        iterations: For the shape free, the largest number of steps of the search; by default 60.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.

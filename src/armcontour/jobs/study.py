@@ -351,7 +351,7 @@ class RunResult(RunPlan):
                     if judged is None
                     else f"{mm(judged.rms)} RMS, {mm(judged.max)} largest",
                 ),
-                ("joint demand / limit", f"{e.demand_ratio.max():.4f}"),
+                ("joint demand / limit", _demand(e)),
                 *self._rows,
             ],
         )
@@ -406,12 +406,17 @@ class Study:
         for name, x in self.runs.items():
             e = x.evaluation
             errors = (mm(e.contour_error.rms), mm(e.contour_error.max))
-            rows.append((name, f"{e.duration:.4f} s", *errors, f"{e.demand_ratio.max():.4f}"))
+            rows.append((name, f"{e.duration:.4f} s", *errors, _demand(e)))
         found = len(warnings_of(self.runs.values()))
         more = f", {several(found, 'warning')}" if found else ""
         return line_up(f"Study of {self.job.title}{more}", rows, columns=">")
 
     __repr__ = brief
+
+
+def _demand(e: Evaluation) -> str:
+    """The largest demand of a joint as a share of its limit."""
+    return f"{e.demand_ratio.max():.4f}" if e.demand_ratio.any() else "no limit"
 
 
 def warnings_of(plans: Iterable[TimedRun]) -> tuple[str, ...]:

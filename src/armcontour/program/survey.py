@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.program.moves import Program
+from armcontour.frames import angle_between
+from armcontour.program.moves import Contour, Program
 from armcontour.program.nesting import nest
 
 # Turn from which a vertex is called a corner [rad]: less is what printed coordinates make.
@@ -64,10 +65,18 @@ def survey(program: Program) -> tuple[ContourFacts, ...]:
                 inside=None if parent < 0 else parent + 1,
                 lines=len(x.path) - arcs,
                 arcs=arcs,
-                corners=int(np.count_nonzero(x.path.turns >= CORNER)),
+                corners=int(np.count_nonzero(_turns(x) >= CORNER)),
             )
         )
     return tuple(found)
+
+
+def _turns(contour: Contour) -> FloatArray:
+    """Angles of all vertices [rad], for closed contours that of the start, too."""
+    path = contour.path
+    if not contour.closed:
+        return path.turns
+    return np.append(path.turns, angle_between(path.segments.end_tangents[-1:], path.tangents[:1]))
 
 
 def extent_of(facts: Sequence[ContourFacts]) -> FloatArray:

@@ -304,6 +304,10 @@ class Walk:
             found.append(
                 f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
             )
+            if self.unknown["TEXT"]:
+                found[-1] += (
+                    " Letters of TEXT become contours with path.texts or --texts: contours."
+                )
         if self.drawn_texts:
             found.append(
                 f"Drawn through a font of this machine, which may differ from the drawing's: "

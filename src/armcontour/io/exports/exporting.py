@@ -91,8 +91,8 @@ def export(
             program of the pendant includes. Programs that are sent to the controller end without.
 
     Warns:
-        UserWarning: A program of the template kuka or abb does not switch an event, or a program
-            does not set an analog output, as no output is named.
+        UserWarning: A program of "urscript" or of the template kuka or abb does not switch an
+            event, or a program does not set an analog output, as no output is named.
 
     Raises:
         InvalidInput: The format is unknown or does not have an option, an output is of an unknown

@@ -21,7 +21,9 @@ from armcontour.io.exports.text import DECIMALS, format_event
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 # Outputs as these controllers name them, for messages.
-EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17}
+EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
+# What their programs have in the place of an event without an output.
+INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
 # So many events are named in one sentence.
 MOST_NAMES = 4
@@ -133,7 +135,7 @@ def describe_unswitched(
             f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
             f"named. Name an output, such as {example}."
         )
-    if not isinstance(name, str) or name not in SHIPPED:
+    if not isinstance(name, str) or name not in EXAMPLES:
         return found
     left = [x for x in table.events if x.name not in (outputs or {})]
     valued = {x.name: None for x in left if not isinstance(x.value, bool)}
@@ -142,13 +144,14 @@ def describe_unswitched(
         example = name_output(next(iter(switches)), EXAMPLES[name])
         found.append(
             f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
-            f"named: the program has comments in these places. Name an output, such as {example}."
+            f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
+            f"{example}."
         )
     if valued:
         found.append(
             f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
-            "on or off: the program has comments in these places. Such values need a template of "
-            "your own."
+            f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
+            "template of your own."
         )
     return found
 

@@ -135,8 +135,10 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         ),
         Tile(
             label="joint demand / limit",
-            value=_ratio(float(e.demand_ratio[worst])),
-            note=f"{names[worst]}; {_saturated(result)}",
+            value=_ratio(float(e.demand_ratio[worst])) if e.demand_ratio.any() else "no limit",
+            note=f"{names[worst]}; {_saturated(result)}"
+            if e.demand_ratio.any()
+            else "the arm has no limits of joint acceleration or torque",
         ),
         *_jerk(result),
         Tile(
