@@ -504,7 +504,7 @@ TEXTS = {
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
-    "--predict", "--run", "--scene", "--shapes", "--shard", "--skip", "--taught",
+    "--predict", "--run", "--scene", "--shapes", "--shard", "--skip", "--taught", "--texts",
     "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

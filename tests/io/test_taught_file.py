@@ -16,6 +16,9 @@ from armcontour.io.taught_file import LESSON, read_taught
 from armcontour.jobs.learning import plan_run
 from armcontour.learning import LearnedRun, Lesson
 from armcontour.motion import TaughtData
+from armcontour.servo import ServoModel
+
+SERVO = ServoModel(kp=[25 / 3, 24.0], kv=[150.0, 1000 / 7], dead_time=1 / 300).for_joints(2)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +40,7 @@ def learned(plan, step=1e-3):
     )  # fmt: skip
     return Lesson(
         period=taught.period, q=taught.q + step / 3, trajectory=taught.trajectory,
-        method="learning", start_time=-taught.period, runs=(run,), predicted=0.0, bound=0.0,
+        method="learning", start_time=-taught.period, runs=(run,), servo=SERVO, predicted=0.0,
         noise=0.0,
     )  # fmt: skip
 
@@ -107,8 +110,8 @@ def made(plan, runs=2):
 
     return Lesson(
         period=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
-        runs=tuple(run(k) for k in range(runs)), predicted=1 / 3, bound=2 / 3, noise=1e-7 / 3,
-        setbacks=1, reason="because",
+        runs=tuple(run(k) for k in range(runs)), servo=SERVO, misfits=(1 / 3, 1 / 7),
+        predicted=1 / 3, noise=1e-7 / 3, setbacks=1, reason="because",
     )  # fmt: skip
 
 
@@ -119,6 +122,8 @@ def same(first, second):
             assert len(a) == len(b)
             for one, other in zip(a, b, strict=True):
                 same(one, other)
+        elif isinstance(a, ServoModel):
+            same(a, b)
         elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
         else:
@@ -161,7 +166,7 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... reads version 1"),
+        (other(version=99), "version 99 ... reads version 2"),
         (other(runs=[]), "a.npz ... at least one run"),
         (other(True, tool_rms="large"), "damaged"),
         (other(True, tool_rms=float("nan")), "damaged"),
