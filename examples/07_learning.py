@@ -29,4 +29,4 @@ for run in range(1, 4):
         f"run {run}: contour error {error.rms * 1e3:.3f} mm RMS, {error.max * 1e3:.3f} mm at most"
     )
     taught = ac.learn(taught, executed, arm=arm, servo=servo)
-print(f"next: {taught.predicted * 1e3:.3f} mm RMS expected, {taught.bound * 1e3:.3f} mm at most")
+print(f"next: {taught.predicted * 1e3:.3f} mm RMS expected")
