@@ -63,6 +63,6 @@ def draw() -> Figure:
 
 def _demand(plan: ac.Trajectory, poles: tuple[float, float, float]) -> float:
     """What the set-points ask of the joints, if they do not saturate [rad/s²]."""
-    taught = ac.compensate(plan, job.SERVO, poles=poles, period=job.PERIOD)
+    taught = ac.compensate(plan, job.SERVO, method="pole_placement", poles=poles, period=job.PERIOD)
     plant = ac.ServoPlant(job.ARM, job.SERVO, saturation="none")
     return float(ac.execute(taught, plant, resolution=job.PERIOD).peak_demand.max())

@@ -78,7 +78,7 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
     assert p > {"linear": 300, "cubic": 100}[interpolation]
     for share, saturates in ((1.0, False), (1.03, True)):
         placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
-        taught = ac.compensate(plan, servo, poles=placed)
+        taught = ac.compensate(plan, servo, method="pole_placement", poles=placed)
         done = ac.execute(taught, ac.ServoPlant(arm, servo))
         assert (done.peak_demand > 0.72).any() == saturates
 
@@ -86,7 +86,7 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
 def test_they_follow_better_than_the_default(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
-        taught = ac.compensate(plan, SERVO, poles=poles)
+        taught = ac.compensate(plan, SERVO, method="pole_placement", poles=poles)
         done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
         rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5

@@ -92,7 +92,8 @@ def test_pole_placement_leads_too(arm):
     for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
         done = []
         for servo in (prompt, prompt.replace(dead_time=dead)):
-            taught = ac.compensate(SWING, servo, period=1e-3, poles=poles)
+            how = {"method": "pole_placement", "poles": poles}
+            taught = ac.compensate(SWING, servo, period=1e-3, **how)
             done.append(ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=1e-3))
         first, second = (x.q[np.searchsorted(x.t, 0.0) :][:600] for x in done)
         np.testing.assert_allclose(first, second, atol=1e-6)

@@ -52,7 +52,7 @@ def parse(changes):
 # Changes of the good job, and what is then where.
 VALUES = """
 title: x => {arm.name: PMK-3s, path.vertices: [[0.3, 0.2], [0.4, 0.2], [0.4, 0.3]]}
-title: x => {runs.one.timing: mac, runs.one.compensation: pole_placement, runs.one.period: 4.0e-3}
+title: x => {runs.one.timing: mac, runs.one.compensation: inverse, runs.one.period: 4.0e-3}
 title: x => {runs.one.limits.speed: 0.1, runs.one.rounding.tolerance: 2.0e-3, servo.kp: [25, 25]}
 title: x => {runs.one.limits.joint_acceleration: [0.72, 0.72], runs.one.smoothing: []}
 runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.speed: 0.04}
@@ -69,6 +69,9 @@ plant: {dead_time: 44 ms} => {plant_servo.kp: [25, 25], plant_servo.kv: [150, 15
 plant: {dead_time: 44 ms} => {plant_servo.dead_time: [0.044, 0.044], servo.dead_time: [0, 0]}
 plant: {order: first} => {plant_servo.order: first, plant_servo.kv: null}
 plant: {} => {plant_servo.order: second}
+experiment: {} => {runs.one.compensation: inverse_dynamics}
+experiment: {runs: []} => {runs.one.compensation: inverse}
+experiment: {} | servo: {kp: 25 1/s, order: first} => {runs.one.compensation: inverse}
 corners: {speed: 0.03 m/s, acceleration: 0.05} => {runs.one.limits.centripetal_acceleration: 0.09}
 limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_acceleration: 1}
 """
@@ -103,8 +106,11 @@ def test_a_good_job_is_read_in_si_units():
 
 def test_methods_are_those_of_the_doors():
     kinds = json_schema()["$defs"]
-    for name, known in (("Timing", methods.METHODS), ("Compensation", compensator.METHODS)):
-        assert kinds[f"{name}Model"]["properties"]["method"]["enum"] == list(known)
+    timing, compensation = (
+        kinds[f"{name}Model"]["properties"]["method"] for name in ("Timing", "Compensation")
+    )
+    assert timing["enum"] == list(methods.METHODS)
+    assert compensation["anyOf"][0]["enum"] == list(compensator.METHODS)
 
 
 BAD = r"""

@@ -118,9 +118,27 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     seen = only(job(straight, **options, experiment=Experiment()))
     on_bodies = seen.experiment.evaluation.contour_error.max * 1e3
     assert on_bodies < 0.01 * off
-    (warning,) = seen.warnings
-    assert f"its experiment judges it (up to {on_bodies:.3g} mm off)" in warning
-    assert f"no bodies (up to {off:.3g} mm off)" in warning
+    assert seen.warnings == () and seen.judged is seen.experiment.evaluation
+
+
+def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
+    experiment = Experiment(coulomb=[0.02, 0.0])
+    seen = only(job(ac.Path.polyline(LINES), compensation="inverse", experiment=experiment))
+    judged, plain = seen.experiment.evaluation, seen.experiment.uncompensated
+    assert plain.contour_error.rms > judged.contour_error.rms > 0
+    for evaluation, uncompensated in ((judged, judged), (judged, None), (plain, judged)):
+        other = dataclasses.replace(
+            seen.experiment, evaluation=evaluation, uncompensated=uncompensated
+        )
+        said = [x for x in dataclasses.replace(seen, experiment=other).warnings if "bodies" in x]
+        assert len(said) == (evaluation is plain)
+    for value in (plain.contour_error.rms, judged.contour_error.rms):
+        assert f"{value * 1e3:.4g} " in said[0]
+    assert "method: inverse_dynamics" in said[0] and "0.02, 0 N m" in said[0]
+    assert (
+        only(job(ac.Path.polyline(LINES), compensation="none", experiment=experiment)).warnings
+        == ()
+    )
 
 
 def approached(dwell):

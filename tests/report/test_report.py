@@ -8,7 +8,7 @@ import pytest
 from armcontour.cli.running import built_in_job
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import Experiment, Study, run
+from armcontour.jobs import Study, run
 from armcontour.report import render_report, write_report
 from armcontour.report.sections import overview, paths
 from armcontour.report.sections.motion import find_saturation
@@ -85,22 +85,6 @@ def test_the_overview_compares_runs_in_a_table_or_shows_tiles(study):
     for_bodies = Study(job=study.job, runs={"proposed": dataclasses.replace(result, run=own)})
     ((_, tiles),) = overview(for_bodies).tiles  # what judges set-points for bodies comes first
     assert tiles[1].label.startswith("experiment: ") and tiles[1].label.endswith(tiles[2].label)
-
-
-def test_compensation_that_does_harm_on_bodies_is_said(study):
-    def notes(runs):
-        found = overview(Study(job=study.job, runs=runs)).notes
-        return [x for x in found if x.startswith("On rigid bodies")]
-
-    assert notes(study.runs) == []
-    plain, made_up = study.runs["uncompensated"], study.runs["proposed"]
-    worse = dataclasses.replace(made_up, experiment=plain.experiment)
-    runs = {"uncompensated": dataclasses.replace(plain, experiment=made_up.experiment)}
-    (note,) = notes({**runs, "proposed": worse})
-    assert "proposed" in note and "uncompensated" in note
-    rubbed = dataclasses.replace(worse.run, experiment=Experiment(coulomb=6.0))
-    (note,) = notes({**runs, "proposed": dataclasses.replace(worse, run=rubbed)})
-    assert note.endswith("Coulomb friction of 6 N m.")
 
 
 def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study):

@@ -243,13 +243,12 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
     rows = []
     for name, result in study.runs.items():
         e = result.evaluation
-        cells = [
-            f"{e.duration:.4f}",
-            f"{e.settled:.3f}",
-            *_errors(e),
-            # Without limits of acceleration there is nothing to compare with.
-            "-" if result.run.limits.joint_acceleration is None else f"{e.demand_ratio.max():.4f}",
-        ]
+        # Without limits of acceleration there is nothing to compare with.
+        limited = result.run.limits.joint_acceleration is not None
+        on_servo = [*_errors(e), f"{e.demand_ratio.max():.4f}" if limited else "-"]
+        if result.judged is not e:
+            on_servo = ["-"] * len(on_servo)
+        cells = [f"{e.duration:.4f}", f"{result.judged.settled:.3f}", *on_servo]
         if jerks:
             unlimited = result.run.limits.joint_jerk is None
             cells.append("-" if unlimited else f"{e.jerk_ratio.max():.4f}")

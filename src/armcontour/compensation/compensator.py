@@ -29,7 +29,7 @@ def compensate(
     trajectory: Trajectory,
     servo: ServoModel,
     *,
-    method: str = "pole_placement",
+    method: str | None = None,
     period: float = 4e-3,
     arm: Arm | None = None,
     limits: Limits | None = None,
@@ -44,15 +44,17 @@ def compensate(
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model whose delay is compensated.
-        method: "pole_placement" is the paper's compensator (26). "inverse" is the exact inverse of
-            the unsaturated servo, for the mean of the trajectory over a command interval about each
-            set-point; where accelerations jump, servos are asked for about 1 % more than that. The
-            first set-point, one interval before time 0, is the start of the plan.
-            "inverse_dynamics" is the inverse of drives that move the bodies of `arm`, best for
-            plans that are smoothed over a command interval; its first and last set-points hold the
-            arm at both ends of the plan. "none" is the trajectory itself, without time advance.
+        method: "inverse" is the exact inverse of the unsaturated servo, for the mean of the
+            trajectory over a command interval about each set-point; where accelerations jump,
+            servos are asked for about 1 % more than that. The first set-point, one interval before
+            time 0, is the start of the plan. "inverse_dynamics" is the inverse of drives that move
+            the bodies of `arm`, best for plans that are smoothed over a command interval; its first
+            and last set-points hold the arm at both ends of the plan. "pole_placement" is the
+            paper's compensator (26). "none" is the trajectory itself, without time advance. By
+            default the one of `default_method`.
         period: Command interval [s].
-        arm: The nominal arm, for "inverse_dynamics"; other methods do not use it.
+        arm: The nominal arm whose bodies the drives move, for "inverse_dynamics"; other methods do
+            not use it. By default set-points are for the servo model alone.
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
             must not move faster than joint_velocity. By default they are not checked.
         memory: Memory that the computation may use [bytes].
@@ -75,7 +77,7 @@ def compensate(
     taught = compensate_quietly(
         trajectory,
         servo,
-        method=method,
+        method=default_method(servo, arm) if method is None else method,
         period=period,
         arm=arm,
         limits=limits,
@@ -85,6 +87,20 @@ def compensate(
     for doubt in (*doubt_interval(taught.period), *doubt_gains(servo)):
         warnings.warn(capitalise(doubt), stacklevel=2)
     return taught
+
+
+def default_method(servo: ServoModel, arm: Arm | None) -> str:
+    """The method of the smallest contour error, see docs/guides/compensations.md.
+
+    Args:
+        servo: The servo model.
+        arm: The arm whose bodies the drives move; None for joints that move as the servo model.
+
+    Returns:
+        "inverse_dynamics" for bodies of known masses and a servo of second order, else "inverse".
+    """
+    bodies = arm is not None and arm.has_bodies and servo.kv is not None
+    return "inverse_dynamics" if bodies else "inverse"
 
 
 def compensate_quietly(

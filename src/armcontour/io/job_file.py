@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -18,6 +18,7 @@ from armcontour._progress import Progress
 from armcontour._text import show
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits
+from armcontour.compensation.compensator import default_method
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of, tools_of
@@ -28,6 +29,7 @@ from armcontour.io.job_model import (
     PlacementModel,
     PublishedModel,
     RunModel,
+    TimingModel,
 )
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
@@ -269,7 +271,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
-    _refuse_options(f"runs.{name}", model)
+    experiment = _experiment(name, job.experiment, arm)
+    compensation = model.compensation
+    if compensation.method is None:
+        on = None if experiment is None else arm
+        compensation = dataclasses.replace(compensation, method=default_method(job.servo, on))
+    _refuse_options(f"runs.{name}.timing", model.timing, TIMING_OPTIONS)
+    _refuse_options(f"runs.{name}.compensation", compensation, COMPENSATION_OPTIONS)
     if not isinstance(corners, str):
         key = "corners" if model.corners is None else f"runs.{name}.corners"
         with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
@@ -277,7 +285,6 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         if corners.tolerance is None:
             _refuse_no_speed(key, corners, limits)
     timing = model.timing
-    experiment = _experiment(name, job.experiment, arm)
     period, key = job.command_interval, "command_interval"
     if model.command_interval is not None:
         period, key = model.command_interval, f"runs.{name}.command_interval"
@@ -290,12 +297,12 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         return Run(
             name=name,
             timing=timing.method,
-            compensation=model.compensation.method,
+            compensation=str(compensation.method),
             limits=limits,
             rounding=None if isinstance(corners, str) else corners,
             period=period,
             timing_options={key: value for key, value in options.items() if value is not None},
-            compensation_options=_compensation_options(model.compensation, experiment),
+            compensation_options=_compensation_options(compensation, experiment),
             until=model.until,
             duration=model.duration,
             smoothing=_windows(model.smoothing),
@@ -337,15 +344,15 @@ def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
         )
 
 
-def _refuse_options(key: str, model: RunModel) -> None:
+def _refuse_options(
+    key: str, chosen: TimingModel | CompensationModel, methods: Mapping[str, str]
+) -> None:
     """Refuse options that belong to another method than the chosen one."""
-    for name, methods in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
-        chosen = getattr(model, name)
-        for option, method in methods.items():
-            if getattr(chosen, option) is not None and chosen.method != method:
-                raise InvalidInput(
-                    f"{key}.{name}.{option} goes with the method {method}, not {chosen.method}."
-                )
+    for option, method in methods.items():
+        if getattr(chosen, option) is not None and chosen.method != method:
+            raise InvalidInput(
+                f"{key}.{option} goes with the method {method}, not {chosen.method}."
+            )
 
 
 def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:

@@ -359,14 +359,15 @@ class CompensationModel:
 
     Args:
         method: The servo's exact inverse, pole placement (servo of order second only), the inverse
-            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
+            of drives that move the arm's bodies (arm with masses, servo of order second), or none;
+            by default inverse_dynamics for a run with an experiment on such bodies, else inverse.
         poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
             joint.
         gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
             by default as in the experiment, or true without an experiment.
     """
 
-    method: Annotated[str, Choice(compensator.METHODS)] = "pole_placement"
+    method: Annotated[str, Choice(compensator.METHODS)] | None = None
     poles: Poles | list[Poles] | None = None
     gravity_feedforward: bool | None = None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -44,12 +45,14 @@ from armcontour.jobs.slow_ends import slow_ends
 from armcontour.jobs.weak_points import (
     DRIVE_CYCLE,
     INVERSE_DYNAMICS,
+    NONE,
     capped,
-    made_for_bodies,
+    not_judged,
     overloaded,
     sensitive_to_delay,
     smoothed_beyond,
     unsettled,
+    worse_than_none,
 )
 from armcontour.jobs.weaving import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
@@ -92,11 +95,14 @@ class ExperimentResult:
         plant: The bodies and drives.
         execution: The executed motion.
         evaluation: Errors of the executed motion.
+        uncompensated: Errors of the same plan without compensation; None for a run that has none,
+            or if its joints do not come to rest.
     """
 
     plant: RigidBodyPlant
     execution: Execution
     evaluation: Evaluation
+    uncompensated: Evaluation | None = None
 
     def __str__(self) -> str:
         """The evaluation."""
@@ -372,14 +378,24 @@ class RunResult(RunPlan):
         ):
             planned += (f"as executed, {near.too_near[0]}, which is within the margin.",)
         if not self.for_bodies:
-            return (
-                *planned,
+            planned += (
                 *overloaded(self.execution, self.evaluation, self.run),
                 *unsettled(self.evaluation, self.trajectory, self.path),
                 *sensitive_to_delay(self.evaluation, self.delayed),
             )
-        bodies = None if self.experiment is None else self.experiment.evaluation
-        return (*planned, made_for_bodies(self.evaluation, bodies, self.run))
+        elif self.run.experiment is None:
+            planned += (not_judged(self.evaluation),)
+        if self.experiment is not None:
+            x = self.experiment
+            planned += tuple(worse_than_none(x.evaluation, x.uncompensated, self.run))
+        return planned
+
+    @property
+    def judged(self) -> Evaluation:
+        """What judges the run: its experiment, if its set-points are for the arm's bodies."""
+        if self.for_bodies and self.experiment is not None:
+            return self.experiment.evaluation
+        return self.evaluation
 
     @property
     def for_bodies(self) -> bool:
@@ -404,7 +420,7 @@ class Study:
         header = ("run", "motion", "RMS error", "largest", "demand / limit")
         rows = [header]
         for name, x in self.runs.items():
-            e = x.evaluation
+            e = x.judged
             errors = (mm(e.contour_error.rms), mm(e.contour_error.max))
             rows.append((name, f"{e.duration:.4f} s", *errors, _demand(e)))
         found = len(warnings_of(self.runs.values()))
@@ -734,7 +750,16 @@ def on_bodies(
         assert this.experiment is not None
         plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     # The plant has no results between two cycles of the drives.
-    executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
+    how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step), "memory": job.memory}
+    executed = execute(taught, plant, **how)
+    uncompensated = None
+    if this.compensation != NONE:
+        plain = teach_run(
+            job, replace(this, compensation=NONE, compensation_options={}), taught.trajectory
+        )
+        with suppress(ExecutionError):
+            done = execute(plain, plant, **how)
+            uncompensated = evaluate(done, path, until=this.until)
     return ExperimentResult(
         plant=plant,
         execution=executed,
@@ -746,4 +771,5 @@ def on_bodies(
             until=this.until,
             limit_use=True,
         ),
+        uncompensated=uncompensated,
     )

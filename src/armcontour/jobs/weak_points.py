@@ -39,8 +39,9 @@ STEP_OF_DWELL = 10e-3
 # to 4 ms. The cost is reported if the RMS error grows by this factor.
 DRIVE_CYCLE = 1e-3
 COSTLY = 2.0
-# The compensation whose set-points are for rigid bodies.
+# The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
 INVERSE_DYNAMICS = "inverse_dynamics"
+NONE = "none"
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -199,28 +200,49 @@ def sensitive_to_delay(evaluation: Evaluation, delayed: Evaluation | None) -> li
     ]
 
 
-def made_for_bodies(on_servo: Evaluation, on_bodies: Evaluation | None, this: Run) -> str:
-    """What judges a run whose set-points are for the arm's bodies.
+def not_judged(on_servo: Evaluation) -> str:
+    """A warning for a run whose set-points are for the arm's bodies, without an experiment.
 
     Args:
         on_servo: Evaluation on the servo model.
-        on_bodies: Evaluation of the experiment; None without one.
+    """
+    return (
+        "its set-points are for the arm's bodies, so the servo model, which has none, does not "
+        f"judge it (there the tool is up to {on_servo.contour_error.max * 1e3:.3g} mm off): give "
+        "the job an experiment, such as experiment: {}."
+    )
+
+
+def worse_than_none(
+    on_bodies: Evaluation, uncompensated: Evaluation | None, this: Run
+) -> list[str]:
+    """A warning for a compensation that increases the contour error on the arm's bodies, or none.
+
+    Args:
+        on_bodies: Evaluation of the experiment.
+        uncompensated: Evaluation of the same plan without compensation; None if it is not known.
         this: The run.
     """
-    off = f"{on_servo.contour_error.max * 1e3:.3g} mm"
-    if this.experiment is None:
-        return (
-            "its set-points are for the arm's bodies, so the servo model, which has none, does not "
-            f"judge it (there the tool is up to {off} off): give the job an experiment, such as "
-            "experiment: {}."
+    if uncompensated is None:
+        return []
+    with_it, without = on_bodies.contour_error, uncompensated.contour_error
+    if with_it.rms <= without.rms and with_it.max <= without.max:
+        return []
+    if this.compensation == INVERSE_DYNAMICS:
+        why = (
+            "the simulated robot has other gains, dead time, masses or gravity feed-forward than "
+            "the compensation knows, or its drives saturate"
         )
-    here = ""
-    if on_bodies is not None:
-        here = f" (up to {on_bodies.contour_error.max * 1e3:.3g} mm off)"
-    return (
-        f"its set-points are for the arm's bodies, so its experiment judges it{here}, and not the "
-        f"servo model, which has no bodies (up to {off} off)."
-    )
+    else:
+        why = "it is for the servo model, not for bodies: compensation: {method: inverse_dynamics}"
+    if this.experiment is not None and this.experiment.unknown:
+        why += f"; nor does it know what the robot has: {this.experiment.unknown}"
+    return [
+        f"on rigid bodies the contour error is {with_it.rms * 1e3:.4g} mm RMS, "
+        f"{with_it.max * 1e3:.4g} mm at most; without compensation {without.rms * 1e3:.4g} and "
+        f"{without.max * 1e3:.4g} mm. The compensation {this.compensation} makes it worse, as "
+        f"{why}."
+    ]
 
 
 @dataclass(frozen=True, slots=True)

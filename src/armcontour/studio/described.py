@@ -8,7 +8,7 @@ from typing import Any
 
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import line_of
-from armcontour.io.job_model import CompensationModel, TimingModel
+from armcontour.io.job_model import TimingModel
 from armcontour.jobs import Job
 from armcontour.studio.document import Document
 from armcontour.studio.handles import Handles, obstacles_of
@@ -120,7 +120,7 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "timing": _method(given.get("timing"), TimingModel().method),
-                "compensation": _method(given.get("compensation"), CompensationModel().method),
+                "compensation": _method(given.get("compensation"), "default"),
                 "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
             }
         )

@@ -28,7 +28,6 @@ from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
 from armcontour.jobs.programs import (
-    execute_run,
     explain_run,
     programs_of,
     teach_run,
@@ -40,7 +39,13 @@ from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.kept import LARGE_KEPT, Kept, comparable
-from armcontour.studio.preview_run import coarser_run, with_fewer_samples, with_one_run
+from armcontour.studio.preview_run import (
+    coarser_run,
+    execute_judged,
+    experiment_of,
+    with_fewer_samples,
+    with_one_run,
+)
 from armcontour.studio.previewed import Executed, Planned
 from armcontour.timing.program_tracing import ends_of
 
@@ -103,7 +108,7 @@ class Previewer:
         self._arm, self._start = job.arm, start
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
-        """The job with one of its runs only, and without experiments.
+        """The job with one of its runs only.
 
         Args:
             data: The job file as parsed.
@@ -185,10 +190,11 @@ class Previewer:
                 lambda: teach_run(job, this, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
+            bodies = experiment_of(this, moving)
             execution = get(
                 "execution",
-                (taught, servos[1], comparable(this.limits)),
-                lambda: execute_run(job, this, taught),
+                (taught, servos[1], comparable(this.limits), comparable(bodies)),
+                lambda: execute_judged(job, this, taught, bodies),
                 most=LARGE_KEPT,
                 samples=lambda x: len(x.t),
             )

@@ -9,10 +9,14 @@ from __future__ import annotations
 import dataclasses
 
 from armcontour.errors import InvalidInput
-from armcontour.io.job_model import JobModel, RunModel
-from armcontour.jobs import Job, Run
+from armcontour.execution import execute
+from armcontour.io.job_model import ExperimentModel, JobModel
+from armcontour.jobs import Experiment, Job, Run
+from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.memory import RESOLUTION
+from armcontour.jobs.programs import execute_run
 from armcontour.jobs.weak_points import INVERSE_DYNAMICS
-from armcontour.motion import Execution, Method
+from armcontour.motion import Execution, Method, TaughtData
 from armcontour.timing import intervals_of
 
 # Smallest command interval of a preview [s].
@@ -22,6 +26,8 @@ PERIOD = 4e-3
 MOVING_INTERVALS = 600
 # Samples of an execution while a handle moves, at least.
 MOVING_SAMPLES = 1500
+# Cycle of the drives of simulated bodies while a handle moves, at least [s].
+MOVING_STEP = 1e-3
 ARCS = (
     "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
     "at rest."
@@ -44,24 +50,20 @@ def with_one_run(model: JobModel, run: str | None) -> JobModel:
     asked = model.placement
     return dataclasses.replace(
         model,
-        runs={name: _without_experiment(model, name)},
+        runs={name: model.runs[name]},
         published=None,
         certificate=None,
         placement=None if asked is None else dataclasses.replace(asked, run=None),
-        experiment=None,
+        experiment=_experiment_of(model, name),
     )
 
 
-def _without_experiment(model: JobModel, run: str) -> RunModel:
-    """The keys of a run, with what an experiment decides of its set-points."""
-    found, experiment = model.runs[run], model.experiment
-    how = found.compensation
-    if how.method != INVERSE_DYNAMICS or how.gravity_feedforward is not None:
-        return found
-    if experiment is None or run not in (experiment.runs or [run]):
-        return found
-    fed = dataclasses.replace(how, gravity_feedforward=experiment.gravity_feedforward)
-    return dataclasses.replace(found, compensation=fed)
+def _experiment_of(model: JobModel, run: str) -> ExperimentModel | None:
+    """The experiment of a run: the set-points depend on it."""
+    found = model.experiment
+    if found is None or run not in (found.runs or [run]):
+        return None
+    return dataclasses.replace(found, runs=None)
 
 
 def coarser_run(
@@ -99,6 +101,34 @@ def coarser_run(
         this = dataclasses.replace(this, timing_options=options)
         differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
     return this, tuple(differs)
+
+
+def experiment_of(this: Run, moving: bool) -> Experiment | None:
+    """The experiment that judges a run; None where the servo model does.
+
+    Args:
+        this: The run.
+        moving: Whether the next one is wanted soon, so that longer cycles of drives are enough.
+    """
+    found = this.experiment
+    if found is None or this.compensation != INVERSE_DYNAMICS:
+        return None
+    return dataclasses.replace(found, step=max(found.step, MOVING_STEP)) if moving else found
+
+
+def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment | None) -> Execution:
+    """The execution that judges a run: on rigid bodies, or on the servo model.
+
+    Args:
+        job: The job.
+        this: The run.
+        taught: Its set-points.
+        bodies: As `experiment_of` gives it.
+    """
+    if bodies is None:
+        return execute_run(job, this, taught)
+    plant = build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    return execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
 
 
 def with_fewer_samples(execution: Execution) -> Execution:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
 
 from armcontour._describing import digits
 from armcontour.evaluation import Evaluation
-from armcontour.jobs import RunResult, Study, same_plan, warnings_of
+from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.planned import torques_of
 from armcontour.report.section import Section, Table, Tile
@@ -21,16 +19,6 @@ MASSES = "The masses that torques and experiments assume are listed under Drive 
 SATURATED = 5e-4
 # A smaller share of the largest tool speed is rounding of the simulation.
 SEEN = 1e-5
-# Why a compensation increases the error on rigid bodies.
-OTHER_LOOPS = (
-    "the compensation is made for the servo's gains, and not for bodies as inverse_dynamics is, "
-    "but on the bodies the loops are faster or slower than these, by the nominal inertia over the "
-    "real one, so it leads the joints by too much or too little"
-)
-OTHER_ROBOT = (
-    "the gains, the dead time or the gravity feed-forward of the simulated robot are not those "
-    "that the compensation knows, or its drives saturate"
-)
 
 
 def overview(study: Study) -> Section:
@@ -56,7 +44,6 @@ def overview(study: Study) -> Section:
                 for name, result in study.runs.items()
                 if result.failure is not None
             ),
-            *_worse_on_bodies(study),
             *((MASSES,) if many and experiments and assumed_numbers(study.job.arm) else ()),
         ),
     )
@@ -73,29 +60,6 @@ def _compare(study: Study) -> Table:
         cells = [values.get(label, "") for label in labels]
         rows.append((name, cells[0], settled, *cells[1:], _shares(result) or "no joint"))
     return Table(header=("run", labels[0], "at rest", *labels[1:], "saturated"), rows=tuple(rows))
-
-
-def _worse_on_bodies(study: Study) -> list[str]:
-    """Sentences on runs whose compensation increases the error on rigid bodies."""
-    notes = []
-
-    for plain, compensated in permutations(study.runs.values(), 2):
-        if plain.run.compensation != "none" or compensated.run.compensation == "none":
-            continue
-        if plain.experiment is None or compensated.experiment is None:
-            continue
-        if not same_plan(plain, compensated):
-            continue
-        without = plain.experiment.evaluation.contour_error.rms
-        error = compensated.experiment.evaluation.contour_error.rms
-        if error > without:
-            notes.append(
-                f"On rigid bodies the run {compensated.run.name} is farther from the path than "
-                f"{plain.run.name}, which is the same plan without compensation "
-                f"(RMS {error * 1e3:.4f} mm, not {without * 1e3:.4f} mm): "
-                f"{OTHER_ROBOT if compensated.for_bodies else OTHER_LOOPS}{_nor(compensated)}."
-            )
-    return notes
 
 
 def _jerk(result: RunResult) -> list[Tile]:
@@ -226,12 +190,6 @@ def _experiment(result: RunResult) -> list[Tile]:
     e = result.experiment.evaluation.contour_error
     note = f"largest {e.max * 1e3:.4f} mm, on rigid bodies{_rests(result)}"
     return [Tile(label=label, value=f"{e.rms * 1e3:.4f} mm", note=note)]
-
-
-def _nor(result: RunResult) -> str:
-    """The end of a sentence: what else the compensation does not know of the robot."""
-    unknown = "" if result.run.experiment is None else result.run.experiment.unknown
-    return f"; nor does it know what the robot has: {unknown}" if unknown else ""
 
 
 def _rests(result: RunResult) -> str:
