@@ -80,7 +80,9 @@ def test_what_the_description_says_is_what_the_arm_has():
     np.testing.assert_array_equal(limits.joint_torque, [80, 70, 40, 15])
     np.testing.assert_array_equal(limits.joint_lower, [-np.inf, -2, -2.5, -3])
     np.testing.assert_array_equal(limits.joint_upper, [np.inf, 1.5, 2.5, 3])
-    assert limits.joint_acceleration is None and "has_acceleration_limits" in arm.limits_hint
+    # Speeds are assumed to be reached in one second.
+    np.testing.assert_array_equal(limits.joint_acceleration, limits.joint_velocity)
+    assert [x for x in arm.notes if "no accelerations" in x] and arm.limits_hint == ""
     np.testing.assert_array_equal(arm.chain.viscous, [0.5, 0, 0.1, 0])
     np.testing.assert_array_equal(arm.chain.coulomb, [1.5, 0, 0, 0])
     np.testing.assert_allclose(arm.chain.axes[1], [0, np.sqrt(0.5), np.sqrt(0.5)])
@@ -197,8 +199,10 @@ def test_zero_and_less_count_as_not_given(tmp_path):
         assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
         assert (arm.limits.joint_torque is None) == ("no effort" in note)
         assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
-        # Planning needs one of the two, and then says so.
-        assert ("max_effort do as well" in arm.limits_hint) == ("no effort" in note)
+        # Without speeds no accelerations are assumed: planning needs one of the two, and says so.
+        assert (arm.limits.joint_acceleration is None) == ("no velocity" in note)
+        lost = "no velocity" in note and "no effort" in note
+        assert ("max_effort do as well" in arm.limits_hint) == lost
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
     arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")

@@ -20,6 +20,10 @@ from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.scene import ArmShapes
 
+ASSUMED = (
+    "it gives no accelerations, so each joint is assumed to reach its largest speed in 1 s: give the "
+    "maker's values with joint_limits or limits.joint_acceleration"
+)
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
@@ -30,6 +34,9 @@ HINT = (
 # Limits that a description gives in its limit elements; attribute of the element and kind in
 # joint_limits.yaml.
 GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
+# Time from rest to the largest speed of a joint where no accelerations are given [s]. Universal
+# Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
+RISE = 1.0
 
 
 def arm_of_tree(
@@ -200,7 +207,11 @@ def _limits(
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    return limits_of(table, names, tree.file), _note(lacking, moving)
+    limits, note = limits_of(table, names, tree.file), _note(lacking, moving)
+    if limits.joint_acceleration is None and limits.joint_velocity is not None:
+        limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
+        note = f"{note}; {ASSUMED}" if note else ASSUMED
+    return limits, note
 
 
 def _hint(limits: Limits, *, heavy: bool) -> str:
