@@ -23,7 +23,7 @@ job = ac.Job(
         ),
     ),
 )
-found = ac.certify(job, servo=1e-5)
+found = ac.certify(job, goal=ac.Goal(servo=1e-5))
 error = found.evaluation.contour_error
 print(f"certified in {found.duration:.3f} s, {found.cost * 1e3:.0f} ms more than the optimum")
 print(f"contour error {error.max * 1e3:.4f} mm at most; holds for: {found.model}")

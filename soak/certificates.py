@@ -67,7 +67,7 @@ KEPT = 1e-9
 def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
-    found = ac.certify(job, servo=SERVO)
+    found = ac.certify(job, goal=ac.Goal(servo=SERVO))
     arm, limits = job.arm, found.run.limits
     executed = ac.execute(
         found.taught, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4

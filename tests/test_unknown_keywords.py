@@ -3,7 +3,6 @@
 import inspect
 
 import armcontour as ac
-from armcontour.cli.running import built_in_job
 
 UNKNOWN = "no_such_option"
 
@@ -27,25 +26,12 @@ def takers():
                 yield key
 
 
-def test_an_unknown_keyword_is_refused(objective, arm, limits, servo, conventional, refuses):
-    job = built_in_job()
-    # Calls that are right but for the keyword, and a name that exists, by method.
+def test_an_unknown_keyword_is_refused(limits, servo, refuses):
+    # Calls that are right but for the keyword, and a name that exists.
     calls = {
-        "plan": (
-            lambda **x: ac.plan(objective, arm, limits, **x),
-            {"optimal": "intervals", "mac": "knots", "conventional": "no options"},
-        ),
-        "compensate": (
-            lambda **x: ac.compensate(conventional, servo, **x),
-            {"pole_placement": "poles", "none": "no options"},
-        ),
-        "certify": (lambda **x: ac.certify(job, **x), {None: "tolerance"}),
-        "sweep": (lambda **x: ac.sweep(job, **x), {None: "tolerance"}),
-        "Limits.replace": (limits.replace, {None: "joint_velocity"}),
-        "ServoModel.replace": (servo.replace, {None: "kp"}),
+        "Limits.replace": (limits.replace, "joint_velocity"),
+        "ServoModel.replace": (servo.replace, "kp"),
     }
     assert set(takers()) == set(calls)
-    for call, methods in calls.values():
-        for method, known in methods.items():
-            given = {UNKNOWN: 1} | ({"method": method} if method else {})
-            refuses(lambda f=call, x=given: f(**x), ac.InvalidInput, UNKNOWN, known)
+    for call, known in calls.values():
+        refuses(lambda f=call: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, known)

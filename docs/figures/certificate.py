@@ -31,7 +31,7 @@ POINTS = 700  # of a curve
 def draw() -> Figure:
     """Contour error and demand of both plans over time."""
     fastest = ac.plan(job.ROUNDED, job.ARM, job.LIMITS)
-    found = ac.certify(parse_job(PAPER), servo=BUDGET)
+    found = ac.certify(parse_job(PAPER), goal=ac.Goal(servo=BUDGET))
     figure, (error, demand) = plt.subplots(2, 1, figsize=(7.6, 6.0))
     limit = job.LIMITS.for_joints(2).joint_acceleration
     for plan, name, look in (

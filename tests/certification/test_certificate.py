@@ -112,7 +112,9 @@ def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
 
 
 def test_the_papers_compensator_at_the_full_limit():
-    found = ac.certify(job(PAPER, method="pole_placement"), servo=5e-6, saturation="report")
+    found = ac.certify(
+        job(PAPER, method="pole_placement"), goal=ac.Goal(servo=5e-6, saturation="report")
+    )
     result = judged(found, loaded=True)
     assert found.duration <= 5.33 and result.settled <= 5.40 and found.trials == 1
     assert result.saturated.max() > 0.1  # and that is said
@@ -120,14 +122,16 @@ def test_the_papers_compensator_at_the_full_limit():
 
 
 def test_the_papers_job_every_ten_milliseconds():
-    found = ac.certify(job(PAPER, period="10 ms"), servo=5e-6)
+    found = ac.certify(job(PAPER, period="10 ms"), goal=ac.Goal(servo=5e-6))
     assert found.duration <= 5.40 and judged(found).speed <= 0.15 * (1 + 1e-3)
 
 
 def test_limits_of_jerk_are_kept():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
-    found = ac.certify(replace(base, runs=(replace(base.runs[0], limits=limits),)), servo=2e-6)
+    found = ac.certify(
+        replace(base, runs=(replace(base.runs[0], limits=limits),)), goal=ac.Goal(servo=2e-6)
+    )
     result = judged(found)
     assert found.windows == ()
     # Slower by what linear interpolation adds to a uniform acceleration, 0.25 % at 4 ms.
@@ -142,7 +146,7 @@ def test_limits_of_jerk_are_kept():
 # tests/slow has boxes and held set-points of the paper's job.
 def test_held_set_points():
     held = job(SHORT, period="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, servo=1e-5, saturation="report")
+    found = ac.certify(held, goal=ac.Goal(servo=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0
     assert found.duration <= 1.03 * found.uncertified.duration
     assert found.budget.sampling > 50 * found.budget.servo
@@ -150,7 +154,7 @@ def test_held_set_points():
 
 def test_gains_ten_percent_off():
     box = Box(gains=0.1)
-    found = ac.certify(job(SHORT), servo=0.5e-3, box=box, samples=300)
+    found = ac.certify(job(SHORT), goal=ac.Goal(servo=0.5e-3, box=box, samples=300))
     assert found.uncertified.box > 2e-3 and found.duration <= 1.02 * found.uncertified.duration
     shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
     # Other robots of the box than those that the certificate was made with.
@@ -162,14 +166,14 @@ def test_gains_ten_percent_off():
 def test_dead_times_that_err():
     late = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
-    found = ac.certify(late, servo=2e-6, box=Box(dead_time=2e-3), samples=200)
+    found = ac.certify(late, goal=ac.Goal(servo=2e-6, box=Box(dead_time=2e-3), samples=200))
     assert found.duration <= 1.002 * found.uncertified.duration
     assert found.spread.within(2e-6) == 1.0
     box = Box(dead_time=2e-3, dead_time_shared=False)
-    found = ac.certify(late, servo=0.06e-3, box=box, samples=200)
+    found = ac.certify(late, goal=ac.Goal(servo=0.06e-3, box=box, samples=200))
     assert found.spread.within(0.06e-3) == 1.0 and found.uncertified.box > 0.06e-3
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.certify(late, servo=0.03e-3, box=box, slowest=1.2)
+        ac.certify(late, goal=ac.Goal(servo=0.03e-3, box=box, slowest=1.2))
     error = caught.value
     assert error.limit == "contour error" and error.allowed == 0.03e-3
     # What can be reached in that time is between the two.
@@ -178,7 +182,7 @@ def test_dead_times_that_err():
 
 
 def test_a_total_tolerance_is_split_and_given_back():
-    found = ac.certify(job(SHORT), tolerance=2e-3)
+    found = ac.certify(job(SHORT), goal=ac.Goal(tolerance=2e-3))
     budget, result = found.budget, found.evaluation
     assert budget.total <= 2e-3 and result.objective_error.max <= 2e-3
     # Hardly anything is left: the corners got what the servo did not need.
@@ -197,7 +201,7 @@ def test_a_command_keeps_to_joint_velocities(refuses):
     slow = replace(slow, runs=(replace(run, limits=limits),))
     taught = ac.compensate(plan, slow.servo, method="inverse")
     refuses(lambda: refuse_commands(taught, limits), ac.CompensationError, "joint_velocity")
-    found = ac.certify(slow, servo=2e-6)
+    found = ac.certify(slow, goal=ac.Goal(servo=2e-6))
     refuse_commands(found.taught, limits)
     assert found.duration > plan.duration
     assert found.evaluation.contour_error.max <= 2e-6
@@ -205,7 +209,7 @@ def test_a_command_keeps_to_joint_velocities(refuses):
 
 def test_stops_at_sharp_corners_stay():
     sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
-    found = ac.certify(sharp, servo=2e-6)
+    found = ac.certify(sharp, goal=ac.Goal(servo=2e-6))
     assert found.trajectory.speed_at([0.1]) < 1e-8
     assert found.budget.rounding == 0.0
     assert found.evaluation.contour_error.max <= 2e-6
@@ -221,17 +225,19 @@ def test_what_binds_is_said(refuses):
         (parse_job(lags), 1e-6, 1.05, ("compensate the lag of the servo",), error),
         (job(SHORT), 1e-3, 1.0001, ("larger slowest",), acceleration),
     ):
-        call = partial(ac.certify, this, servo=servo, slowest=slowest)
+        call = partial(ac.certify, this, goal=Goal(servo=servo, slowest=slowest))
         refuses(call, ac.NotRealizable, *words, **data)
 
 
 def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
     this = parse_job(LINE)
     two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))
-    certify = partial(ac.certify, servo=2e-6, progress=pytest.fail)
+
+    def certify(*given, **of_goal):
+        ac.certify(*given, goal=Goal(servo=2e-6, **of_goal), progress=pytest.fail)
+
     for call, words in (
         (partial(ac.certify, this), "tolerance"),
-        (partial(certify, this, speed=1.0), "'speed'"),
         (partial(certify, this, "other"), "'other'"),
         (partial(certify, two), "only, second"),
         (partial(Goal, servo=1e-3, tolerance=1e-3), "must be below the tolerance"),
@@ -268,14 +274,14 @@ def test_the_summary_repeats_it(certified):
 
 
 def test_it_comes_out_the_same_again():
-    one, again = (ac.certify(job(SHORT), servo=2e-6) for _ in range(2))
+    one, again = (ac.certify(job(SHORT), goal=ac.Goal(servo=2e-6)) for _ in range(2))
     np.testing.assert_array_equal(again.taught.q, one.taught.q)
     assert again.trials < 30
 
 
 def test_a_corner_that_smoothing_carries_to_its_neighbours():
     slot = ac.Path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)])
-    found = ac.certify(replace(job(PAPER), path=slot), servo=1e-5)
+    found = ac.certify(replace(job(PAPER), path=slot), goal=ac.Goal(servo=1e-5))
     assert (judged(found).demand_ratio <= 1 + 1e-6).all()
     assert found.cost < 0.03
 
@@ -320,7 +326,7 @@ def test_goals_of_job_files(refuses):
 def test_errors_of_one_path_count_until_the_tool_rests():
     # A late drive is still on its way when the plan has ended.
     late = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
-    found = ac.certify(late, servo=1e-4)
+    found = ac.certify(late, goal=ac.Goal(servo=1e-4))
     of_contour, of_all = found.contours[0].error, found.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
     # No error exceeds the certified one until all joints rest, although the tool leaves the path

@@ -82,15 +82,17 @@ def test_both_figures_and_the_part_of_each_unknown_are_stated(certified):
 
 
 def test_a_nominal_robot_alone():
-    found = ac.certify(parse_job(JOB), box=None, servo=0.1e-3)
+    job = parse_job(JOB)
+    found = ac.certify(job, goal=replace(job.certificate, box=None, servo=0.1e-3))
     assert found.corners is None and found.spread is None
     assert found.evaluation.contour_error.max <= 0.1e-3
     assert found.linear.bound == pytest.approx(found.linear.nominal)
 
 
 def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
+    job = parse_job(JOB)
     with pytest.raises(ac.NotRealizable) as raised:
-        ac.certify(parse_job(JOB), servo=0.02e-3, slowest=1.2)
+        ac.certify(job, goal=replace(job.certificate, servo=0.02e-3, slowest=1.2))
     assert "the linear model of the last plan has kp " in str(raised.value)
     assert raised.value.needed > raised.value.allowed == 0.02e-3
 
@@ -130,8 +132,8 @@ def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
     two = ac.Program(moves=(Contour(path=job.path), Rapid(), Contour(path=there)))
     named = ac.Program(moves=(ac.Event(name="gas"), ac.Dwell(duration=0.1), two.moves[0]))
     for call, words in (
-        (partial(ac.certify, job, saturation="report"), "saturation"),
-        (partial(ac.certify, job, plant="servo"), "plant: rigid_body"),
+        (partial(replace, job.certificate, saturation="report"), "saturation"),
+        (partial(replace, job.certificate, plant="servo"), "plant: rigid_body"),
         (partial(ac.certify, parse_job(FIRST_ORDER)), "order second"),
         (partial(ac.certify, replace(job, path=two)), "one contour"),
         (partial(ac.certify, replace(job, path=named)), "1 contour, 1 dwell, 1 event"),

@@ -47,7 +47,7 @@ def quick(process=LEADS):
 
 @pytest.fixture(scope="module")
 def certified():
-    return ac.certify(job(), servo=2e-6)
+    return ac.certify(job(), goal=ac.Goal(servo=2e-6))
 
 
 def executed(found, servo=None):
@@ -104,7 +104,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     slow = job("none", process=Process())
     limits = slow.runs[0].limits.replace(speed=0.01)
     slow = replace(slow, runs=(replace(slow.runs[0], limits=limits),))
-    found = ac.certify(slow, servo=0.1e-3, slowest=4.0)
+    found = ac.certify(slow, goal=ac.Goal(servo=0.1e-3, slowest=4.0))
     _, result = executed(found)
     assert max(x.max for x in result.contours) <= 0.1e-3
     assert 0.02 < found.pauses < 0.5
@@ -118,7 +118,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
 
 
 def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
-    found = ac.certify(job(process=Process()), servo=3e-3, saturation="report")
+    found = ac.certify(job(process=Process()), goal=ac.Goal(servo=3e-3, saturation="report"))
     _, result = executed(found)
     assert result.saturated.max() > 0.1
     assert max(x.max for x in result.contours) <= 3e-3
@@ -129,7 +129,7 @@ def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
 
 def test_robots_of_a_box_hold_the_goal_on_every_contour():
     box = Box(gains=0.05)
-    found = ac.certify(job(), servo=0.5e-3, box=box, samples=100)
+    found = ac.certify(job(), goal=ac.Goal(servo=0.5e-3, box=box, samples=100))
     servo, limits = found.job.plant_servo, found.run.limits
     for k, x in enumerate(found.contours):
         assert x.spread.within(0.5e-3) == 1.0 and x.corners.max.max() <= 0.5e-3
@@ -145,14 +145,14 @@ def test_robots_of_a_box_hold_the_goal_on_every_contour():
 
 
 def test_a_refusal_names_the_contour(certified, refuses):
-    call = partial(ac.certify, job(), servo=1e-10, slowest=1.05)
+    call = partial(ac.certify, job(), goal=ac.Goal(servo=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
     refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
     refuses(lambda: certified.windows, ac.InvalidInput, "2 contours")
 
 
 def test_a_total_tolerance_holds_for_all_contours_alike():
-    found = ac.certify(quick(process=Process()), tolerance=1e-3, servo=0.1e-3)
+    found = ac.certify(quick(process=Process()), goal=ac.Goal(tolerance=1e-3, servo=0.1e-3))
     _, result = executed(found)
     assert result.objective_error.max <= 1e-3
     bend, line = found.contours

@@ -35,7 +35,7 @@ def job():
 
 @pytest.fixture(scope="module")
 def certified(job):
-    return ac.certify(job, tolerance=TOLERANCE)
+    return ac.certify(job, goal=ac.Goal(tolerance=TOLERANCE))
 
 
 def test_shape_and_servo_share_the_tolerance(certified):
@@ -58,7 +58,7 @@ def test_shape_and_servo_share_the_tolerance(certified):
 
 
 def test_arcs_are_not_faster_and_that_is_said(job, certified):
-    arcs = ac.certify(with_arcs(job), tolerance=TOLERANCE)
+    arcs = ac.certify(with_arcs(job), goal=ac.Goal(tolerance=TOLERANCE))
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration
     shape = certified.contours[0].shape
@@ -76,7 +76,9 @@ def test_arcs_are_not_faster_and_that_is_said(job, certified):
 def test_the_servo_takes_its_part_of_lines_too(job):
     run = job.runs[0]
     tight = replace(run.rounding, line_tolerance=0.1e-3, zone=10e-3)
-    found = ac.certify(replace(job, runs=(replace(run, rounding=tight),)), tolerance=TOLERANCE)
+    found = ac.certify(
+        replace(job, runs=(replace(run, rounding=tight),)), goal=ac.Goal(tolerance=TOLERANCE)
+    )
     allowed = found.budget.servo_allowed
     assert found.contours[0].shape == "free"
     rounding = found.run.rounding

@@ -52,14 +52,18 @@ def test_a_point_is_what_certify_finds(swept):
 
 def test_a_point_that_is_refused_says_why():
     job = parse_job(JOB.replace("pole_placement", "none"))
-    found = ac.sweep(job, speeds=[0.05, 0.15], tolerances=[2e-3], servo=2e-5, slowest=1.05)
+    found = ac.sweep(
+        job, speeds=[0.05, 0.15], tolerances=[2e-3], goal=ac.Goal(servo=2e-5, slowest=1.05)
+    )
     slow, fast = found.speeds
     assert fast.duration is None and "contour error comes down to" in fast.refusal
     assert fast.optimum < slow.optimum and "refused" in render_sweep(found)
 
 
 def test_a_total_tolerance_is_swept_where_it_is_asked_for():
-    found = ac.sweep(parse_job(JOB), tolerances=[1e-3, 3e-3], speeds=[], tolerance=2e-3)
+    found = ac.sweep(
+        parse_job(JOB), tolerances=[1e-3, 3e-3], speeds=[], goal=ac.Goal(tolerance=2e-3)
+    )
     narrow, wide = found.tolerances
     assert (narrow.tolerance, wide.tolerance) == (1e-3, 3e-3)
     assert wide.duration < narrow.duration and not found.speeds

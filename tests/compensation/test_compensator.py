@@ -144,7 +144,11 @@ def test_refused_options(refuses):
     for servo, options, words in (
         (UNEVEN, {"method": "magic"}, "inverse, pole_placement, inverse_dynamics, none"),
         (UNEVEN, {"method": "inverse", "poles": [-1, -1, -1]}, "not poles"),
-        (UNEVEN, {"method": "pole_placement", "pole": 1}, "not pole"),
+        (
+            UNEVEN,
+            {"method": "pole_placement", "known": None, "gravity_feedforward": True},
+            "not grav",
+        ),
         (UNEVEN, {"period": 0.0}, "above zero"),
         (UNEVEN, {"period": -1e-3}, "-0.001 s"),
         (UNEVEN, {"period": np.nan}, "finite"),

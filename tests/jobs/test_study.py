@@ -192,7 +192,10 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
     refused(
         (work(in_space, runs=(this, by_mac)), "Run two: The method mac", "joint_jerk"),
         (work(in_space, runs=(free,)), "shaped path"),
-        (lambda: ac.certify(with_runs(in_space, free), tolerance=2e-3), "shaped path"),
+        (
+            lambda: ac.certify(with_runs(in_space, free), goal=ac.Goal(tolerance=2e-3)),
+            "shaped path",
+        ),
         kind=NotRealizable,
     )
     refused((work(job, runs=(bodies,), plant_servo=lag), said, "rigid-body plant"))

@@ -41,8 +41,15 @@ class TestResults:
         executed = previewer.execute(previewer.plan(paper, "conventional"))
         assert executed.errors.t[-1] == 12.06
 
-    def test_experiments_are_left_out_and_files_are_relative_to_the_folder(self, previewer, paper):
-        assert previewer.job(paper, "optimal").runs[0].experiment is None
+    def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
+        job = previewer.job(paper, "inverse-dynamics")
+        judged = run(job).runs["inverse-dynamics"].judged.contour_error
+        for moving in (False, True):
+            planned = previewer.plan(paper, "inverse-dynamics", moving=moving)
+            executed = previewer.execute(planned, moving=moving)
+            assert executed.errors.max < 3 * judged.max < 1e-5
+
+    def test_files_are_relative_to_the_folder(self, previewer, paper):
         path = {"file": "gasket.dxf", "frame": {"position": [0.35, 0.2, 0]}}
         assert len(previewer.drawn(paper | {"path": path}).contours) > 3
 

@@ -26,7 +26,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
     mac, rows = {"method": "mac"}, []
     for options in (
         {"method": "fast"},
-        mac | {"knot": 3},
+        mac | {"intervals": 50},
         {"method": "conventional", "knots": 3},
         mac | {"knots": 7},
         mac | {"period": 0.0},

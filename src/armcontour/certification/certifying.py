@@ -54,9 +54,9 @@ def certify(
     job: Job,
     run: str | None = None,
     *,
+    goal: Goal | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    **overrides: Any,
 ) -> Certificate:
     """Find the fastest plan of a job whose execution keeps its tolerance.
 
@@ -65,19 +65,19 @@ def certify(
     job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
 
     Args:
-        job: The job; its certificate is the goal.
+        job: The job.
         run: Name of the run; by default that of the goal.
+        goal: The goal; by default the certificate of the job.
         executor: An executor that executes robots of the box as rigid bodies, such as a
             `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
         progress: Called with a step, which has a few words as its name, before every trial.
-        overrides: Fields of `Goal` that replace those of the job.
 
     Raises:
         InvalidInput: There is no goal, or no such run.
         NotRealizable: No plan keeps the goal; the message says what binds and what would help.
         ArmContourError: Tracing, planning or execution fails.
     """
-    goal = goal_of(job, overrides)
+    goal = goal_of(job) if goal is None else goal
     this = run_of(job, goal.run if run is None else run)
     if this.duration is not None:
         raise InvalidInput(
@@ -102,17 +102,13 @@ def certify(
         return search.certificate()
 
 
-def goal_of(job: Job, overrides: dict[str, Any]) -> Goal:
+def goal_of(job: Job, **overrides: Any) -> Goal:
     """Make the goal of a certificate: that of the job, with some fields replaced.
 
     Raises:
-        InvalidInput: There is no goal, or a field has an unknown name.
+        InvalidInput: There is no goal.
     """
     _checks.refuse_other("certify", job, Job, "as read_job gives it")
-    known = Goal.__dataclass_fields__
-    for name in overrides:
-        if name not in known:
-            raise InvalidInput(f"certify knows no {name!r}: it takes {', '.join(known)}.")
     if job.certificate is None:
         return Goal(**overrides)
     return replace(job.certificate, **overrides)

@@ -10,7 +10,6 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 from armcontour import _checks
 from armcontour._describing import line_up, mm
@@ -125,14 +124,14 @@ def sweep(
     speeds: Sequence[float] | None = None,
     shapes: Sequence[str] | None = None,
     certified: bool = True,
+    goal: Goal | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    **overrides: Any,
 ) -> Sweep:
     """Certify a job for several corner tolerances and for several assigned velocities.
 
     Args:
-        job: The job; its certificate is the goal of every point.
+        job: The job.
         run: Name of the run; by default the certificate's.
         tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
             [m]; by default 0.1 to 2 times the run's; none if no corner is rounded to a tolerance.
@@ -142,22 +141,22 @@ def sweep(
             iterations per point, unless the run gives their number.
         certified: Whether to certify the points; without it they are fastest plans only, which need
             no goal and a fraction of the time.
+        goal: The goal of every point; by default the certificate of the job.
         executor: An executor that works on the points, such as a
             `concurrent.futures.ProcessPoolExecutor`; by default this process does.
         progress: Called with a step, a point and a few words, before every trial; with an executor,
             before its result is there.
-        overrides: Fields of `Goal` that replace those of the job.
 
     Raises:
         InvalidInput: There is nothing to sweep, no goal, or no such run. A plan that cannot be
             certified is a point with a refusal.
     """
-    if overrides and not certified:
+    if goal is not None and not certified:
         raise InvalidInput(
-            f"{', '.join(overrides)} is of the goal of certified points, but no point is to be "
-            "certified: leave it out."
+            "A goal (--servo) is for certified points, but no point is to be certified: remove it."
         )
-    goal = goal_of(job, overrides) if certified else None
+    if goal is None and certified:
+        goal = goal_of(job)
     name = goal.run if run is None and goal is not None else run
     this = run_of(job, name)
     own = None if goal is None else goal.tolerance

@@ -62,12 +62,14 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder,
     ):
         from armcontour.certification import certify
+        from armcontour.certification.certifying import goal_of
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, under(progress, "reading"))
             if shared:
                 _refuse_nothing_shared(job, overrides)
-            found = certify(job, x.run_name, executor=executor, progress=progress, **overrides)
+            goal = goal_of(job, **overrides)
+            found = certify(job, x.run_name, goal=goal, executor=executor, progress=progress)
         if folder is not None:
             _write(found, folder)
     if x.as_json:
@@ -87,7 +89,7 @@ def _refuse_nothing_shared(job: Job, overrides: dict[str, Any]) -> None:
     from armcontour.certification.certifying import goal_of
     from armcontour.errors import InvalidInput
 
-    goal = goal_of(job, overrides)
+    goal = goal_of(job, **overrides)
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
             "--workers and --cluster share robots of a box that are executed as rigid bodies, and "

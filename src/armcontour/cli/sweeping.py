@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
@@ -35,12 +35,12 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
     corners = read_option_list("--tolerances", x.tolerances, Tolerance)
     speeds = read_option_list("--speeds", x.speeds, Speed)
     servo = read_option("--servo", x.servo, Tolerance)
-    goal: dict[str, Any] = {} if servo is None else {"servo": servo}
     with (
         open_executor(x.workers, x.cluster) as executor,
         ResultFolder(out, force=x.force) as folder,
     ):
         from armcontour.certification import sweep
+        from armcontour.certification.certifying import goal_of
         from armcontour.report import render_sweep
 
         with search_progress("sweeping") as progress:
@@ -54,8 +54,8 @@ def sweep_file(file: FilePath, out: FilePath, job_options: JobOptions, x: SweepO
                 certified=x.certified,
                 # In this process every trial of a point is told.
                 executor=None if x.workers == 0 else executor,
+                goal=None if servo is None else goal_of(job, servo=servo),
                 progress=progress,
-                **goal,
             )
         folder.write("report.html", render_sweep(found))
         folder.write("sweep.csv", sweep_csv(found))

@@ -6,6 +6,7 @@ import warnings
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour import _checks, _memory
 from armcontour._checks import FloatArray
@@ -33,8 +34,10 @@ def compensate(
     period: float = 4e-3,
     arm: Arm | None = None,
     limits: Limits | None = None,
+    poles: npt.ArrayLike | None = None,
+    gravity_feedforward: bool | None = None,
+    known: Arm | None = None,
     memory: float = _memory.DEFAULT,
-    **options: Any,
 ) -> TaughtData:
     """Taught data whose set-points make the servos follow a trajectory.
 
@@ -57,10 +60,13 @@ def compensate(
             not use it. By default set-points are for the servo model alone.
         limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
             must not move faster than joint_velocity. By default they are not checked.
+        poles: For "pole_placement": two regulator poles and the observer pole [1/s], (3,), or three
+            per joint, (dof, 3).
+        gravity_feedforward: For "inverse_dynamics": whether the controller adds the gravity torque;
+            True by default.
+        known: For "inverse_dynamics": the arm as its controller knows it, for example without a
+            payload that was found later; by default `arm`.
         memory: Memory that the computation may use [bytes].
-        options: For "pole_placement": `poles` [1/s]. For "inverse_dynamics": `gravity_feedforward`,
-            whether the controller adds the gravity torque, True by default; `known`, the arm as its
-            controller knows it, for example without a payload that was found later.
 
     Warns:
         UserWarning: The interval is longer than that of any controller, or the gains give hardly
@@ -82,7 +88,9 @@ def compensate(
         arm=arm,
         limits=limits,
         memory=memory,
-        **options,
+        poles=poles,
+        gravity_feedforward=gravity_feedforward,
+        known=known,
     )
     for doubt in (*doubt_interval(taught.period), *doubt_gains(servo)):
         warnings.warn(capitalise(doubt), stacklevel=2)
@@ -123,6 +131,7 @@ def compensate_quietly(
         _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
+    options = {name: x for name, x in options.items() if x is not None}
     _refuse_options(method, options)
     model = servo.for_joints(trajectory.dof)
     refuse_long_interval(interval, trajectory.duration)

@@ -19,6 +19,7 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.common import RESERVED, start_of, with_reserve
+from armcontour.timing.constraints import Constraint
 from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
@@ -62,9 +63,20 @@ def plan(
     reserve: float = 0.0,
     duration: float | None = None,
     smoothing: npt.ArrayLike = (),
+    intervals: int | None = None,
+    iterations: int | None = None,
+    grid: npt.ArrayLike | None = None,
+    start_speed: float | None = None,
+    end_speed: float | None = None,
+    constraints: Sequence[Constraint] | None = None,
+    tolerance: float | None = None,
+    line_tolerance: float | None = None,
+    zone: float | None = None,
+    angular_tolerance: float | None = None,
+    knots: int | None = None,
+    period: float | None = None,
     progress: Progress | None = None,
     memory: float = _memory.DEFAULT,
-    **options: Any,
 ) -> Trajectory:
     """Time a path or a program: compute its realizable trajectory.
 
@@ -91,16 +103,25 @@ def plan(
             such curve.
         progress: Called after every contour with the step "timing" and the share that is done.
         memory: Largest memory of the process [bytes].
-        options: For "optimal": `intervals`, `grid`, `start_speed`, `end_speed`, `constraints`,
-            `iterations` (see `plan_optimal`); a program of more than one path takes neither grid
-            nor speeds, and `intervals` hold for every contour, by default fewer the more contours
-            there are. For
-            "shaped": `tolerance`, `line_tolerance`, `zone`, `angular_tolerance`, `iterations` (see
-            `shape`), `intervals`. For "mac": `knots` per line, command `period` [s].
+        intervals: For "optimal" and "shaped": approximate number of grid intervals of each contour;
+            by default 4000, fewer for a program of many contours.
+        iterations: For "optimal" with limits of jerk and for "shaped": largest number of
+            iterations; by default 150 and 60.
+        grid: For "optimal" along one path: grid points [m], in place of `intervals`.
+        start_speed: For "optimal" along one path: path speed at the start [m/s]; 0 by default.
+        end_speed: For "optimal" along one path: path speed at the end [m/s]; 0 by default.
+        constraints: For "optimal": further constraints.
+        tolerance: For "shaped", as of `shape` [m].
+        line_tolerance: For "shaped", as of `shape` [m].
+        zone: For "shaped", as of `shape` [m].
+        angular_tolerance: For "shaped", as of `shape` [rad].
+        knots: For "mac": laps per line, as of `plan_mac`.
+        period: For "mac": command interval [s]; 4 ms by default.
 
     Raises:
-        InvalidInput: An unknown method or option, a limit that the method needs is missing, more
-            intervals than fit in memory, or a speed at which the motion takes too long.
+        InvalidInput: An unknown method, an option of another method, a limit that the method needs
+            is missing, more intervals than fit in memory, or a speed at which the motion takes too
+            long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
             duration, or it keeps no limits of jerk and there are some, or a smoothed plan exceeds
@@ -119,9 +140,20 @@ def plan(
         reserve=reserve,
         duration=duration,
         smoothing=smoothing,
+        intervals=intervals,
+        iterations=iterations,
+        grid=grid,
+        start_speed=start_speed,
+        end_speed=end_speed,
+        constraints=constraints,
+        tolerance=tolerance,
+        line_tolerance=line_tolerance,
+        zone=zone,
+        angular_tolerance=angular_tolerance,
+        knots=knots,
+        period=period,
         progress=progress,
         memory=memory,
-        **options,
     )
     if isinstance(path, Tracing):
         # Jobs plan tracings, and have warnings of their own.
@@ -248,6 +280,7 @@ def _plan(
 ) -> tuple[Tracing | JointPath, Trajectory]:
     """What `plan` gives, and what the joints follow; `tracing` is told of the progress of that."""
     _checks.choice("method", method, PLANNING_METHODS)
+    options = {name: x for name, x in options.items() if x is not None}
     arm = _arm_of(path, arm, limits)
     bounds = choose_limits("plan", arm, limits)
     refuse_unkept_jerk(method, bounds)

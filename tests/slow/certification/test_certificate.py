@@ -9,10 +9,10 @@ from armcontour.robustness.monte_carlo import Box, spread
 
 
 def test_every_millisecond():
-    found = ac.certify(job(PAPER, period="1 ms"), servo=2e-6)
+    found = ac.certify(job(PAPER, period="1 ms"), goal=ac.Goal(servo=2e-6))
     assert found.duration <= 5.345 and judged(found).speed <= 0.15 * (1 + 1e-3)
     held = job(PAPER, period="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, servo=1e-5, saturation="report")
+    found = ac.certify(held, goal=ac.Goal(servo=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0 and found.duration <= 6.5
     assert found.budget.sampling > 100 * found.budget.servo
 
@@ -26,7 +26,9 @@ def test_every_millisecond():
     ],
 )
 def test_robots_of_a_box(servo, budget, box, slowest, samples):
-    found = ac.certify(job(PAPER, servo=servo), servo=budget, box=Box(**box), samples=samples)
+    found = ac.certify(
+        job(PAPER, servo=servo), goal=ac.Goal(servo=budget, box=Box(**box), samples=samples)
+    )
     assert found.duration <= slowest and found.spread.within(budget) == 1.0
     shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
     assert spread(*shared, Box(**box), samples=500, seed=7).max.max() <= budget

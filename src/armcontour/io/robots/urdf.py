@@ -21,8 +21,8 @@ from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tre
 from armcontour.scene import ArmShapes
 
 ASSUMED = (
-    "it gives no accelerations, so each joint is assumed to reach its largest speed in 1 s: give the "
-    "maker's values with joint_limits or limits.joint_acceleration"
+    "it gives no accelerations, so each joint is assumed to reach its largest speed in 1 s: give "
+    "the maker's values with joint_limits or limits.joint_acceleration"
 )
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")

@@ -58,6 +58,7 @@ def certify(x: Request) -> Frame:
         InvalidInput: Neither the job nor the options have a tolerance.
     """
     from armcontour.certification import certify
+    from armcontour.certification.certifying import goal_of
     from armcontour.io import certificate_json
     from armcontour.report import render_report
 
@@ -65,7 +66,8 @@ def certify(x: Request) -> Frame:
         raise InvalidInput(
             "Certify needs a tolerance, as the job has none: enter it beside Certify."
         )
-    found = certify(x.whole_job, x.run, progress=x.progress, **x.options)
+    goal = goal_of(x.whole_job, **x.options)
+    found = certify(x.whole_job, x.run, goal=goal, progress=x.progress)
     x.progress(Step(("writing",)))
     data = json.loads(certificate_json(found))["certificate"]
     budget = found.budget
