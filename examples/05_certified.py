@@ -1,7 +1,6 @@
 """A certified plan: the fastest whose executed tool stays within 0.01 mm, 40 ms late or not."""
 
 import armcontour as ac
-from armcontour.jobs import Rounding, Run
 
 arm = ac.load_arm("pmk3s")
 late = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.04)
@@ -13,12 +12,12 @@ job = ac.Job(
     servo=late,
     plant_servo=late,
     runs=(
-        Run(
+        ac.Run(
             name="slot",
             timing="optimal",
             compensation="inverse",
             limits=arm.limits.replace(speed=0.12, centripetal_acceleration=0.09),
-            rounding=Rounding(tolerance=2e-3),
+            rounding=ac.Rounding(tolerance=2e-3),
             period=4e-3,
         ),
     ),

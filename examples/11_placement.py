@@ -3,18 +3,17 @@
 import numpy as np
 
 import armcontour as ac
-from armcontour.jobs import Rounding, Run
 
 arm = ac.load_arm("ur5e")
 square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
 path = ac.Path.polyline((0.40, -0.05, 0.20) + 0.1 * square).pointing((0.0, 0.0, -1.0))
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-run = Run(
+run = ac.Run(
     name="square",
     timing="optimal",
     compensation="inverse",
     limits=arm.limits.replace(speed=0.25, joint_acceleration=8.0),
-    rounding=Rounding(tolerance=1e-3),
+    rounding=ac.Rounding(tolerance=1e-3),
     period=4e-3,
 )
 job = ac.Job(

@@ -3,7 +3,6 @@
 import numpy as np
 
 import armcontour as ac
-from armcontour.motion import Trajectory, stand_still
 
 arm = ac.load_arm("pmk3s")
 data_sheet = ac.ServoModel(kp=25.0, kv=150.0)
@@ -18,7 +17,7 @@ u = np.cos(2 * np.pi * t[:, None, None] * frequencies + phases).sum(axis=2)
 u *= 5e-3 / np.abs(u).max()
 u[(t > 8.0) & (t < 10.0)] += 0.5
 u += (0.3, 1.2)
-rest = Trajectory(laws=(stand_still(u[0], t[-1]),), method="rest")
+rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
 shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking"), robot)
 noise = 1e-5 * np.random.default_rng(2).standard_normal(u.shape)
 q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise

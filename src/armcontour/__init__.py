@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from armcontour.batches import Batch, Tally, batch
     from armcontour.certification import Certificate, Sweep, certify, sweep
-    from armcontour.clearance import Clearance, check_clearance
+    from armcontour.clearance import Cell, Clearance, check_clearance
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
@@ -49,12 +49,12 @@ if TYPE_CHECKING:
         ShapedPath,
     )
     from armcontour.identification import Identification, RobotIdentification, identify
-    from armcontour.io import read_job
+    from armcontour.io import read_job, read_trajectory
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
-    from armcontour.jobs import Goal, Job, Study, run
+    from armcontour.jobs import Goal, Job, Rounding, Run, Study, run
     from armcontour.learning import (
         LearnedRun,
         Lesson,
@@ -63,7 +63,14 @@ if TYPE_CHECKING:
         learn,
         transfer,
     )
-    from armcontour.motion import Execution, JointPath, Log, TaughtData, Trajectory
+    from armcontour.motion import (
+        Execution,
+        JointPath,
+        Log,
+        TaughtData,
+        Trajectory,
+        stand_still,
+    )
     from armcontour.placement import Placement, place
     from armcontour.program import (
         Analog,
@@ -98,7 +105,7 @@ _HOME = {
     ),
     "batches": ("Batch", "Tally", "batch"),
     "certification": ("Certificate", "Sweep", "certify", "sweep"),
-    "clearance": ("Clearance", "check_clearance"),
+    "clearance": ("Cell", "Clearance", "check_clearance"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
     "errors": (
@@ -123,12 +130,12 @@ _HOME = {
         "ShapedPath",
     ),
     "identification": ("Identification", "RobotIdentification", "identify"),
-    "io": ("read_job",),
+    "io": ("read_job", "read_trajectory"),
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
-    "jobs": ("Goal", "Job", "Study", "run"),
+    "jobs": ("Goal", "Job", "Rounding", "Run", "Study", "run"),
     "learning": (
         "LearnedRun",
         "Lesson",
@@ -137,7 +144,14 @@ _HOME = {
         "learn",
         "transfer",
     ),
-    "motion": ("Execution", "JointPath", "Log", "TaughtData", "Trajectory"),
+    "motion": (
+        "Execution",
+        "JointPath",
+        "Log",
+        "TaughtData",
+        "Trajectory",
+        "stand_still",
+    ),
     "placement": ("Placement", "place"),
     "program": (
         "Analog",
@@ -170,6 +184,7 @@ __all__ = [
     "Arm",
     "ArmContourError",
     "Batch",
+    "Cell",
     "Certificate",
     "Check",
     "Clearance",
@@ -212,6 +227,8 @@ __all__ = [
     "RigidBodyPlant",
     "RobotIdentification",
     "RoundedPath",
+    "Rounding",
+    "Run",
     "Scene",
     "SerialArm",
     "ServoModel",
@@ -248,10 +265,12 @@ __all__ = [
     "read_job",
     "read_log",
     "read_path",
+    "read_trajectory",
     "round_corners",
     "run",
     "shape",
     "smooth_curvature",
+    "stand_still",
     "sweep",
     "trace",
     "transfer",

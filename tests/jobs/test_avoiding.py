@@ -101,6 +101,19 @@ def test_a_rapid_goes_around_a_wall(job, free):
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
+def test_plan_and_a_job_choose_the_same_configuration(job):
+    alone = dataclasses.replace(job, path=seams((0.40, 0)))
+    fastest = plan_of(alone, ignore_collisions=True)
+    scene = post_at_elbow(job, fastest)
+    clear = plan_of(alone, scene=scene)
+    limits = alone.runs[0].limits
+    for fits, like in ((None, fastest), (ac.Cell(job.arm, scene).keeps, clear)):
+        found = ac.plan(alone.path, job.arm, limits, fits=fits)
+        np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
+        assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
+    assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1
+
+
 def test_collisions_are_refused_with_pair_place_and_time(job):
     blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
     with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:

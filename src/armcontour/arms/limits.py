@@ -108,7 +108,14 @@ class Limits(Value):
             object.__setattr__(self, name, _checks.lock_floats(values))
             if array.ndim <= 1 and all(x >= _checks.SMALLEST for x in array.flat):
                 continue
-            if array.ndim > 1 or (array <= 0).any():
+            if array.ndim > 1:
+                raise InvalidInput(
+                    f"{name} has the shape {array.shape}, but takes one value [{unit}] per joint, "
+                    "(dof,), or one for all, which limits both directions: for bounds of -2 and 2 "
+                    "give 2.",
+                    limit=name,
+                )
+            if (array <= 0).any():
                 raise InvalidInput(
                     f"{name} must be above zero for every joint, but is {array.tolist()} {unit}.",
                     limit=name,

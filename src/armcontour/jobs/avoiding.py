@@ -111,17 +111,13 @@ def keep_clear(
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """What tells whether a contour keeps clear along a joint path; None if no choice needs it.
-
-    The first contour of a program is looked at before all others are traced and timed in its
-    configuration. A single contour is looked at once, when it is planned.
+    """Whether a contour keeps clear along a joint path; None if no configuration is chosen.
 
     Args:
         job: The job.
     """
-    several = job.objective is None or len(job.objective.contours) > 1
     chosen = job.start is None and isinstance(job.arm, SerialArm)
-    if several and chosen and not job.ignore_collisions and _is_looked_at(job):
+    if chosen and not job.ignore_collisions and _is_looked_at(job):
         return job.cell.keeps
     return None
 

@@ -60,6 +60,7 @@ def plan(
     method: str = "optimal",
     branch: str | None = None,
     start: npt.ArrayLike | None = None,
+    fits: Callable[[JointPath], bool] | None = None,
     reserve: float = 0.0,
     duration: float | None = None,
     smoothing: npt.ArrayLike = (),
@@ -92,6 +93,9 @@ def plan(
         branch: For an arm in the plane: the branch of its inverse kinematics.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
+        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).keeps`: the fastest
+            configuration that fits is taken, and the fastest of all if none does. By default no
+            collisions are considered; `check_clearance` finds those of a plan.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
@@ -137,6 +141,7 @@ def plan(
         method=method,
         branch=branch,
         start=start,
+        fits=fits,
         reserve=reserve,
         duration=duration,
         smoothing=smoothing,
