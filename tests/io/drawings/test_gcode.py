@@ -151,7 +151,7 @@ events/tools_and_outputs => tool=3.0, cut analog output 2=25.0@1 output 1=True@2
 references/unknown => cut, tool=2.0, rapid, cut
 T1|G1 X1 F60|T2|X2 => tool=1.0, cut, tool=2.0, cut
 F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => cut analog output 2=25.0@5
-events/extruder => cut extruder=True@1 extruder=False@3, extruder feed=-3.0, dwell 3, \
+events/extruder => extruder=True, cut extruder=False@2, extruder feed=-3.0, dwell 3, \
 extruder=True, cut extruder=False@1
 M83|G1 X1 E1 F600|G1 E-.8 F2400|G0 X5|G1 E.8|G1 X6 E1 => extruder=True, cut extruder=False@1, \
 extruder feed=-0.8, dwell 0.02, rapid, extruder feed=0.8, dwell 0.02, extruder=True, cut
@@ -244,6 +244,9 @@ M83|G1 X1 E1 F60|G4 P20|X2 => 0,0 1,0 / 1,0 2,0 => line 3 ... milliseconds
 M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => 0,0 1,0 2,0 3,0 => line 3 ... M83
 G90|M83|G1 X1 F60 E2.5|X2 => 0,0 1,0 2,0
 %|G1 X1 F60|%| => 0,0 1,0
+M104 S2|G28|G1 Z15 F60|G92 E0|G1 X2 Y2|Z0|G1 X6 E2|G1 X9 => 2,2 6,2 9,2 => before ... line 3
+G1 X2 F60|G1 X6 E2 => 2,0 6,0 => before the first extrusion, first in line 1
+G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
 """)
     check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", skip=frozenset("A"))
     check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", skip=frozenset(("G28.2",)))
@@ -257,7 +260,7 @@ G90|M83|G1 X1 F60 E2.5|X2 => 0,0 1,0 2,0
     start = "G92 E0|G0 Z20|G1 F1500 E-6.5|G1 F600 Z2"
     for code in ("M201", "M203", "M205", "M92", "M566", "M999"):
         program = read(f"{start}|{code} X5 Y5 E3|G1 X10 Y10 E0|{code} X20 Y20|M2")
-        assert in_mm(program.path) == [[0, 0, 20], [0, 0, 2], [10, 10, 2]]
+        assert in_mm(program.path) == [[0, 0, 2], [10, 10, 2]]
         assert f"{code} (2 times, first in line 5)" in program.notes[0]
 
 

@@ -43,6 +43,7 @@ class Machine:
         reading: How the file is to be read.
         changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
         of_printer: Tells whether the program is a printer's, in which G4 P is in milliseconds.
+        extrudes: Tells whether some move of the program feeds material.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Machine:
         reading: Reading,
         changes_tools: Callable[[], bool],
         of_printer: Callable[[], bool],
+        extrudes: Callable[[], bool],
     ) -> None:
         stated = reading.unit is not None
         self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
@@ -65,8 +67,8 @@ class Machine:
         self.cycles = Cycles(self.tool, self.modes, self.switches)
         self.offset = (0.0, 0.0, 0.0)
         self.first_compensated = 0
-        self.of_printer = of_printer
-        self.first_milliseconds = self.first_any_tolerance = 0
+        self.of_printer, self.extrudes = of_printer, extrudes
+        self.first_milliseconds = self.first_any_tolerance = self.first_approach = 0
         self.long_dwell: tuple[float, int] | None = None
         self.surface_speed = False
         self.saved: tuple[Modes, int, tuple[int, float]] | None = None
@@ -316,10 +318,14 @@ class Machine:
             self.tool.go(target)
         elif self.tool.lost and modes.motion == codes.LINE and not feeds and self.of_printer():
             self.references.pass_by(target)
-        elif modes.motion == codes.LINE:
-            self.tool.feed(target)
-        else:
+        elif modes.motion != codes.LINE:
             self.tool.arc(block, target)
+        elif not feeds and not self.draft.begun and self.extrudes():
+            # Nothing is printed yet: the tool only goes to where the print begins.
+            self.first_approach = self.first_approach or self.line
+            self.tool.go(target)
+        else:
+            self.tool.feed(target)
         for letter in AXES:
             block.words.pop(letter, None)
 
@@ -394,6 +400,11 @@ class Machine:
             found.append(
                 f"The file gives no feed rate for moves, first in {where(self.tool.first_open)}: "
                 "they have no speed of their own, and the job's limits hold."
+            )
+        if self.first_approach:
+            found.append(
+                f"Feed moves before the first extrusion, first in {where(self.first_approach)}, are "
+                "read as rapids: the program begins where material flows."
             )
         if self.first_any_tolerance:
             found.append(

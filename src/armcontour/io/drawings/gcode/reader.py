@@ -54,9 +54,8 @@ SLICER = re.compile(
     re.IGNORECASE,
 )
 # Codes and words that only programs of printers have: extrusion, and its temperatures.
-PRINTER = re.compile(
-    r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])|[gG]0?[123](?![0-9.])[^mM]*[eE]-?[0-9.]"
-)
+EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*[eE]-?[0-9.]")
+PRINTER = re.compile(rf"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])|{EXTRUSION.pattern}")
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Files of subprograms have such names (LinuxCNC manual, "Calling Files").
 FILE_NAME = re.compile(r"[a-z0-9_-]{1,80}")
@@ -95,6 +94,7 @@ def read_gcode(
         reading,
         lambda: _has(TOOL_CHANGE, (x for x in lines if "6" in x)),
         lambda: _has(PRINTER, lines),
+        lambda: _has(EXTRUSION, (x for x in lines if "E" in x or "e" in x)),
     )
     parameters = Parameters(state_of(machine))
     suffixes = (FilePath(source).suffix, ".ngc", ".nc")
