@@ -6,7 +6,7 @@ import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, stroke
 /** @typedef {import("./state.js").Frame} Frame */
 
 // Points of each rapid in a picture.
-const OF_RAPID = 16;
+export const OF_RAPID = 16;
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 // The magnified error should be about this large on the screen; the factor changes outside of the range.
 const SHORTEST = 0.7; // px

@@ -3,6 +3,7 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
+import { OF_RAPID } from "./layers.js";
 import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -75,7 +76,7 @@ class Marks {
         : null;
     this.tool.toggleAttribute("hidden", !tool);
     if (tool) move(this.tool, this.view.view.toScreen(tool));
-    if (cursor) move(this.dot, this.view.view.toScreen(pointAt(picture, cursor.s)));
+    if (cursor) move(this.dot, this.view.view.toScreen(pointOf(picture, cursor)));
   }
 
   /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
@@ -173,6 +174,17 @@ function along(xs, points, x) {
   const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
   const mix = (/** @type {number} */ k) => points[2 * i + k] + share * (points[2 * next + k] - points[2 * i + k]);
   return [mix(0), mix(1)];
+}
+
+/** Place of the tool at the cursor, on the path or on a rapid [m]. @param {Frame} picture @param {{t: number, s: number}} cursor @returns {[number, number]} */
+export function pointOf(picture, { t, s }) {
+  const { rapid, rapid_t: times } = picture.arrays;
+  const first = times?.length ? indexAt(times, t) : 0;
+  const from = first - (first % OF_RAPID);
+  const inside = times?.length && t > times[from] && t < times[from + OF_RAPID - 1];
+  return inside
+    ? along(times.subarray(from, from + OF_RAPID), rapid.subarray(2 * from, 2 * (from + OF_RAPID)), t)
+    : pointAt(picture, s);
 }
 
 /** Place on the path [m]. @param {Frame} picture @param {number} s @returns {[number, number]} */
