@@ -197,7 +197,7 @@ def described():
         (clearance(0.02), "table and forearm 20 mm 1.250 s 10 mm"),
         (clearance(0.005, first_time=1.2), "table and forearm 5 mm 1.200 s 10 mm",
          "Clearance: 1 pair too near (2 pairs, 0 not looked at)"),
-        (parse_job(BEND), "run fast optimal, pole_placement, every 4 ms, 250 mm/s"),
+        (parse_job(BEND), "run fast optimal, inverse, every 4 ms, 250 mm/s"),
         (arm.limits.replace(joint_jerk=None, speed=0.25),
          "joint_torque 150, 150, 150, 28, 28, 28 N m", "speed 0.25 m/s"),
         (ac.Limits(), "Limits: none"),

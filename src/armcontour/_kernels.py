@@ -133,8 +133,8 @@ class _Listener(event.Listener):
         if now > self._begin + PATIENCE:
             self._logged = True
             logging.getLogger(__package__).warning(
-                "armcontour compiles functions for this machine, once, which may take a minute or "
-                "two. `armcontour warm` compiles all of them at a time, on all processors."
+                "armcontour compiles the functions of this job that were not compiled yet, which "
+                "may take a minute or two. `armcontour warm` compiles all, on all processors."
             )
 
 

@@ -207,3 +207,13 @@ def test_a_speed_that_lacks_its_unit_is_stated():
         limits = LIMITS.replace(speed=speed)
         points = teach(job(ac.Path.polyline(LINES), limits=limits))["one"].weak_points
         assert len([x for x in points if f"speed: {speed:g} mm/s" in x]) == count
+
+
+def test_a_corner_tolerance_larger_than_the_path_is_questioned():
+    def doubts(tolerance):
+        found = warnings_of(job(ac.Path.polyline(LINES), rounding=Rounding(tolerance=tolerance)))
+        return [x for x in found if "larger than the path" in x]
+
+    assert doubts(0.05) == []
+    (doubt,) = doubts(0.5)
+    assert "0.5 m" in doubt and "tolerance: 0.5 mm" in doubt

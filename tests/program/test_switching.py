@@ -68,7 +68,7 @@ def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
     program = read_gcode(PRINT, source="part.gcode", reading=Reading())
     switch = ac.Switch(name="extruder", on_lead=0.02, off_lead=0.01)
     (contour,) = ac.prepare(program, ac.Process(switch=switch)).contours
-    expected = [(True, 0.01), (False, 0.02), (True, 0.03), (False, 0.04)]
+    expected = [(True, 0.0), (False, 0.01), (True, 0.02), (False, 0.03)]
     assert states(contour, "extruder") == expected
     assert [x.lead_time for x in contour.events] == [0.02, 0.01, 0.02, 0.01]
     # A contour that a file runs with the output off stays off.

@@ -71,6 +71,10 @@ def library_file(name: str) -> FilePath:
 
 def is_job(file: FilePath) -> bool:
     """Whether a file is a job by its name; else it is a drawing."""
+    from armcontour.errors import InvalidInput
+
+    if file.is_dir():
+        raise InvalidInput(f"{file} is a folder: name a job file or a drawing.")
     return file.suffix.lower() in JOBS
 
 

@@ -368,7 +368,8 @@ Call = Annotated[
 ToolMotion = Annotated[
     bool,
     typer.Option(
-        "--tool-motion", help="Write point, orientation and speed of the tool into exports too."
+        "--tool-motion",
+        help="Write point, orientation and speed of the tool, as commanded, into exports too.",
     ),
 ]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from itertools import chain, islice
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -57,6 +58,7 @@ from armcontour.jobs.weak_points import (
 from armcontour.jobs.weaving import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program
+from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
 from armcontour.servo.model import MOST_FEEDFORWARD
 from armcontour.timing import Explanation, Tracing, assigned_time, refuse_unkept_jerk
@@ -74,6 +76,8 @@ TEACHING = STEPS[:5]
 EXPERIMENT = "experiment"
 # Takes the place of rounding where corners have the shape free.
 SHAPING = "shaping"
+# The clearance of the arm from itself is reported where it is below this [m].
+NEAR = 10e-3
 # Set-points of longer motions are made in a thread [s]; for others its memory is too much.
 LONG = 60.0
 # Share of the motion above which a command interval is reported as coarse.
@@ -191,7 +195,8 @@ class TimedRun:
     def remarks(self) -> tuple[str, ...]:
         """Sentences on what the plan is like, with the name of the run, which are no warnings."""
         own = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found = (self.shape_note, self.stops_note, self.clearance_note)
+        clear = None if self._far_from_itself else self.clearance_note
+        found = (self.shape_note, self.stops_note, clear)
         weaves = (f"Run {self.run.name}: {x.sentence}" for x in self.weaves)
         return (*own, *weaves, *(x for x in found if x is not None))
 
@@ -199,7 +204,7 @@ class TimedRun:
     def weaves(self) -> tuple[Weaving, ...]:
         """Width and frequency of each weave in the plan."""
         if "weaves" not in self._known:
-            self._known["weaves"] = tuple(weavings(self.path, self.trajectory))
+            self._known["weaves"] = tuple(weavings(self.path, self.trajectory, self.run.limits))
         return tuple(self._known["weaves"])
 
     @property
@@ -212,6 +217,13 @@ class TimedRun:
             return None
         done = "".join(f" {capitalise(x)}." for x in self.avoided)
         return f"Run {self.run.name}: {self.clearance.sentence}{done}"
+
+    @property
+    def _far_from_itself(self) -> bool:
+        """Whether nothing is near the arm, and only the arm itself was to be looked at."""
+        if self.clearance is None or self.avoided:
+            return False
+        return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
 
     @property
     def shaped(self) -> Shaped | None:
@@ -255,6 +267,12 @@ class TimedRun:
                 "of robot arms (a number without a unit is in metres per second: for millimetres "
                 f"per second write speed: {speed:g} mm/s)."
             )
+        if self.run.rounding is not None:
+            doubts = (
+                doubt_tolerance(x.path, self.run.rounding.tolerance)
+                for x in self.objective.contours
+            )
+            found += list(islice(chain.from_iterable(doubts), 1))
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += warn_of(self.jerk_stops, self.run)
         found += [sentence for x in self.weaves for sentence in x.warnings]

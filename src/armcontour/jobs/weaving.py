@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.arms import Limits
+from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Contour, Program, contour_called
@@ -15,6 +17,8 @@ from armcontour.program import Contour, Program, contour_called
 SAMPLES = 64
 # Relative difference from what was asked above which there is a warning.
 ALLOWED = 0.02
+# A limit is reached from this share of it on.
+REACHED = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +32,7 @@ class Weaving:
         asked: Width [m] and frequency [1/s] that were asked for; the frequency is NaN without an
             assigned velocity.
         left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
+        slowed_by: The limit that the plan reaches, in words.
     """
 
     contour: str
@@ -35,6 +40,7 @@ class Weaving:
     frequency: tuple[float, float]
     asked: tuple[float, float]
     left_out: float
+    slowed_by: str
 
     @property
     def sentence(self) -> str:
@@ -56,8 +62,8 @@ class Weaving:
         if self.frequency[0] < (1 - ALLOWED) * self.asked[1]:
             found.append(
                 f"{self.contour} weaves at {_range(self.frequency, 1.0)} Hz in place of "
-                f"{self.asked[1]:.4g} Hz, because the limits slow the tool down: give a lower "
-                "velocity or frequency, or a smaller width."
+                f"{self.asked[1]:.4g} Hz, because {self.slowed_by} slows the tool down: give a "
+                "lower velocity or frequency, a smaller width, or a higher limit."
             )
         if self.left_out:
             found.append(
@@ -67,19 +73,20 @@ class Weaving:
         return found
 
 
-def weavings(program: Program, trajectory: Trajectory) -> list[Weaving]:
+def weavings(program: Program, trajectory: Trajectory, limits: Limits) -> list[Weaving]:
     """What the plan makes of each weave.
 
     Args:
         program: The program that was planned.
         trajectory: Its plan.
+        limits: Its limits.
     """
     pairs = zip(program.contours, trajectory.contour_spans, strict=True)
-    found = (_weaving(i, x, span) for i, (x, span) in enumerate(pairs))
+    found = (_weaving(i, x, span, limits) for i, (x, span) in enumerate(pairs))
     return [x for x in found if x is not None]
 
 
-def _weaving(number: int, contour: Contour, span: Span) -> Weaving | None:
+def _weaving(number: int, contour: Contour, span: Span, limits: Limits) -> Weaving | None:
     """What the plan makes of the weave of a contour; None without waves of full width."""
     woven, plan = contour.woven, span.trajectory
     if woven is None or plan is None or len(woven.crests) < 3:
@@ -105,7 +112,20 @@ def _weaving(number: int, contour: Contour, span: Span) -> Weaving | None:
         frequency=(float(1 / times.max()), float(1 / times.min())),
         asked=(woven.width, woven.frequency),
         left_out=woven.left_out,
+        slowed_by=_slowed_by(contour.path, plan, limits),
     )
+
+
+def _slowed_by(path: Path, plan: Trajectory, limits: Limits) -> str:
+    """The limit that slows a weave: of the centripetal acceleration if it is reached."""
+    limit = limits.centripetal_acceleration
+    if limit is None:
+        return "a limit of the joints or of the tool"
+    s = (path.breaks[:-1] + path.breaks[1:]) / 2
+    reached = float((np.abs(path.curvatures) * plan.speed_at(s) ** 2).max())
+    if reached < REACHED * limit:
+        return "a limit of the joints or of the tool"
+    return f"limits.centripetal_acceleration of {limit:.4g} m/s²"
 
 
 def _heights(s: FloatArray, off: FloatArray, crests: FloatArray, reach: float) -> FloatArray:

@@ -194,13 +194,13 @@ class _Choices:
         gap = (
             "no bound is found for so many contours"
             if bound is None
-            else f"at most {digits(100 * (length / bound - 1), 2)} % above the shortest"
+            else f"no order is shorter than {digits(bound, 3)} m"
             if 0 < bound < length
             else "no order is shorter"
         )
         return (
-            f"In the order shortest, contours are {length:.4g} m apart in straight lines, one "
-            f"after the other ({drawn:.4g} m as drawn): {gap}."
+            f"In the order shortest, the straight ways between contours have {length:.4g} m in all "
+            f"({drawn:.4g} m in the order of the file); {gap}."
         )
 
     def bound(self, length: float) -> float | None:

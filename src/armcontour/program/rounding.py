@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import overload
@@ -11,12 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
+from armcontour._text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
 from armcontour.geometry.curvature import smooth_curvature as smooth_path
 from armcontour.geometry.fit import draw_with_arcs as draw_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
+
+# Points of a path of which the extent is taken.
+SAMPLES = 65
 
 
 @overload
@@ -69,6 +74,9 @@ def round_corners(
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
             the orientation needs an angular tolerance and there is none.
+
+    Warns:
+        UserWarning: The tolerance is larger than the path.
     """
 
     def rounded(path: Path) -> RoundedPath:
@@ -82,12 +90,28 @@ def round_corners(
         )
 
     if isinstance(path, Path):
-        return rounded(path)
+        found = rounded(path)
+        for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
+            warnings.warn(capitalise(doubt), stacklevel=2)
+        return found
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
     return dataclasses.replace(program, moves=tuple(moves))
+
+
+def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
+    """A sentence on a corner tolerance [m] that is larger than the path, or none."""
+    largest = 0.0 if tolerance is None else float(np.max(tolerance))
+    extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
+    if largest <= extent:
+        return []
+    return [
+        f"the corner tolerance of {largest:g} m is larger than the path, which extends over "
+        f"{extent:.4g} m: it is in metres; for {largest:g} mm give {largest / 1e3:g}, in a job "
+        f"`tolerance: {largest:g} mm`."
+    ]
 
 
 @overload

@@ -403,8 +403,8 @@ class Machine:
             )
         if self.first_approach:
             found.append(
-                f"Feed moves before the first extrusion, first in {where(self.first_approach)}, are "
-                "read as rapids: the program begins where material flows."
+                f"Feed moves before the first extrusion, first in {where(self.first_approach)}, "
+                "are read as rapids: the program begins where material flows."
             )
         if self.first_any_tolerance:
             found.append(
