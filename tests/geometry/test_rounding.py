@@ -181,8 +181,7 @@ def test_corners_beside_arcs_share_their_arc_and_their_lines():
     # An arc of 0.2 m between two lines leaves either corner one half.
     end = np.array([2 - np.cos(0.2), np.sin(0.2)])
     short = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2), line(end, end + (1, 0)))
-    with pytest.warns(UserWarning, match="larger than the path"):
-        wide = ac.round_corners(short, tolerance=1.0)
+    wide = ac.round_corners(short, tolerance=1.0)
     np.testing.assert_allclose(wide.corners.tangent, 0.1)
 
 
@@ -333,3 +332,9 @@ def test_a_circle_stays_as_it_is(continuity):
             np.testing.assert_array_equal(found.orientation(s), path.orientation(s))
             assert found.orientation.axis_only == path.orientation.axis_only
     refused((lambda: ac.round_corners(flat, tolerance=-1.0), "corner error tolerance"))
+
+
+def test_a_tolerance_larger_than_the_path_is_questioned():
+    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1)])
+    with pytest.warns(UserWarning, match="for 2 mm give 0.002"):
+        ac.round_corners(path, tolerance=2)
