@@ -59,9 +59,7 @@ if TYPE_CHECKING:
         LearnedRun,
         Lesson,
         Recording,
-        TransferredData,
         learn,
-        transfer,
     )
     from armcontour.motion import (
         Execution,
@@ -140,9 +138,7 @@ _HOME = {
         "LearnedRun",
         "Lesson",
         "Recording",
-        "TransferredData",
         "learn",
-        "transfer",
     ),
     "motion": (
         "Execution",
@@ -241,7 +237,6 @@ __all__ = [
     "Tally",
     "TaughtData",
     "Trajectory",
-    "TransferredData",
     "Unreachable",
     "Weave",
     "__version__",
@@ -273,7 +268,6 @@ __all__ = [
     "stand_still",
     "sweep",
     "trace",
-    "transfer",
     "write_report",
 ]
 

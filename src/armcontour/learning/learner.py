@@ -21,7 +21,7 @@ from armcontour.learning.estimating import (
     white_noise,
 )
 from armcontour.learning.judging import Judge
-from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson, TransferredData
+from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
 from armcontour.learning.servo_fit import fit_servo
@@ -156,7 +156,7 @@ def _align(
     whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
-    told = taught.servo if isinstance(taught, Lesson | TransferredData) else None
+    told = taught.servo if isinstance(taught, Lesson) else None
     if told is not None:
         nominal = replace(nominal, servo=told)
     known = taught.lifted if isinstance(taught, Lesson) else None

@@ -198,31 +198,3 @@ class Lesson(TaughtData):
     def noise_share(self) -> float:
         """Share of the squared remaining error that does not repeat, from 0 to 1."""
         return min((self.noise / self.remaining) ** 2, 1.0) if self.remaining > 0 else 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TransferredData(TaughtData):
-    """Taught data with what was learned at another speed of the same path.
-
-    Args:
-        explained: Share of what was learned, in squares of joint positions, that causes with a
-            known dependence on speed explain, from 0 to 1. The rest goes by the place on the path.
-        servo: The servo of the lesson.
-        delay: Dead time of the robot beyond that of the servo model, from the lesson [s].
-        reason: What keeps the correction small; may be empty.
-    """
-
-    explained: float
-    servo: ServoModel
-    delay: float = 0.0
-    reason: str = ""
-
-    def __str__(self) -> str:
-        """As of any taught data, and how much of the lesson was explained."""
-        rows = [
-            ("explained", f"{self.explained:.0%} of what was learned"),
-            ("reason", self.reason),
-        ]
-        return line_up(self._title("Transferred data"), [*rows, *self._rows])
-
-    __repr__ = brief
