@@ -226,6 +226,7 @@ _ON_BODIES = {
     },
 }
 _FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
+_POLED = {"method": "pole_placement"}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
 _FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.0, "settled": 1.5}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
@@ -298,7 +299,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
     _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
-    _with(PLANE, runs={"one": {"compensation": {"poles": [-100.0, -100.0, -150.0]}}}),
+    _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
     _with(PLANE, corners={"at": {2: 1e-3}}),
@@ -339,7 +340,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, limits=_JOINTS),
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
-    _with(PLANE, runs={"one": {"compensation": {"poles": [[-100.0, -100.0, -150.0]] * 2}}}),
+    _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
     *(
         _with(of, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
         for of, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))

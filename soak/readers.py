@@ -34,7 +34,6 @@ KINDS = {
     "svg": ".svg",
     "gcode": ".ngc",
     "csv": ".csv",
-    "parquet": ".parquet",
     "job": ".yaml",
     "stl": ".stl",
     "obj": ".obj",
@@ -189,9 +188,9 @@ def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, li
         if isinstance(path, ac.Path):
             return path.length, [job.name]
     else:
-        module, function, options = READERS[KINDS[kind]]
+        module, function = READERS[KINDS[kind]]
         reader: Any = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), function)
-        path = reader(data, source=name, reading=how, **options)
+        path = reader(data, source=name, reading=how)
     names = [text for x in path.contours for text in (x.name, x.layer)]
     return path.length, [*names, *(e.name for x in path.contours for e in x.events)]
 

@@ -152,11 +152,9 @@ BODIES = {
 
 @cache
 def samples(kind: str) -> tuple[bytes, ...]:
-    """The files of a kind: "gcode", "svg", "csv", "parquet", "dxf", "job", or of bodies."""
+    """The files of a kind: "gcode", "svg", "csv", "dxf", "job", or of bodies."""
     if kind == "dxf":
         return _dxf()
-    if kind == "parquet":
-        return (_parquet(),)
     if kind == "stl":
         return (_binary_stl(), _ascii_stl().encode())
     texts = {"gcode": GCODE, "svg": SVG, "csv": CSV, "job": JOB, **BODIES}
@@ -204,19 +202,3 @@ def _dxf() -> tuple[bytes, ...]:
         document.write(text)
         found.append(text.getvalue().encode())
     return tuple(found)
-
-
-def _parquet() -> bytes:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    t = np.linspace(0, 1, 20)
-    columns = {
-        "x [mm]": 100 * t,
-        "y [mm]": 10 * np.sin(9 * t),
-        "speed [mm/s]": 50 + 0 * t,
-        "contour": ["outside"] * 12 + ["inside"] * 8,
-    }
-    stream = io.BytesIO()
-    pq.write_table(pa.table(columns), stream)
-    return stream.getvalue()

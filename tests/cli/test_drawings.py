@@ -129,7 +129,7 @@ REFUSED = [
     ("two.csv --cell pmk3s --speed 0", ["--speed", "above zero"]),
     ("two.csv --cell pmk3s --tolerance -1mm", ["--tolerance", "negative"]),
     ("two.csv --cell pmk3s --from-s 2m", ["resumed at 2 m"]),
-    ("two.csv --cell pmk3s --export xml", ["'xml'", "parquet"]),
+    ("two.csv --cell pmk3s --export xml", ["'xml'", "npz"]),
     ("two.csv --cell pmk3s --export template", ["--template"]),
     ("two.csv --cell pmk3s --export csv --export csv", ["--export csv", "twice"]),
     ("two.csv --cell pmk3s --template a.csv.j2 --export csv", ["a.csv.j2", "taught.csv"]),

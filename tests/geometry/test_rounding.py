@@ -11,9 +11,6 @@ import armcontour as ac
 from armcontour.geometry import Outcome, corner_error, count_full_stops
 from armcontour.geometry.cutting import join_paths
 
-# Paths here have no unit, and some tolerances take all of their lines.
-pytestmark = pytest.mark.filterwarnings("ignore:The corner tolerance of")
-
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 
 

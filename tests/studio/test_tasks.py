@@ -161,7 +161,6 @@ FORMATS = (
     ({"format": "csv"}, ".csv", b"t [s],q"),
     ({"format": "csv", "of": "planned", "period": 0.01}, ".csv", b"t [s],q"),
     ({"format": "npz"}, ".npz", b"PK"),
-    ({"format": "parquet"}, ".parquet", b"PAR1"),
     ({"format": "ros-yaml"}, ".yaml", b""),
     ({"format": "mcap"}, ".mcap.zip", b"PK"),
     ({"format": "urscript"}, ".script", b""),

@@ -38,7 +38,7 @@ JobOrDrawing = Annotated[
     FilePath,
     typer.Argument(
         help="Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or "
-        "waypoints (.csv, .parquet), with --cell.",
+        "waypoints (.csv), with --cell.",
     ),
 ]
 
@@ -175,7 +175,7 @@ def show(
     drawing: Annotated[
         FilePath,
         typer.Argument(
-            help="Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints (.csv, .parquet)."
+            help="Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints (.csv)."
         ),
     ],
     drawing_options: DrawingOptions,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Labels of the set-points for the robot, and of the plan without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
 # Formats whose files have tool points, and those with outputs of events.
-WITH_TOOL = ("parquet", "npz", "template")
+WITH_TOOL = ("npz", "template")
 WITH_OUTPUTS = ("urscript", "template")
 # Formats whose controllers join set-points with accelerations by quintics, and the share of the
 # limit above which such accelerations are said.

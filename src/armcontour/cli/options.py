@@ -382,8 +382,7 @@ class ExportOptions:
         list[str] | None,
         typer.Option(
             "--export",
-            help="Format of taught data: csv, parquet, npz, ros-yaml, mcap, urscript; may be "
-            "repeated.",
+            help="Format of taught data: csv, npz, ros-yaml, mcap, urscript; may be repeated.",
         ),
     ] = None
     template: Annotated[

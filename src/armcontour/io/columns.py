@@ -1,4 +1,4 @@
-"""Titles of columns in CSV and Parquet files: the quantity of each column, and its unit."""
+"""Titles of columns in CSV files: the quantity of each column, and its unit."""
 
 from __future__ import annotations
 

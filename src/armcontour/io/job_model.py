@@ -263,8 +263,8 @@ class PathModel:
         start: Start point of the first segment [m].
         segments: A chain of lines and arcs.
         spline: A cubic spline.
-        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv,
-            .parquet); its name is relative to the job file.
+        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
+            its name is relative to the job file.
         units: Unit of the file's lengths, such as mm, if the file gives none; replaces the unit
             that a drawing gives.
         scale: Factor of the file's lengths.

@@ -20,8 +20,8 @@ from armcontour.geometry.fit import draw_with_arcs as draw_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
-# Points of a path of which the extent is taken.
-SAMPLES = 65
+# Points of a path of which the extent is taken, and a tolerance that no process allows [m].
+SAMPLES, LARGE = 65, 0.02
 
 
 @overload
@@ -102,10 +102,10 @@ def round_corners(
 
 
 def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
-    """A sentence on a corner tolerance [m] that is larger than the path, or none."""
-    largest = 0.0 if tolerance is None else float(np.max(tolerance))
+    """A sentence on a corner tolerance [m] that is large, and larger than the path, or none."""
+    largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
     extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
-    if largest <= extent:
+    if largest <= max(extent, LARGE):
         return []
     return [
         f"the corner tolerance of {largest:g} m is larger than the path, which extends over "

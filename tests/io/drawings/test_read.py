@@ -128,7 +128,7 @@ def test_a_program_is_held_as_a_path_is(read):
     np.testing.assert_array_equal(turned.contours[1].path.orientation(0.0)[:, 2], [0, 0, -1])
 
 
-@pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv", ".parquet"])
+@pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv"])
 def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, ending):
     os.mkfifo(tmp_path / f"pipe{ending}")
     (tmp_path / f"zero{ending}").symlink_to("/dev/zero")

@@ -1,13 +1,8 @@
 """Tables of waypoints."""
 
-import io
 import itertools
-import tracemalloc
-from decimal import Decimal
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,21 +17,7 @@ from armcontour.io.drawings.waypoints import read_waypoints
 
 def read(text, **reading):
     data = text if isinstance(text, bytes) else text.encode()
-    return read_waypoints(data, source="points.csv", kind="csv", reading=Reading(**reading))
-
-
-def written(columns, **options):
-    file = io.BytesIO()
-    pq.write_table(pa.table(columns), file, **options)
-    return file.getvalue()
-
-
-def parquet(**columns):
-    return written(columns)
-
-
-def read_parquet(data, **reading):
-    return read_waypoints(data, source="points.parquet", kind="parquet", reading=Reading(**reading))
+    return read_waypoints(data, source="points.csv", reading=Reading(**reading))
 
 
 def refused(text, call=read, **reading):
@@ -177,122 +158,6 @@ def test_what_is_wrong_is_said_with_its_line_and_column():
         assert words in message and message.isprintable() and len(message) < 500
     program = read("x,y,temp\n0,0,warm\n1,0,\n", unknown="skip")
     assert "'temp'" in program.notes[0]
-    with pytest.raises(InvalidInput, match="one of csv, parquet"):
-        read_waypoints(b"", source="a", kind="xls", reading=Reading())
-
-
-def test_cells_of_parquet_are_read_or_refused_with_their_row_and_column():
-    columns = {
-        "x [mm]": [0, 100, 200],
-        "y [mm]": [0.0, 0.0, 50.0],
-        "speed [mm/s]": [None, 150.0, float("nan")],
-        "contour": [1, 1, 1],
-        "event": ["laser=on", None, ""],
-    }
-    program = read_parquet(parquet(**columns))
-    assert program.contours[0].name == "1"
-    assert [x.name for x in program.contours[0].events] == ["laser"]
-    np.testing.assert_allclose(program.path.speeds, [0.15, np.nan])
-    np.testing.assert_allclose(program.path.vertices[-1], [0.2, 0.05])
-    text = pa.array(["a", "a"]).dictionary_encode()
-    y = pa.array([Decimal("0"), Decimal("1.25")])
-    contour = read_parquet(parquet(x=[0, 0], y=y, layer=text)).contours[0]
-    assert (contour.layer, contour.path.length) == ("a", 1.25)
-    table = [
-        ({"x": [0.0, None], "y": [0, 1]}, "row 2, column 'x': must not be empty"),
-        ({"x": [0.0, float("inf")], "y": [0, 1]}, "row 2, column 'x': 'inf' is not a finite"),
-        ({"x": [0, 1], "y": ["0", "a"]}, "row 2, column 'y': 'a' is not a finite number"),
-        ({"x": [0, 1], "y": [[0], [1]]}, "column 'y' has the type list"),
-        ({"x": [], "y": []}, "no waypoints"),
-        ({"x": [0, 1], "y": [0, 1], "contour": ["e" * 11_000] * 2}, "11000 ... than the 10000"),
-    ]
-    refusals(lambda columns: read_parquet(parquet(**columns)), table)
-    good = parquet(x=[0, 1], y=[0, 1])
-    broken = (b"", b"PAR1", b"PAR1" * 10, good[: len(good) // 2], good[5:])
-    refusals(read_parquet, [(x, "points.parquet cannot be read as Parquet") for x in broken])
-
-
-def varint(number, size=1):
-    """A number as the compact protocol of Thrift has it, filled up to a size."""
-    count = max(size, -(-(2 * number).bit_length() // 7))
-    found = [2 * number >> 7 * i & 127 | 128 for i in range(count)]
-    return bytes([*found[:-1], found[-1] & 127])
-
-
-def lying(data, *sizes):
-    """The Parquet file with other sizes in the place of those it tells, in as many bytes."""
-    for size in sizes:
-        old = varint(size)
-        assert data.count(old) >= 1
-        at = data.rindex(old)
-        data = data[:at] + varint(100, len(old)) + data[at + len(old) :]
-    return data
-
-
-def refused_cheaply(data):
-    """The message of a refusal that takes little memory."""
-    usual = pa.default_memory_pool()
-    pool = pa.proxy_memory_pool(usual)
-    pa.set_memory_pool(pool)
-    tracemalloc.start()
-    try:
-        message = refused(data, read_parquet)
-        most = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-        pa.set_memory_pool(usual)
-    assert most < 40e6 and pool.max_memory() < 40e6
-    return message
-
-
-def column_size(data):
-    """Size of the column 2 according to the metadata."""
-    return pq.ParquetFile(io.BytesIO(data)).metadata.row_group(0).column(2).total_uncompressed_size
-
-
-def test_parquet_that_unpacks_to_too_much_is_refused():
-    columns = {"x": [0.0, 1.0], "y": [0.0, 1.0], "event": ["a" * 80_000_000, "b" * 80_000_000]}
-    bomb = written(columns, compression="zstd", write_statistics=False)
-    assert len(bomb) < 20_000
-    assert "unpacks to 160 MB, more than the 128 MB" in refused_cheaply(bomb)
-    # A wrong size in the metadata does not help, nor another one in the header of a page.
-    told = column_size(bomb)
-    lie = lying(bomb, told)
-    assert column_size(lie) == 100
-    assert "points.parquet unpacks to 160 MB" in refused_cheaply(lie)
-    of_page = 160_000_008
-    assert bomb.count(varint(of_page)) == 1
-    assert "cannot be read as Parquet" in refused_cheaply(lying(bomb, told, of_page))
-    # A column that is not needed is not unpacked.
-    other = bomb.replace(b"event", b"extra")
-    assert "unknown column 'extra'" in refused_cheaply(other)
-    assert len(read_parquet(other, unknown="skip").path) == 1
-    zeros = np.zeros(9_000_000)
-    data = parquet(x=zeros, y=zeros)
-    assert len(data) < 1_000_000
-    assert "unpacks to 144 MB" in refused_cheaply(data)
-    data = b"PAR1" + b"\0" * 5_000_000 + (5_000_000).to_bytes(4, "little") + b"PAR1"
-    assert "metadata have 5 MB, more than the 4 MB" in refused_cheaply(data)
-    # A text that all rows share is unpacked once.
-    data = parquet(x=np.arange(2e4), y=np.zeros(20_000), contour=["e" * 9000] * 20_000)
-    assert "points.parquet, row 1, column 'contour'" in refused(data, read_parquet)
-
-
-@pytest.mark.parametrize("compression", ["none", "snappy", "gzip", "zstd", "brotli", "lz4"])
-def test_whatever_is_written_is_measured_and_read(compression):
-    n = 500
-    columns = {
-        "x": np.arange(n) * 0.001,
-        "y": np.zeros(n),
-        "speed": [None if i % 2 else 0.1 for i in range(n)],
-        "contour": ["a"] * 200 + ["b"] * 300,
-        "event": pa.nulls(n),
-    }
-    for version, dictionary in (("1.0", True), ("1.0", False), ("2.0", True), ("2.0", False)):
-        options = {"compression": compression, "row_group_size": 120, "data_page_size": 200}
-        options |= {"data_page_version": version, "use_dictionary": dictionary}
-        program = read_parquet(written(columns, **options))
-        assert [len(x.path.vertices) for x in program.contours] == [200, 300]
 
 
 coordinates = st.floats(-5, 5, allow_nan=False).map(lambda x: round(x, 6))
@@ -314,11 +179,11 @@ def test_what_was_written_is_read(points, seed):
     columns["speed [mm/s]"] = (1000 * speeds).tolist()
     rows = zip(*columns.values(), strict=True)
     text = "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)])
-    for path in (read(text).path, read_parquet(parquet(**columns)).path):
-        np.testing.assert_allclose(path.vertices, points, atol=1e-12)
-        np.testing.assert_allclose(path.speeds, speeds[1:], rtol=1e-12)
-        held = path.orientation(path.breaks[:-1])
-        np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
+    path = read(text).path
+    np.testing.assert_allclose(path.vertices, points, atol=1e-12)
+    np.testing.assert_allclose(path.speeds, speeds[1:], rtol=1e-12)
+    held = path.orientation(path.breaks[:-1])
+    np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
 
 
 def test_tool_axes_are_smoothed_within_the_angle(tmp_path):

@@ -1,4 +1,4 @@
-"""CSV, Parquet, npz and ROS, read back by pandas, pyarrow, numpy, PyYAML and rosbags."""
+"""CSV, npz and ROS, read back by pandas, numpy, PyYAML and rosbags."""
 
 import dataclasses
 import io
@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from hypothesis import given
@@ -66,18 +65,6 @@ def test_csv_without_events_is_what_check_reads(table, tmp_path):
     given = dataclasses.replace(table(2), joint_names=("joint 1", "1"))
     write_table(given, tmp_path / "a.csv", format="csv")
     assert_columns(pd.read_csv(tmp_path / "a.csv"), given, 1e-11)
-
-
-def test_parquet_comes_back_to_the_last_bit(table, tmp_path):
-    given = table(6)
-    write_table(given, tmp_path / "a.parquet", format="parquet")
-    found = pd.read_parquet(tmp_path / "a.parquet")
-    assert_columns(found, given, 0.0)
-    assert sum(len(events_in(x)) for x in found["events"].dropna()) == len(given.events)
-    about = json.loads(pq.read_schema(tmp_path / "a.parquet").metadata[b"armcontour"])
-    assert about["events"] == [event_data(x) for x in given.events]
-    assert tuple(about["joint_names"]) == given.joint_names
-    assert (about["name"], about["period"], about["start_time"]) == ("part 7", given.period, 0.0)
 
 
 def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Any
 
 from armcontour.errors import InvalidInput
 
-# Module, function and options of the reader for each extension.
-READERS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    ".dxf": ("dxf", "read_dxf", {}),
-    ".svg": ("svg", "read_svg", {}),
-    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode", {})),
-    ".csv": ("waypoints", "read_waypoints", {"kind": "csv"}),
-    ".parquet": ("waypoints", "read_waypoints", {"kind": "parquet"}),
+# Module and function of the reader for each extension.
+READERS = {
+    ".dxf": ("dxf", "read_dxf"),
+    ".svg": ("svg", "read_svg"),
+    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
+    ".csv": ("waypoints", "read_waypoints"),
 }
 
 

@@ -121,13 +121,13 @@ def read_path(
     factor = _checks.positive("scale", scale)
     # The scale is that of the file's lengths, and tools are as they are.
     reading = replace(reading, tools={n: x / factor for n, x in reading.tools.items()})
-    module, name, options = READERS[suffix]
+    module, name = READERS[suffix]
     if reading.smooth_axes and module != "waypoints":
         raise InvalidInput(
             "smooth_axes (path.smooth_axes) is for tables of waypoints with tool axes, and "
             f"{location.name} is none: leave it out."
         )
-    if columns is not None and suffix != ".csv":
+    if columns is not None and module != "waypoints":
         raise InvalidInput(
             "columns (path.columns, --waypoint-columns) is for waypoints in CSV, and "
             f"{location.name} is none: leave it out."
@@ -139,7 +139,7 @@ def read_path(
         # Files with subprograms are looked for beside it.
         read = partial(read, folder=location.parent)
     fitting = replace(reading, chord_tolerance=reading.fit_tolerance)
-    program: Program = read(bytes_of(location), source=location.name, reading=fitting, **options)
+    program: Program = read(bytes_of(location), source=location.name, reading=fitting)
     program = _select(program, layers, names)
     if (far := _farthest(program) * factor) > LARGEST_PART and reading.unit is not None:
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""Read tables of waypoints from CSV and Parquet files: columns, cells and line numbers."""
+"""Read tables of waypoints from CSV: columns, cells and line numbers."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import IntArray
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
-from armcontour.io.drawings._parquet import ParquetTable
 from armcontour.io.drawings.reading import Reading
 from armcontour.io.number_table import split_csv, split_line
 
@@ -30,8 +29,6 @@ UNITS = {
     "speed": "m/s",
 }
 _NAME = re.compile(r"(?P<name>[A-Za-z]+)(?:_(?P<unit>[A-Za-zµ°]\S*))?")
-# Cells of a column: text, or numbers with NaN for empty cells.
-Cells = Sequence[str] | FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,34 +37,32 @@ class Table:
 
     Args:
         source: Name of the file.
-        word: "line" or "row", for messages.
-        places: Number of each row in the file, from 1.
+        places: Line of each row in the file, from 1.
         columns: The known columns.
         cells: Cells by columns.
         notes: Notes on columns that were left out.
     """
 
     source: str
-    word: str
     places: IntArray
     columns: Mapping[str, Column[str]]
-    cells: Mapping[str, Cells]
+    cells: Mapping[str, Sequence[str]]
     notes: tuple[str, ...]
 
     def where(self, i: int, *keys: str) -> str:
         """File, number of row `i` and titles of columns, for messages."""
         titles = " ".join(self.columns[key].title for key in keys)
-        place = f"{self.source}, {self.word} {self.places[i]}"
+        place = f"{self.source}, line {self.places[i]}"
         return f"{place}, column {show(titles)}" if titles else place
 
 
-def table_of(data: bytes, *, source: str, kind: str, reading: Reading) -> Table:
-    """Read the table in a CSV or Parquet file.
+def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
+    """Read the table in a CSV file.
 
     Raises:
         InvalidInput: No table, no rows, or a column that is unknown, repeated or missing.
     """
-    table = (_csv if kind == "csv" else _parquet)(data, source, reading)
+    table = _csv(data, source, reading)
     if not len(table.places):
         raise InvalidInput(f"{source} has column names, but no waypoints.")
     return table
@@ -94,16 +89,7 @@ def _csv(data: bytes, source: str, reading: Reading) -> Table:
             )
         rows.append(row)
     cells = {key: [row[x.index] for row in rows] for key, x in columns.items()}
-    return Table(source, "line", np.array(file.numbers, dtype=np.intp), columns, cells, notes)
-
-
-def _parquet(data: bytes, source: str, reading: Reading) -> Table:
-    """Read the table in a Parquet file; only known columns are unpacked."""
-    file = ParquetTable(data, source)
-    columns, notes = _columns(file.titles, source, "", reading)
-    unpacked = file.cells([x.title for x in columns.values()])
-    cells = {key: unpacked[x.title] for key, x in columns.items()}
-    return Table(source, "row", np.arange(1, file.rows + 1), columns, cells, notes)
+    return Table(source, np.array(file.numbers, dtype=np.intp), columns, cells, notes)
 
 
 def _columns(

@@ -1,4 +1,4 @@
-"""Read waypoints from CSV and Parquet tables: points, tool orientations, speeds, events."""
+"""Read waypoints from CSV tables: points, tool orientations, speeds, events."""
 
 from __future__ import annotations
 
@@ -33,11 +33,10 @@ from armcontour.io.drawings.waypoint_table import (
 )
 from armcontour.program import Contour, Event, Program
 
-KINDS = ("csv", "parquet")
 SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
-def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> Program:
+def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
     """Read a program from a table of waypoints, which are joined by straight lines.
 
     The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
@@ -49,16 +48,14 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
     contour.
 
     Args:
-        data: Content of the file: CSV with commas, semicolons or tabs, or Parquet.
+        data: Content of the file: CSV with commas, semicolons or tabs.
         source: Name of the file.
-        kind: "csv" or "parquet".
         reading: Options for reading the file.
 
     Raises:
         InvalidInput: A table of another form; names the line or row and the column.
     """
-    _checks.choice("kind of a table of waypoints", kind, KINDS)
-    table = table_of(data, source=source, kind=kind, reading=reading)
+    table = table_of(data, source=source, reading=reading)
     values = _quantities(table, reading)
     orientation = _orientation(table, values)
     texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
@@ -86,10 +83,8 @@ def read_waypoints(data: bytes, *, source: str, kind: str, reading: Reading) -> 
 
 
 def _printed(table: Table, reading: Reading) -> Printed:
-    """What the coordinates of a table can hold; numbers of Parquet are not printed."""
+    """What the coordinates of a table can hold."""
     column, cells = table.columns["x"], [table.cells[x] for x in POINT if x in table.columns]
-    if any(isinstance(x, np.ndarray) for x in cells):
-        return Printed(point=0.0)
     unit = (reading.unit or 1.0) if column.unit is None else column.factor
     return Printed(point=half_a_place(chain.from_iterable(cells)) * unit)
 
@@ -139,14 +134,11 @@ def _told_limit(table: Table, key: str) -> str:
 def _numbers(table: Table, key: str) -> FloatArray:
     """The numbers of a column, (rows,); NaN where a cell is empty."""
     cells = table.cells[key]
-    if isinstance(cells, np.ndarray):
-        values, written = cells, np.isinf(cells)
-    else:
-        values = np.array([plain_number(x) for x in cells], dtype=np.float64)
-        written = np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
+    values = np.array([plain_number(x) for x in cells], dtype=np.float64)
+    written = np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
     if written.any():
         i = int(np.argmax(written))
-        text = str(cells[i])[:40]
+        text = cells[i][:40]
         hint = ": write a decimal point" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
         raise InvalidInput(f"{table.where(i, key)}: {text!r} is not a finite number{hint}.")
     return values
@@ -184,13 +176,10 @@ def _orientation(
 
 
 def _texts(table: Table, key: str) -> Sequence[str]:
-    """A column as text; whole numbers without a decimal point."""
+    """A column as text; empty cells without it."""
     if key not in table.columns:
         return [""] * len(table.places)
-    cells = table.cells[key]
-    if isinstance(cells, np.ndarray):
-        return ["" if math.isnan(x) else f"{x:.15g}" for x in cells.tolist()]
-    return cells
+    return table.cells[key]
 
 
 def _fill_down(table: Table, key: str) -> list[str]:
@@ -218,7 +207,7 @@ def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
     first = int(table.places[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
-            f"{table.source}: the contour that starts in {table.word} {first} has no two different "
+            f"{table.source}: the contour that starts in line {first} has no two different "
             "points: give it more, or leave it out."
         )
     path = Path.polyline(points)
@@ -296,7 +285,7 @@ def _smooth(
     turned = path.pointing(smooth[every])
     place = int(table.places[rows][0])
     return turned, [
-        f"Smoothed the tool axes of {len(kept)} waypoints from {table.word} {place} on: they are "
+        f"Smoothed the tool axes of {len(kept)} waypoints from line {place} on: they are "
         f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
         "(path.smooth_axes)."
     ]

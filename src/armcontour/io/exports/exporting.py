@@ -15,7 +15,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
 from armcontour.io.exports.table import Table, make_table
-from armcontour.io.exports.tables import write_csv, write_npz, write_parquet
+from armcontour.io.exports.tables import write_csv, write_npz
 from armcontour.io.exports.template import describe_unswitched, write_template
 from armcontour.io.exports.urscript import write_urscript
 from armcontour.motion import TaughtData, Trajectory
@@ -23,7 +23,6 @@ from armcontour.motion import TaughtData, Trajectory
 # File extension of each format; a template may have any.
 FORMATS = {
     "csv": ".csv",
-    "parquet": ".parquet",
     "npz": ".npz",
     "ros-yaml": ".yaml",
     "mcap": ".mcap",
@@ -31,11 +30,10 @@ FORMATS = {
     "template": "",
 }
 # Formats with analog outputs, and the same in words.
-WITH_ANALOG = ("csv", "parquet", "npz", "urscript", "template")
-HAVE_ANALOG = "csv, parquet, npz, urscript and templates have"
+WITH_ANALOG = ("csv", "npz", "urscript", "template")
+HAVE_ANALOG = "csv, npz, urscript and templates have"
 _PLAIN: dict[str, Callable[[Table, FilePath], None]] = {
     "csv": write_csv,
-    "parquet": write_parquet,
     "npz": write_npz,
     "ros-yaml": write_ros_yaml,
     "mcap": write_mcap,
@@ -82,7 +80,7 @@ def export(
             each analog output, such as "AO0" for "urscript".
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
             interpolates by quintics, cubics or lines.
-        tool_motion: Whether csv, parquet, npz and template get the tool's point, orientation
+        tool_motion: Whether csv, npz and template get the tool's point, orientation
             (quaternion) and speed. For taught data they are those of the set-points.
         analog: Analog outputs by their names, for the same formats: functions from times of the
             plan [s], (n,), to values, as `armcontour.jobs.analog_outputs` gives them. A robot

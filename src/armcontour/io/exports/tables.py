@@ -1,4 +1,4 @@
-"""The table as CSV, Parquet and npz."""
+"""The table as CSV and npz."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import (
     csv_pieces,
-    event_data,
     event_text,
     joint_columns,
     write_pieces,
@@ -28,49 +26,11 @@ def write_csv(table: Table, file: FilePath) -> None:
     An event is in the row of the last point at or before it and has its own time:
     `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     """
-    header, columns = _columns(table, tool=table.tool_speed is not None)
+    header, columns = _columns(table)
     cells = _event_cells(table) if table.events else None
     if cells is not None:
         header.append("events")
     write_pieces(file, csv_pieces(header, columns, cells))
-
-
-def write_parquet(table: Table, file: FilePath) -> None:
-    """Write the columns of the CSV and the tool points to a Parquet file in full precision.
-
-    The file's metadata have the key `armcontour` with a JSON object of name, joint_names, period,
-    start_time and events.
-
-    Raises:
-        InvalidInput: pyarrow is not installed.
-    """
-    try:
-        import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
-        import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
-    except ImportError:
-        raise InvalidInput(
-            "Parquet needs the library pyarrow: pip install 'armcontour[tables]'."
-        ) from None
-    names, columns = _columns(table, tool=True)
-    arrays = [
-        pa.array(np.ascontiguousarray(x)) for of in columns for x in of.reshape(len(of), -1).T
-    ]
-    if table.events:
-        names.append("events")
-        cells = _event_cells(table)
-        texts = [cells.get(i) for i in range(len(table.t))]
-        arrays.append(pa.array(texts, type=pa.string()))
-    about = {
-        "name": table.name,
-        "joint_names": table.joint_names,
-        "period": table.period,
-        "start_time": table.start_time,
-        "events": [event_data(x) for x in table.events],
-    }
-    pq.write_table(
-        pa.table(arrays, names=names).replace_schema_metadata({"armcontour": json.dumps(about)}),
-        file,
-    )
 
 
 def write_npz(table: Table, file: FilePath) -> None:
@@ -104,11 +64,12 @@ def write_npz(table: Table, file: FilePath) -> None:
         np.savez(stream, **arrays)
 
 
-def _columns(table: Table, *, tool: bool) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints, and of the tool as far as the table has them."""
+def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
     header, columns = joint_columns(
         table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
     )
+    tool = table.tool_speed is not None
     if tool and table.tool is not None:
         header += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
         columns.append(table.tool)

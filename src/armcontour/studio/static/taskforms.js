@@ -43,7 +43,7 @@ const PLACE_FIELDS = /** @type {Field[]} */ ([
 /** @type {[string, string][]} */
 const FORMATS = [
   ["urscript", "URScript (.script)"], ["template kuka", "KUKA (.src)"], ["template abb", "ABB (.mod)"], ["csv", "CSV (.csv)"], ["npz", "NumPy (.npz)"],
-  ["parquet", "Parquet (.parquet)"], ["ros-yaml", "ROS trajectory (.yaml)"], ["mcap", "ROS bag (.mcap)"],
+  ["ros-yaml", "ROS trajectory (.yaml)"], ["mcap", "ROS bag (.mcap)"],
 ];
 /** For which robots a certificate is. @type {[string, string][]} */
 const PLANTS = [["", "as in the job"], ["servo", "independent servos"], ["rigid_body", "rigid bodies"]];
