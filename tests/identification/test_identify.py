@@ -148,7 +148,7 @@ def test_a_lag_is_taken_where_the_velocity_loop_is_surely_too_fast():
 
 
 def test_the_papers_job_tells_the_position_loop_roughly(mac, arm, servo):
-    taught = ac.compensate(mac, servo, period=4e-3)
+    taught = ac.compensate(mac, servo, method="pole_placement", period=4e-3)
     done = ac.execute(taught, ac.ServoPlant(arm, servo), resolution=4e-3)
     command = np.vstack([taught.q, np.tile(taught.q[-1], (len(done.t) - len(taught.q), 1))])
     found = identify(Log(t=done.t, command=command, measured=_measured(done.q)))

@@ -307,6 +307,8 @@ class Interpreter:
 
     def run(self, text):
         self.m6 = any("M6" in re.findall(r"[A-Z][0-9.]+", bare(x)) for x in text.split("\n"))
+        feeding = re.compile(r"G0*[123](?![0-9.])[^M]*(?<![A-Z])E-?[0-9.]")
+        self.prints = any(feeding.search(bare(x)) for x in text.split("\n"))
         frames, kept, marks = 0, [], set()
         for i, line in enumerate(text.split("\n"), 1):
             if line.strip().startswith("%") and frames < 2:
@@ -687,6 +689,11 @@ class Interpreter:
         if arc:
             self.arc(self.x, end, v, line)
             self.x = end
+        elif self.motion == 1 and fed <= 0 and self.prints and not self.started:
+            # A printer's way to where its print begins.
+            self.motion = 0
+            self.straight(end, line)
+            self.motion = 1
         else:
             self.straight(end, line)
 

@@ -83,7 +83,7 @@ def compensate(
     taught = compensate_quietly(
         trajectory,
         servo,
-        method=default_method(servo, arm) if method is None else method,
+        method=method,
         period=period,
         arm=arm,
         limits=limits,
@@ -115,7 +115,7 @@ def compensate_quietly(
     trajectory: Trajectory,
     servo: ServoModel,
     *,
-    method: str,
+    method: str | None,
     period: float,
     arm: Arm | None = None,
     limits: Limits | None = None,
@@ -129,6 +129,7 @@ def compensate_quietly(
         _checks.refuse_other("compensate", arm, Arm, "such as load_arm('ur5e')")
     if limits is not None:
         _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
+    method = default_method(servo, arm) if method is None else method
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
     options = {name: x for name, x in options.items() if x is not None}

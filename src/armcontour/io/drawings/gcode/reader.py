@@ -54,7 +54,7 @@ SLICER = re.compile(
     re.IGNORECASE,
 )
 # Codes and words that only programs of printers have: extrusion, and its temperatures.
-EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*[eE]-?[0-9.]")
+EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*(?<![a-zA-Z])[eE]-?[0-9.]")
 PRINTER = re.compile(rf"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])|{EXTRUSION.pattern}")
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Files of subprograms have such names (LinuxCNC manual, "Calling Files").
