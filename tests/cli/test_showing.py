@@ -47,19 +47,3 @@ def test_tools_have_diameters(tmp_path):
     for text in ("3 mm", "x: 3 mm", "1: 3", "1: 3 mm, 1: 4 mm", "123456789: 1 mm"):
         with pytest.raises(InvalidInput, match="--tool"):
             show(file, "--tool", text)
-
-
-def test_writes_a_preview_once(tmp_path):
-    file = tmp_path / "gasket.html"
-    assert file.as_uri() in show(GASKET, "--out", file)
-    page = file.read_text(encoding="utf-8")
-    assert "<h1>gasket.dxf</h1>" in page and "layer MARK" in page and "10: handle 3A" in page
-    assert "the servo is simulated" not in page
-    show(GASKET, "--out", file, "--force")
-    for arguments, words in (
-        ((GASKET, "--out", file), "gasket.html exists already"),
-        ((tmp_path / "none.dxf",), "There is no file"),
-        ((GASKET, "--open"), "--open opens the preview"),
-    ):
-        with pytest.raises(InvalidInput, match=words):
-            show(*arguments)

@@ -12,6 +12,7 @@ import typer
 
 from armcontour._version import __version__
 from armcontour.cli.options import (
+    AsJson,
     BatchOptions,
     CertifyOptions,
     CheckOptions,
@@ -27,7 +28,6 @@ from armcontour.cli.options import (
     Out,
     PlaceOptions,
     RunOptions,
-    ShowOptions,
     StoredExportOptions,
     StudioOptions,
     SweepOptions,
@@ -179,12 +179,12 @@ def show(
         ),
     ],
     drawing_options: DrawingOptions,
-    options: ShowOptions,
+    as_json: AsJson = False,
 ) -> None:
     """Show layers, contours, sizes and nesting of a drawing, before any arm."""
     from armcontour.cli.showing import show_file
 
-    show_file(drawing, drawing_options, options)
+    show_file(drawing, drawing_options, as_json)
 
 
 @_command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")

@@ -306,20 +306,6 @@ class JobOptions(DrawingOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShowOptions:
-    """Options of the command `show`."""
-
-    out: Annotated[
-        FilePath | None, typer.Option("--out", "-o", help="HTML file for a preview; else none.")
-    ] = None
-    force: ForceFile = False
-    open_page: Annotated[bool, typer.Option("--open", help="Open the preview in a browser.")] = (
-        False
-    )
-    as_json: AsJson = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StudioOptions:
     """Options of the command `studio`."""
 

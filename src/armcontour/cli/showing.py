@@ -5,64 +5,55 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console
 from armcontour.cli.opening import read_tools, split_words
 
 if TYPE_CHECKING:
+    from armcontour._checks import FloatArray
     from armcontour._progress import Progress
-    from armcontour.cli.options import DrawingOptions, ShowOptions
+    from armcontour.cli.options import DrawingOptions
     from armcontour.program import Program
     from armcontour.program.survey import ContourFacts
 
 # Largest number of contours in the printed table.
 MOST_PRINTED = 40
+HEADER = (
+    "contour",
+    "layer",
+    "length [mm]",
+    "size [mm]",
+    "direction",
+    "inside of",
+    "corners",
+    "lines",
+    "arcs",
+)
 
 
-def show_file(file: FilePath, drawing: DrawingOptions, options: ShowOptions) -> None:
-    """Print layers, contours, sizes and nesting of a drawing, and write a preview if asked.
+def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
+    """Print layers, contours, sizes and nesting of a drawing.
 
     Args:
         file: The drawing.
         drawing: Options for reading it.
-        options: Options of the command.
+        as_json: Whether to print JSON in place of tables.
 
     Raises:
-        InvalidInput: The drawing cannot be read, or the preview cannot be written.
+        InvalidInput: The drawing cannot be read.
     """
     from armcontour.cli.progress import search_progress
-    from armcontour.errors import InvalidInput
-    from armcontour.io.exports.destination import put
     from armcontour.program.survey import survey
 
-    out = options.out
-    if out is None and options.open_page:
-        raise InvalidInput("--open opens the preview: name its file with --out.")
-    if out is not None and out.exists() and not options.force:
-        raise InvalidInput(f"{out} exists already: choose another name, or give --force.")
     with search_progress("reading") as progress:
         program = read_drawing(file, drawing, progress)
     facts = survey(program)
-    if out is not None:
-        from armcontour.report import render_drawing
-
-        put(out, partial(_write, render_drawing(program, file.name)))
-    if options.as_json:
+    if as_json:
         print(json.dumps(describe(program, facts), indent=2))
     else:
         _print(program, facts, file.name)
-        if out is not None:
-            Console().say(f"Preview: {out.resolve().as_uri()}")
-    if out is not None and options.open_page:
-        open_page(out)
-
-
-def _write(page: str, file: FilePath) -> None:
-    """Write a page to a file."""
-    file.write_text(page, encoding="utf-8")
 
 
 def read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Program:
@@ -119,11 +110,11 @@ def _layers(facts: Sequence[ContourFacts]) -> dict[str, dict[str, Any]]:
 def _print(program: Program, facts: Sequence[ContourFacts], name: str) -> None:
     """Print tables of layers and contours, and notes."""
     from armcontour.program.survey import extent_of
-    from armcontour.report.sections.drawing import HEADER, format_corner, format_size, row_of
 
     console = Console()
     size = extent_of(facts)
-    console.say(f"{name}: {format_size(size)} mm from {format_corner(size)} mm")
+    corner = ", ".join(f"{x:z.2f}" for x in size[0] * 1e3)
+    console.say(f"{name}: {_format_size(size)} mm from {corner} mm")
     console.show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [
@@ -132,9 +123,32 @@ def _print(program: Program, facts: Sequence[ContourFacts], name: str) -> None:
         ],
     )
     console.show_table(
-        HEADER, [row_of(x) for x in facts[:MOST_PRINTED]], left=(0, 1, 4), title="Contours"
+        HEADER, [_row_of(x) for x in facts[:MOST_PRINTED]], left=(0, 1, 4), title="Contours"
     )
     if len(facts) > MOST_PRINTED:
-        console.say(f"{len(facts) - MOST_PRINTED} more contours: --json or --out has them.")
+        console.say(f"{len(facts) - MOST_PRINTED} more contours: --json has them.")
     for note in program.notes:
         console.say(f"Note: {note}")
+
+
+def _row_of(x: ContourFacts) -> tuple[str, ...]:
+    """Cells of a contour, in the order of `HEADER`."""
+    turn = "ccw" if x.area > 0 else "cw"
+    return (
+        f"{x.number}: {x.name}" if x.name else str(x.number),
+        x.layer,
+        f"{x.length * 1e3:.2f}",
+        _format_size(x.extent),
+        f"closed, {turn}" if x.closed else "open",
+        "" if x.inside is None else str(x.inside),
+        str(x.corners),
+        str(x.lines),
+        str(x.arcs),
+    )
+
+
+def _format_size(extent: FloatArray) -> str:
+    """The sides of a box in mm, such as "120.00 x 80.00"; a side of zero in z is left out."""
+    sides = (extent[1] - extent[0]) * 1e3
+    shown = sides[:2] if len(sides) == 3 and sides[2] < 5e-3 else sides
+    return " x ".join(f"{x:.2f}" for x in shown)

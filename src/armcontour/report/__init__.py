@@ -3,7 +3,6 @@
 from armcontour.report.report import (
     render_batch,
     render_demo,
-    render_drawing,
     render_judged,
     render_learning,
     render_placement,
@@ -15,7 +14,6 @@ from armcontour.report.report import (
 __all__ = [
     "render_batch",
     "render_demo",
-    "render_drawing",
     "render_judged",
     "render_learning",
     "render_placement",

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from armcontour import _checks, _staging
 from armcontour.jobs import Job, Study
-from armcontour.program import Program
 from armcontour.report import sections
 from armcontour.report.figure import render_page
 from armcontour.report.planned import forget
@@ -121,17 +120,6 @@ def render_batch(view: BatchView, *, refresh: int | None = None) -> str:
     """
     section = sections.batch(view)
     return _page(None, [section], title=view.name, about=view.about, refresh=refresh)
-
-
-def render_drawing(program: Program, title: str) -> str:
-    """Render a preview of a drawing as one HTML page without other files.
-
-    Args:
-        program: The contours of the drawing.
-        title: Title of the page.
-    """
-    about = f"{len(program.contours)} contours, {program.length:.4g} m of path"
-    return _page(None, [sections.drawing(program)], title=title, about=about)
 
 
 def render_learning(study: LearningStudy) -> str:

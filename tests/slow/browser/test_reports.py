@@ -83,7 +83,6 @@ def every_kind():
         sections.sweep(ac.sweep(bend(), certified=False)),
         sections.placement(ac.place(bend(), over=over, refined=False)),
         sections.batch(bends()),
-        sections.drawing(ac.Program.of(bend().path)),
     ]
     return render_page(
         "report.html", job=study.job, title="", about="", source="", sections=found, refresh=3600

@@ -4,7 +4,6 @@ from armcontour.report.sections.batch import batch
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
 from armcontour.report.sections.clearance import clearance
-from armcontour.report.sections.drawing import drawing
 from armcontour.report.sections.jerks import jerks
 from armcontour.report.sections.joints import joints, torques
 from armcontour.report.sections.judged import judged
@@ -32,7 +31,6 @@ __all__ = [
     "certificate",
     "clearance",
     "contour_error",
-    "drawing",
     "jerks",
     "joint_space",
     "joints",
