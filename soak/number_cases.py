@@ -228,7 +228,6 @@ _ON_BODIES = {
 _FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
 _POLED = {"method": "pole_placement"}
 _INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
-_FIGURES = {"contour_error_rms": 1e-4, "contour_error_max": 2e-4, "duration": 1.0, "settled": 1.5}
 _PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
 _SIZES: dict[str, dict[str, Any]] = {
     "boxes": {"size": [0.1, 0.1, 0.1]},
@@ -288,11 +287,6 @@ BASES: list[dict[str, Any]] = [
             "coulomb": 0.1,
             "joint_stiffness": 2e4,
             "joint_damping": 2.0,
-        },
-        published={
-            "source": "a paper",
-            "runs": {"one": _FIGURES},
-            "time_stamps": {"run": "one", "values": [0.0, 1.0]},
         },
     ),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),

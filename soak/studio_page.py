@@ -344,7 +344,7 @@ def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = (
 
     text = files("armcontour.jobs").joinpath("library", "paper.yaml").read_text(encoding="utf-8")
     head, _, rest = text.partition("\nruns:\n")
-    blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest.partition("\npublished:")[0])
+    blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest)
     kept = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
     text = f"{head}\nruns:\n{kept}".replace("experiment: {}\n", "")
     for old, new in (("command_interval: 0.2 ms", "command_interval: 4 ms"), *changes):

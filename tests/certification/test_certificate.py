@@ -11,7 +11,7 @@ from soak.certificates import until_rest
 import armcontour as ac
 from armcontour.certification._derating import Derating, plan_derated
 from armcontour.io import certificate_json, derating_csv, parse_job
-from armcontour.jobs import Goal, Published
+from armcontour.jobs import Goal
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.report import render_report
 from armcontour.robustness.monte_carlo import Box, spread
@@ -293,14 +293,6 @@ def test_the_report_begins_with_it(certified):
     # The bodies were never looked at: their error is not the certificate's, and is not hidden.
     seen = certified.experiment.evaluation.contour_error.max
     assert 10 * certified.budget.executed < seen < 1e-4 and "on rigid bodies" in page
-    # Published figures are of the job's runs as they are, and of runs that are not certified.
-    runs = {"certified": {"duration": 5.0}, "other": {"duration": 6.0}}
-    published = Published(
-        source="a paper", runs=runs, time_stamps=(0.0, 1.0), time_stamps_of="other"
-    )
-    found = replace(certified, job=replace(certified.job, published=published))
-    page = render_report(found.study, certificate=found)
-    assert 'id="certificate"' in page and 'id="published"' not in page
 
 
 def test_goals_of_job_files(refuses):

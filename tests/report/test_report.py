@@ -43,26 +43,16 @@ def test_the_page(study, page, in_order):
         e = result.evaluation
         rms, largest = (f"{x * 1e3:.4f} mm" for x in (e.contour_error.rms, e.contour_error.max))
         assert f"{e.duration:.3f} s" in page and rms in page and largest in page
-    published = ("2.630 mm", "0.164 mm", "46.4%", "6.24%", "5.770", "P9", "line 2: AVC")
     binds = "centripetal acceleration at s = 0.075 m: 0.0324 of 0.15 m/s"
-    assert [x for x in (*published, binds, "&lt;b&gt;T &amp; J&lt;/b&gt;") if x not in page] == []
+    words = ("P9", "line 2: AVC", binds, "&lt;b&gt;T &amp; J&lt;/b&gt;")
+    assert [x for x in words if x not in page] == []
     assert "<b>T & J</b>" not in page
     in_order(
         page,
-        "overview published paths joint-space speed bindings accelerations contour-error "
-        "time-stamps",
+        "overview paths joint-space speed bindings accelerations contour-error time-stamps",
     )
     assert paths(study).columns == (2, 3)  # a tall path leaves room for its corners
     assert 'class="figures beside" style="--columns: 2fr 3fr"' in page
-
-
-def test_published_figures_of_other_runs_are_left_out(study):
-    one, other = (
-        render_report(Study(job=study.job, runs={name: study.runs[name]}))
-        for name in ("conventional", "optimal")
-    )
-    assert "<td>2.630 mm</td>" in one and "<td>0.164 mm</td>" not in one
-    assert 'id="published"' not in other
 
 
 def test_the_overview_compares_runs_in_a_table_or_shows_tiles(study):
@@ -92,7 +82,7 @@ def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study):
     result = study.runs["proposed"]
     slow = dataclasses.replace(result.run, period=2.0)
     failed = dataclasses.replace(result, experiment=None, failure=failure, run=slow)
-    job = dataclasses.replace(study.job, published=None)
+    job = study.job
     page = render_report(Study(job=job, runs={"proposed": failed}))
     assert f"Run proposed: {failure}" in page and "command interval of 2 s" in page
 
@@ -103,12 +93,10 @@ def test_other_servos_and_jobs_without_corners_have_a_report(study):
     assert "25.0 1/s, dead time 0.012 s</p>" in header and "K<sub>v</sub>" not in header
     # One gain for all joints, as a job made in Python may have it.
     servo = ServoModel(kp=25.0, kv=150.0)
-    only = dataclasses.replace(
-        study.job, runs=study.job.runs[:1], published=None, servo=servo, plant_servo=servo
-    )
+    only = dataclasses.replace(study.job, runs=study.job.runs[:1], servo=servo, plant_servo=servo)
     page = render_report(run(only))
     assert "K<sub>p</sub> 25.0 1/s, K<sub>v</sub> 150.0 1/s</p>" in page
-    for absent in ('<section id="published">', '<section id="bindings">', "Corners enlarged"):
+    for absent in ('<section id="bindings">', "Corners enlarged"):
         assert absent not in page
 
 

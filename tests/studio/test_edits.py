@@ -324,10 +324,6 @@ runs:
 experiment: {runs: [first, second]}
 certificate: {tolerance: 9 mm, run: second}
 placement: {every: true, run: second}
-published:
-  source: a
-  runs: {first: {}, second: {duration: 1 s}}
-  time_stamps: {run: second, values: []}
 """
 
 
@@ -337,10 +333,8 @@ def test_a_run_is_removed_with_all_that_names_it():
     gone = change_data(data, changes)
     assert list(gone["runs"]) == ["first"] and gone["experiment"] == {"runs": ["first"]}
     assert gone["certificate"] == {"tolerance": "9 mm"} and gone["placement"] == {"every": True}
-    assert gone["published"] == {"source": "a", "runs": {"first": {}}}
     # So the job is one still.
     assert [x.name for x in parse_job(change_text(NAMED, changes)).runs] == ["first"]
     # Where nothing names it, only the run goes.
     kept = change_data(data, remove_run(data, "first"))
     assert kept["certificate"] == data["certificate"]
-    assert kept["published"]["time_stamps"] == data["published"]["time_stamps"]

@@ -114,7 +114,7 @@ def test_corners_can_be_grabbed(shown, gasket, view):
 def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
     paper["corners"] = {"tolerance": "5 mm", "at": {3: "1 mm"}}
     lead = {"length": "5 mm", "shape": "line", "side": "left"}
-    paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}, "published": None}
+    paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}}
     del paper["experiment"]
     corners = packed(picture_frame(previewer.plan(paper, "optimal"), view)).header["corners"]
     assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]

@@ -19,8 +19,7 @@ def whole(data, name, period):
     data = copy.deepcopy(data)
     data["runs"] = {name: data["runs"][name]}
     data["runs"][name]["command_interval"] = period
-    for key in ("experiment", "published"):
-        data.pop(key, None)
+    data.pop("experiment", None)
     return run(parse_job(yaml.safe_dump(data))).runs[name]
 
 

@@ -64,7 +64,7 @@ def showing(previewer=None, lane=AtOnce):
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
 def test_at_rest_the_picture_is_that_of_a_full_run(run):
     others = [Change(("runs", x)) for x in DATA["runs"] if x != run]
-    changes = [*others, Change(("experiment",)), Change(("published",))]
+    changes = [*others, Change(("experiment",))]
     want = ac.run(parse_job(change_text(TEXT, changes, "job"))).runs[run].evaluation
     with showing() as (screen, heard, make):
         screen.show(state := make(run=run))

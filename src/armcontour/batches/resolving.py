@@ -189,8 +189,7 @@ def _with_run(
         raise InvalidInput(
             f"run is missing: {source} has several runs, so say which: {', '.join(runs)}."
         )
-    dropped = {"published"} if work == CERTIFY else {"published", "certificate"}
-    found = {key: x for key, x in data.items() if key not in dropped}
+    found = {key: x for key, x in data.items() if work == CERTIFY or key != "certificate"}
     if name is None:
         return found, None
     found["runs"] = {name: runs[name]}

@@ -408,6 +408,6 @@ class Certificate:
 
     @property
     def study(self) -> Study:
-        """A study with the certified plan as its only run, which has no published figures."""
-        job = replace(self.job, runs=(self.run,), published=None)
+        """A study with the certified plan as its only run."""
+        job = replace(self.job, runs=(self.run,))
         return Study(job=job, runs={self.run.name: self.result})

@@ -27,7 +27,6 @@ from armcontour.io.job_model import (
     ExperimentModel,
     JobModel,
     PlacementModel,
-    PublishedModel,
     RunModel,
     TimingModel,
 )
@@ -37,7 +36,7 @@ from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.io.length_hint import hint_at_length
 from armcontour.io.scene import scene_of
-from armcontour.jobs import Experiment, Job, PlaceSearch, Published, Rounding, Run
+from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
 from armcontour.jobs.axes import AXES
 from armcontour.motion import check_interval
 from armcontour.program import Program
@@ -238,7 +237,6 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
-        published=None if model.published is None else _published(model.published, model),
         certificate=model.certificate,
         placement=None if model.placement is None else _place_search(model.placement),
         memory=DEFAULT if model.memory is None else model.memory,
@@ -383,19 +381,6 @@ def _place_search(model: PlacementModel) -> PlaceSearch:
             arms=tuple(model.arms or ()),
             tools=tuple(tools),
         )
-
-
-def _published(model: PublishedModel, job: JobModel) -> Published:
-    """The published figures of a job; their runs must exist."""
-    stamps = model.time_stamps
-    _refuse_unknown("published", [*model.runs, *([stamps.run] if stamps else [])], job)
-    return Published(
-        source=model.source,
-        runs=model.runs,
-        time_stamps=tuple(stamps.values) if stamps else (),
-        time_stamps_of=stamps.run if stamps else None,
-        notes=tuple(model.notes),
-    )
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:

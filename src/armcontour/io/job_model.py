@@ -13,13 +13,11 @@ from armcontour._quantities import (
     AtLeast,
     Choice,
     Distance,
-    Duration,
     Interval,
     Length,
     Memory,
     Pole,
     Reserve,
-    Time,
     Tolerance,
 )
 from armcontour._text import show
@@ -398,53 +396,6 @@ class RunModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TimeStampsModel:
-    """Published times of a run's switching points.
-
-    Args:
-        run: Name of the run.
-        values: The times [s].
-    """
-
-    run: str
-    values: list[Duration]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FiguresModel:
-    """Published figures of a run.
-
-    Args:
-        contour_error_rms: Root mean square of the contour error [m].
-        contour_error_max: Largest contour error [m].
-        duration: Duration of the motion [s].
-        settled: Time until the tool rests [s].
-    """
-
-    contour_error_rms: Length
-    contour_error_max: Length
-    duration: Time
-    settled: Time
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PublishedModel:
-    """Published figures of the same job, to compare with the results.
-
-    Args:
-        source: Publication of the figures.
-        runs: Figures by the names of the job's runs.
-        time_stamps: Published times of switching points.
-        notes: Sentences that explain the differences.
-    """
-
-    source: str
-    runs: dict[str, Annotated[dict[str, Any], Given(FiguresModel)]] = field(default_factory=dict)
-    time_stamps: TimeStampsModel | None = None
-    notes: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementModel:
     """Where `armcontour place` looks for the best place, and what is best; options replace keys.
 
@@ -504,7 +455,6 @@ class JobModel:
         experiment: Runs that are simulated on the arm's rigid bodies, too.
         command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
-        published: Published figures of the same job.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         placement: The question for `armcontour place`.
         memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
@@ -527,7 +477,6 @@ class JobModel:
     experiment: ExperimentModel | None = None
     command_interval: Interval = 4e-3
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
-    published: PublishedModel | None = None
     certificate: Goal | None = None
     placement: PlacementModel | None = None
     memory: Memory | None = None

@@ -97,14 +97,7 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
     """
     job = study.job
     runs = {name: run_summary(job, result) for name, result in study.runs.items()}
-    data = of_job(job, runs, files)
-    if job.published is not None:
-        data["published"] = {
-            "source": job.published.source,
-            "runs": job.published.runs,
-            "time_stamps": list(job.published.time_stamps),
-        }
-    return to_json(data)
+    return to_json(of_job(job, runs, files))
 
 
 def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:

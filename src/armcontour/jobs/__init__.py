@@ -3,7 +3,7 @@
 from armcontour.jobs.analog import analog_outputs
 from armcontour.jobs.experiment import Experiment, build_plant
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Job, Published, Rounding, Run
+from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.programs import programs_of
 from armcontour.jobs.shaped import Shaped
@@ -29,7 +29,6 @@ __all__ = [
     "Goal",
     "Job",
     "PlaceSearch",
-    "Published",
     "Rounding",
     "Run",
     "RunPlan",

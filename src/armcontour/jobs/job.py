@@ -296,26 +296,6 @@ class Run:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Published:
-    """Figures that were published for the same job, to compare with the results.
-
-    Args:
-        source: Publication of the figures.
-        runs: Per run of the job: name of a figure ("contour_error_rms", "duration", "settled") to
-            its value [SI].
-        time_stamps: The published times of the switching points [s].
-        time_stamps_of: The run of these switching points.
-        notes: Sentences that explain the differences.
-    """
-
-    source: str
-    runs: Mapping[str, Mapping[str, float]]
-    time_stamps: tuple[float, ...] = ()
-    time_stamps_of: str | None = None
-    notes: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """A path, an arm, a servo, and the runs to compare.
@@ -336,7 +316,6 @@ class Job:
         servo: The servo's nominal model, which compensation uses.
         plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
-        published: Published figures to compare with.
         certificate: Requirements of a certified plan.
         placement: Where a placement looks for the best place, and what is best.
         memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
@@ -364,7 +343,6 @@ class Job:
     branch: str | None = None
     start: FloatArray | None = None
     process: Process = field(default_factory=Process)
-    published: Published | None = None
     certificate: Goal | None = None
     placement: PlaceSearch | None = None
     memory: float = _memory.DEFAULT

@@ -46,7 +46,6 @@ def render_demo(studies: Sequence[Study]) -> str:
     """
     shown = (
         sections.overview,
-        sections.published,
         sections.program,
         sections.paths,
         sections.space,
@@ -70,7 +69,6 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
     found = [
         *([] if certificate is None else [sections.certificate(certificate)]),
         sections.overview(study),
-        sections.published(study),
         sections.program(study),
         sections.paths(study),
         sections.space(study),

@@ -54,8 +54,6 @@ class Section:
 
 
 def marked_run(study: Study) -> RunResult | None:
-    """The run whose switching points are drawn: that with published times, or the last."""
+    """The run whose switching points are drawn: the last that has some."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
-    published = study.job.published
-    stamped = None if published is None else study.runs.get(published.time_stamps_of or "")
-    return stamped or (switched[-1] if switched else None)
+    return switched[-1] if switched else None

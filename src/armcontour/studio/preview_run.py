@@ -51,7 +51,6 @@ def with_one_run(model: JobModel, run: str | None) -> JobModel:
     return dataclasses.replace(
         model,
         runs={name: model.runs[name]},
-        published=None,
         certificate=None,
         placement=None if asked is None else dataclasses.replace(asked, run=None),
         experiment=_experiment_of(model, name),

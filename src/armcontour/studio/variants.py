@@ -16,7 +16,7 @@ MOST_PINS = 50
 # Keys that a run can have in the place of the job's.
 SHARED = tuple(x.name for x in fields(RunModel) if x.name in {y.name for y in fields(JobModel)})
 # Keys that say nothing of a motion.
-WORDS = ("name", "title", "runs", "published", "certificate", "placement")
+WORDS = ("name", "title", "runs", "certificate", "placement")
 
 
 @dataclass(slots=True)
@@ -205,15 +205,12 @@ def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
         raise InvalidInput(f"The job has no run {name}.")
     if len(runs) == 1:
         raise InvalidInput(f"{name} is the only run, and a job needs one.")
-    changes = [Change(("runs", name)), Change(("published", "runs", name))]
-    published, experiment = data.get("published") or {}, data.get("experiment") or {}
+    changes, experiment = [Change(("runs", name))], data.get("experiment") or {}
     if name in (experiment.get("runs") or []):
         changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
     for key in ("certificate", "placement"):
         if (data.get(key) or {}).get("run") == name:
             changes.append(Change((key, "run")))
-    if (published.get("time_stamps") or {}).get("run") == name:
-        changes.append(Change(("published", "time_stamps")))
     return changes
 
 

@@ -18,7 +18,6 @@ from armcontour.report.sections.overview import overview
 from armcontour.report.sections.paths import joint_space, paths
 from armcontour.report.sections.placement import placement
 from armcontour.report.sections.program import program
-from armcontour.report.sections.published import published
 from armcontour.report.sections.robustness import robustness
 from armcontour.report.sections.shaping import shaping
 from armcontour.report.sections.space import space
@@ -40,7 +39,6 @@ __all__ = [
     "paths",
     "placement",
     "program",
-    "published",
     "robustness",
     "shaping",
     "space",

@@ -168,7 +168,7 @@ def contour_error(study: Study) -> Section:
 
 
 def time_stamps(study: Study) -> Section | None:
-    """Switching points with time, position, rule and joint demand, and published times."""
+    """Switching points with time, position, rule and joint demand."""
     if not any(x.trajectory.stretches for x in study.runs.values()):
         return None
     return Section(
@@ -230,20 +230,13 @@ def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]
 
 def _stamps(study: Study, name: str, result: RunResult) -> Table:
     """Table of the switching points of a run."""
-    published = study.job.published
-    theirs: tuple[float, ...] = ()
-    if published is not None and published.time_stamps_of == name:
-        theirs = published.time_stamps
-    header = ["point", "time [s]", *(["published [s]"] if theirs else []), "s [m]", "then"]
+    header = ["point", "time [s]", "s [m]", "then"]
     joints = [f"{x} demand [rad/s²]" for x in study.job.arm.joint_names]
     rows = []
     stretches = result.trajectory.stretches
     ends = [(0.0, 0.0), *((x.t[1], x.s[1]) for x in stretches)]
     for k, (t, s) in enumerate(ends):
-        row = [f"P{k}", f"{t:.4f}"]
-        if theirs:
-            row.append(f"{theirs[k]:.3f}" if k < len(theirs) else "")
-        row.append(f"{s:.5f}")
+        row = [f"P{k}", f"{t:.4f}", f"{s:.5f}"]
         if k < len(stretches):
             x = stretches[k]
             row += [

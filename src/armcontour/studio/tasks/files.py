@@ -43,7 +43,7 @@ def report(x: Request) -> Frame:
     job = x.whole_job
     if not x.option("all", False):
         chosen = tuple(y for y in job.runs if x.run in (None, y.name))[:1]
-        job = replace(job, runs=chosen, published=None)
+        job = replace(job, runs=chosen)
     study = run(job, progress=x.progress)
     x.progress(Step(("writing",)))
     return _file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
