@@ -1,4 +1,4 @@
-"""Fast conversion of numbers and events to text."""
+"""Numbers and events as text."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import csv
 import io
 import json
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._threads import map_in_threads
 from armcontour.motion import TimedEvent
 
 # Decimals of a number; the rounding error is at most half of the last digit.
@@ -21,8 +20,6 @@ DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
 # Number of values that are formatted at once: more take more memory and are not faster.
 CHUNK = 1 << 16
-# So many pieces of text are made at once, in threads.
-PIECES = 8
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 
 
@@ -51,7 +48,7 @@ def joint_columns(
 
 
 def csv_text(header: Sequence[str], columns: Sequence[FloatArray]) -> str:
-    """Numbers as CSV with 12 decimals: the same text as `numpy.savetxt`, but faster.
+    """Numbers as CSV with 12 decimals.
 
     Args:
         header: Titles of all columns, with units.
@@ -77,10 +74,8 @@ def csv_pieces(
     at_once, count = _rows_at_once(width), len(columns[0])
     texts = sorted((cells or {}).items())
 
-    def rows(i: int) -> FloatArray:
-        return np.column_stack([x[i : i + at_once] for x in columns])
-
-    for i, piece in _pieces(row, rows, range(0, count, at_once)):
+    for i in range(0, count, at_once):
+        piece = _format_rows(row, np.column_stack([x[i : i + at_once] for x in columns]))
         here = texts[bisect_left(texts, (i,)) : bisect_left(texts, (i + at_once,))]
         if here:
             lines = piece.splitlines()
@@ -105,26 +100,8 @@ def filled(row: str, values: FloatArray) -> Iterator[str]:
         values: Numbers, (n, columns).
     """
     at_once = _rows_at_once(values.shape[1])
-    firsts = range(0, len(values), at_once)
-    for _, piece in _pieces(row, lambda i: values[i : i + at_once], firsts):
-        yield piece
-
-
-def _pieces(
-    row: str, rows: Callable[[int], FloatArray], firsts: Sequence[int]
-) -> Iterator[tuple[int, str]]:
-    """Yield the text of rows, piece by piece, each with the index of its first row.
-
-    Args:
-        row: Format of one row.
-        rows: Gives the rows of a piece from its first one on, (m, columns).
-        firsts: Indices of the first rows of all pieces.
-    """
-    for k in range(0, len(firsts), PIECES):
-        some = firsts[k : k + PIECES]
-        yield from zip(
-            some, map_in_threads(lambda i: _format_rows(row, rows(i)), some), strict=True
-        )
+    for i in range(0, len(values), at_once):
+        yield _format_rows(row, values[i : i + at_once])
 
 
 def _rows_at_once(width: int) -> int:
@@ -133,21 +110,8 @@ def _rows_at_once(width: int) -> int:
 
 
 def _format_rows(row: str, values: FloatArray) -> str:
-    """The text of rows, (n, columns), as of Python's `%`, which takes several times as long."""
-    # Imported here, as numba loads slowly.
-    from armcontour.io.exports._fixed import LONGEST, write_rows
-
-    texts = row.split(FIXED)
-    count = -1
-    if not any("%" in x for x in texts):
-        pieces = [x.encode() for x in texts]
-        ends = np.cumsum([len(x) for x in pieces])
-        out = np.empty(len(values) * (int(ends[-1]) + LONGEST * values.shape[1]), np.uint8)
-        own = np.array(values, order="C"), np.array(bytearray(b"".join(pieces))), ends
-        count = write_rows(*own, DECIMALS, out)
-    if count < 0:
-        return (row * len(values)) % tuple(values.ravel().tolist())
-    return out[:count].tobytes().decode()
+    """The text of rows, (n, columns)."""
+    return (row * len(values)) % tuple(values.ravel().tolist())
 
 
 def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
