@@ -1,4 +1,4 @@
-"""Short open tours over contours, compiled: local search, the best places, and a lower bound.
+"""Short open tours over contours, compiled: local search, and the best places.
 
 Every contour has options: a closed one places where it may begin, an open one its directions. An
 option has a point of entry and a point of exit. Moves of the search are those of 2-opt and Or-opt;
@@ -353,78 +353,3 @@ def search(
             tour[:], option[:] = best, best_option
             _refresh(state)
     choose_options(exits, entries, first, tour, option)
-
-
-@compiled()
-def least_links(exits: FloatArray, entries: FloatArray, first: IntArray) -> FloatArray:
-    """The least distance from any exit of one contour to any entry of another, (n, n)."""
-    n = len(first) - 1
-    found = np.zeros((n, n))
-    for a in range(n):
-        for b in range(n):
-            least = np.inf
-            for o in range(first[a], first[a + 1]):
-                for q in range(first[b], first[b + 1]):
-                    x = exits[o, 0] - entries[q, 0]
-                    y = exits[o, 1] - entries[q, 1]
-                    z = exits[o, 2] - entries[q, 2]
-                    least = min(least, x * x + y * y + z * z)
-            found[a, b] = np.sqrt(least)
-    return found
-
-
-@compiled()
-def one_tree_bound(links: FloatArray, upper: float, rounds: int) -> float:
-    """The lower bound of Held and Karp (1970) for an open tour over symmetric links.
-
-    The tour is closed by a further place at distance 0 from all. The weights of places are moved by
-    a subgradient method.
-
-    Args:
-        links: Distances, (n, n).
-        upper: Length of a tour.
-        rounds: Number of steps of the subgradient method.
-    """
-    n = len(links)
-    weight, best, step = np.zeros(n), 0.0, 2.0
-    degree_before = np.zeros(n)
-    least, via = np.empty(n), np.empty(n, dtype=np.intp)
-    for _ in range(rounds):
-        degree, total = np.zeros(n), 0.0
-        joined = np.zeros(n, dtype=np.bool_)
-        at = 0
-        joined[0] = True
-        least[:], via[:] = np.inf, 0
-        for _ in range(n - 1):
-            following, shortest = -1, np.inf
-            for k in range(n):
-                if joined[k]:
-                    continue
-                d = links[at, k] + weight[at] + weight[k]
-                if d < least[k]:
-                    least[k], via[k] = d, at
-                if least[k] < shortest:
-                    shortest, following = least[k], k
-            total += shortest
-            degree[following] += 1
-            degree[via[following]] += 1
-            joined[following] = True
-            at = following
-        a = int(np.argmin(weight))
-        b = -1
-        for k in range(n):
-            if k != a and (b < 0 or weight[k] < weight[b]):
-                b = k
-        total += weight[a] + weight[b]
-        degree[a] += 1
-        degree[b] += 1
-        bound = total - 2 * weight.sum()
-        best = max(best, bound)
-        off = degree - 2
-        size = (off**2).sum()
-        if size == 0:
-            break
-        step *= 0.98
-        weight += step * max(upper - bound, 1e-9 * upper) / size * (0.7 * off + 0.3 * degree_before)
-        degree_before = off
-    return best

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import digits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import reverse_path
@@ -31,8 +30,6 @@ NEIGHBOURS = 10
 # Exchanges from which the search goes on: per contour, at least, and the most of exchanges times
 # contours, which bounds the time of the search to a few seconds.
 TRIES, LEAST_TRIES, MOST_WORK = 3, 100, 1_000_000
-# Largest number of contours whose lower bound is found, in a time that grows with its square.
-MOST_BOUNDED, ROUNDS = 1000, 300
 
 
 def order_contours(program: Program, process: Process) -> Program:
@@ -184,46 +181,16 @@ class _Choices:
         return found
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
-        """A sentence on the length of a tour, with its gap to a lower bound."""
+        """A sentence on the length of a tour."""
         from armcontour.program._tours import tour_length
 
         exits, entries, _ = self.tables
         length = tour_length(exits, entries, tour, option)
         drawn = tour_length(exits, entries, np.arange(len(tour)), self.first[:-1])
-        bound = self.bound(length)
-        gap = (
-            "no bound is found for so many contours"
-            if bound is None
-            else f"no order is shorter than {digits(bound, 3)} m"
-            if 0 < bound < length
-            else "no order is shorter"
-        )
         return (
             f"In the order shortest, the straight ways between contours have {length:.4g} m in all "
-            f"({drawn:.4g} m in the order of the file); {gap}."
+            f"({drawn:.4g} m in the order of the file)."
         )
-
-    def bound(self, length: float) -> float | None:
-        """A lower bound of all tours [m], given the length of one; None for too many contours.
-
-        It is the larger one of Held and Karp's bound and the assignment bound. Where contours may
-        begin at several places, both let a contour end at another place than it began.
-        """
-        from scipy.optimize import linear_sum_assignment
-
-        from armcontour.program._tours import least_links, one_tree_bound
-
-        n = len(self.contours)
-        if n > MOST_BOUNDED:
-            return None
-        links = least_links(*self.tables)
-        tree = one_tree_bound(np.minimum(links, links.T), length, ROUNDS)
-        cost = np.zeros((n + 1, n + 1))
-        cost[:n, :n] = links
-        # No contour comes after itself.
-        np.fill_diagonal(cost, 1 + links.sum())
-        assigned = float(cost[linear_sum_assignment(cost)].sum())
-        return max(tree, assigned)
 
     def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
         """The contours of a tour."""
