@@ -4,14 +4,14 @@ import re
 from pathlib import Path
 
 import pytest
+from soak.compensations import delayed
 
 import armcontour as ac
 
 README = Path(__file__).parent.parent / "README.md"
 PERIOD = 4e-3
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
-# A velocity loop that takes its command 1 ms later, to first order in the delay.
-DELAYED = ac.ServoModel(kp=25.0 / (1 - 0.025), kv=150.0 * (1 - 0.025))
+DELAYED = delayed(SERVO, 1e-3)
 
 
 @pytest.fixture(scope="module")

@@ -106,6 +106,6 @@ def test_notes_on_a_description_are_printed_once_and_in_the_summary(folder):
     note = "Note: robot.urdf: no link has a mass, so limits of effort are left out"
     for line in (LINES["run"], ("check", "q.csv", "--arm", "robot.urdf")):
         assert armcontour(*line).output.count(note) == 1
-    told, assumed = summary(folder / "out")["arm"]["notes"]
+    limited, assumed = summary(folder / "out")["arm"]["notes"]
     assert "no accelerations" in assumed
-    assert told.startswith(note.removeprefix("Note: "))
+    assert limited.startswith(note.removeprefix("Note: "))

@@ -48,8 +48,8 @@ def compensate(
         trajectory: Trajectory that the joints should follow.
         servo: Servo model whose delay is compensated.
         method: "inverse" is the exact inverse of the unsaturated servo, for the mean of the
-            trajectory over a command interval about each set-point; where accelerations jump,
-            servos are asked for about 1 % more than that. The first set-point, one interval before
+            trajectory over a command interval about each set-point; where accelerations jump, the
+            servo demands are about 1 % larger than that. The first set-point, one interval before
             time 0, is the start of the plan. "inverse_dynamics" is the inverse of drives that move
             the bodies of `arm`, best for plans that are smoothed over a command interval; its first
             and last set-points hold the arm at both ends of the plan. "pole_placement" is the

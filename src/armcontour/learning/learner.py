@@ -156,19 +156,18 @@ def _align(
     whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
-    told = taught.servo if isinstance(taught, Lesson) else None
-    if told is not None:
-        nominal = replace(nominal, servo=told)
-    known = taught.lifted if isinstance(taught, Lesson) else None
+    lesson = taught if isinstance(taught, Lesson) else None
+    if lesson is not None:
+        nominal = replace(nominal, servo=lesson.servo)
+    known = None if lesson is None else lesson.lifted
     lifted = Lifted(taught, nominal) if known is None else known
     refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
     expected = lifted.expected(taught.q)
     refuse_unlike(recording, clock, lifted, expected)
     knows_time = recording.in_plan_time or recording.command is not None
-    if told is not None or not knows_time:
-        misfits = taught.misfits if isinstance(taught, Lesson) else (0.0, 0.0)
-        return lifted, clock, taught, misfits
+    if lesson is not None or not knows_time:
+        return lifted, clock, taught, (0.0, 0.0) if lesson is None else lesson.misfits
     measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
     noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
     lead = lifted.reaching(taught.q) - lifted.planned

@@ -65,7 +65,7 @@ def fit_servo(
     """
     fit = _Fit(taught, lifted, measured, variance)
     nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
-    starts = [nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)]
+    starts = np.unique([nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)], axis=0)
     found = min((fit.solve(x, FIRST) for x in starts), key=fit.cost)
     for _ in range(ROUNDS):
         fit.penalty = choose_penalty(lifted, fit.rest(found), variance)

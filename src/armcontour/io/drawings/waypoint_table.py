@@ -62,14 +62,6 @@ def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
     Raises:
         InvalidInput: No table, no rows, or a column that is unknown, repeated or missing.
     """
-    table = _csv(data, source, reading)
-    if not len(table.places):
-        raise InvalidInput(f"{source} has column names, but no waypoints.")
-    return table
-
-
-def _csv(data: bytes, source: str, reading: Reading) -> Table:
-    """Read the table in a CSV file."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -88,6 +80,8 @@ def _csv(data: bytes, source: str, reading: Reading) -> Table:
                 f"{file.place(i)}: {len(row)} values, but {len(file.names)} columns."
             )
         rows.append(row)
+    if not rows:
+        raise InvalidInput(f"{source} has column names, but no waypoints.")
     cells = {key: [row[x.index] for row in rows] for key, x in columns.items()}
     return Table(source, np.array(file.numbers, dtype=np.intp), columns, cells, notes)
 

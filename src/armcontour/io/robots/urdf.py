@@ -20,10 +20,6 @@ from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.scene import ArmShapes
 
-ASSUMED = (
-    "it gives no accelerations, so each joint is assumed to reach its largest speed in 1 s: give "
-    "the maker's values with joint_limits or limits.joint_acceleration"
-)
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
@@ -37,6 +33,10 @@ GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
 # Time from rest to the largest speed of a joint where no accelerations are given [s]. Universal
 # Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
 RISE = 1.0
+ASSUMED = (
+    f"it gives no accelerations, so each joint is assumed to reach its largest speed in {RISE:g} "
+    "s: give the maker's values with joint_limits or limits.joint_acceleration"
+)
 
 
 def arm_of_tree(

@@ -32,7 +32,8 @@ def figures(x: Request) -> Frame:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
         return Frame("refusal", {**told, "of": "live"})
-    e, near, start = result.evaluation, result.clearance, result.trajectory(0.0)
+    judged = result.experiment or result
+    e, near, start = judged.evaluation, result.clearance, result.trajectory(0.0)
     least = None if near is None else near.least
     off = e.objective_error
     header: dict[str, Any] = {
@@ -40,7 +41,7 @@ def figures(x: Request) -> Frame:
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
         "missed": e.missed.max,
-        "saturated": saturated_joints(result.execution),
+        "saturated": saturated_joints(judged.execution),
         "demand": e.demand_ratio,
         "limit_use": e.limit_ratios,
         "clearance": None

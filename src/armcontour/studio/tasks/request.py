@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -65,7 +65,7 @@ class Request:
 
     @cached_property
     def job(self) -> Job:
-        """The job with the run only, without experiments and requirements of a certificate."""
+        """The job with the run only, without requirements of a certificate."""
         return self.previewer.job(self.data, self.run)
 
     @cached_property
@@ -90,10 +90,15 @@ class Request:
 
     @cached_property
     def result(self) -> RunResult:
-        """The result of the run."""
+        """The result of the run, with an experiment only where that judges previews, too."""
         from armcontour.jobs import run
+        from armcontour.studio.preview_run import experiment_of
 
-        (found,) = run(self.job, progress=self.progress).runs.values()
+        (this,) = self.job.runs
+        this = replace(this, experiment=experiment_of(this, moving=False))
+        (found,) = run(replace(self.job, runs=(this,)), progress=self.progress).runs.values()
+        if found.failure is not None:
+            raise found.failure
         return found
 
     @cached_property
