@@ -157,7 +157,7 @@ def engines(folder: FilePath, options: argparse.Namespace) -> bool:
         found = ac.batch(plan, folder / "shards", workers=1, shard=(k, 8))
     compare("8 shards", found)
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
         compare("LocalCluster", ac.batch(plan, folder / "dask", cluster=cluster.scheduler_address))
     return good

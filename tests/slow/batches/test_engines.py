@@ -49,7 +49,7 @@ def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
     want = rows(ac.batch(small, tmp_path / "here", workers=0))
     assert rows(ac.batch(small, tmp_path / "pool", workers=2)) == want
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
         found = ac.batch(small, tmp_path / "dask", cluster=cluster.scheduler_address)
     assert rows(found) == want

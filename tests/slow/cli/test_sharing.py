@@ -39,7 +39,7 @@ def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
     options, file = COMMANDS[name]
     found = []
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
         given = [("--workers", 0), ("--workers", 2), ("--cluster", cluster.scheduler_address)]
         for k, by in enumerate(given):

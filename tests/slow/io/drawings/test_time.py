@@ -39,7 +39,7 @@ def circle(n):
 
 def long_drawings():
     rows = "\n".join(f"{x:.6f},{y:.6f}" for x, y in circle(150_000))
-    yield partial(read_waypoints, f"x,y\n{rows}".encode(), kind="csv", **READ)
+    yield partial(read_waypoints, f"x,y\n{rows}".encode(), **READ)
     lines = "G1 X" + rows.replace(",", " Y").replace("\n", "\nG1 X")
     yield partial(read_gcode, f"F1\n{lines}\n".encode(), **READ)
     document, text = ezdxf.new(units=4), io.StringIO()
