@@ -43,7 +43,10 @@ SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding
 PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})
 BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
 # Pages that a reader does from begin to end, and that say what their blocks print.
-DONE = ["docs/start/first_result.md", *(x for x in PAGES if x.startswith("docs/tutorials/"))]
+DONE = [
+    *("docs/start/first_result.md", "docs/start/ur5e.md"),
+    *(x for x in PAGES if x.startswith(("docs/tutorials/", "docs/processes/"))),
+]
 # Those that the suite does; tests/slow does the others.
 QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
