@@ -276,7 +276,6 @@ BASES: list[dict[str, Any]] = [
         PLANE,
         plant={**SERVO, "dead_time": 0.0, "inertia": 1.0, **_FED},
         servo={"dead_time": 0.0, "inertia": 1.0, **_FED},
-        memory=2e9,
         experiment={
             "step": 2.5e-4,
             "noise": 0.0,
@@ -481,7 +480,6 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--from-s": ("# m", "# mm"),
     "--tool": ("1: # m", "1: # mm"),
     "--period": ("# s", "# ms"),
-    "--memory": ("# byte", "# GB"),
     "--servo": ("# m", "# um"),
     "--tolerances": ("# m", "# mm, 1 mm"),
     "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),

@@ -23,6 +23,9 @@ LARGEST = 1e12
 # Smallest number that counts as above zero: the powers of its reciprocal up to the tenth are
 # finite. No tolerance or time is smaller, in any unit.
 SMALLEST = 1e-30
+# Largest number of values that are sampled, such as set-points times joints: with all that is
+# computed from them, some GB.
+MOST_VALUES = 5e7
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by their names, and the names of those that are locked.
@@ -333,6 +336,27 @@ def number(name: str, value: Any, unit: str = "") -> float:
             f"{name} must be one number{in_unit(unit)}, not an array of {array.size}."
         )
     return float(array)
+
+
+def refuse_too_many(what: str, values: float, fix: str) -> None:
+    """Refuse work on more values than MOST_VALUES, before they are computed.
+
+    Args:
+        what: The work, with its numbers.
+        values: Number of values, such as samples times joints.
+        fix: How the user can reduce the number.
+
+    Raises:
+        InvalidInput: There are more.
+    """
+    if not values <= MOST_VALUES:
+        raise InvalidInput(
+            f"{what} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{fix}.",
+            limit="values",
+            needed=values,
+            allowed=MOST_VALUES,
+        )
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from armcontour._quantities import Angle, Length, Memory, Speed, Tolerance
+from armcontour._quantities import Angle, Length, Speed, Tolerance
 from armcontour.cli.options import grouped
 from armcontour.cli.quantities import read_option, read_option_list
 from armcontour.errors import InvalidInput
@@ -44,7 +44,6 @@ def test_a_quantity_has_a_unit_unless_it_is_zero():
     assert read_option("--speed", None, Speed) is None
     assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)
     assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
-    assert read_option("--memory", "4 GB", Memory) == 4e9
     assert read_option_list("--speeds", "0.1 m/s, 0.2m/s,50 mm/s", Speed) == (0.1, 0.2, 0.05)
     assert read_option_list("--speeds", None, Speed) is None
     assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)

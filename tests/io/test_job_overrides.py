@@ -51,8 +51,8 @@ def test_values_go_before_those_of_the_job_and_of_its_runs():
     values(read, VALUES)
     found = read("{corner_tolerance: 0.0002}", "corners: sharp")
     assert found["plain"].rounding.tolerance == 2e-4
-    job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(memory=3e9, from_s=0.01))
-    assert job.memory == 3e9 and job.objective.length == pytest.approx(0.06)
+    job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(from_s=0.01))
+    assert job.objective.length == pytest.approx(0.06)
 
 
 def test_a_shape_goes_to_every_run_that_can_have_it():
@@ -87,7 +87,6 @@ BAD = """
 {corner_shape: round} => --corner-shape must be one of arc, free, not 'round'
 {corner_shape: free} => runs.slow.corners.speed sets the radius of arcs
 {zone: 0.01} => runs.lifted.corners.zone is for the shape free
-{memory: 1.0} => memory must be from
 """
 OF_NO_RUN = """
 {corner_shape: free} => No run has both rounded corners and the timing

@@ -124,7 +124,6 @@ process: {lead_in: {shape: arc, length: 5 mm}, dwell: 20 ms, begin: [1 mm, 2 mm]
 servo: {kp: [25 1/s, 25, 25, 25, 25, 25], order: first, dead_time: 4 ms}
 plant: {dead_time: 5 ms}
 certificate: {tolerance: 0.1 mm, box: {gains: 10 %, payload: 1 kg}}
-memory: 3 GB
 runs: {one: {timing: {reserve: 5 %}, smoothing: [10 ms, 20 ms], corners: sharp}}
 """
 TEXTS = {
@@ -168,7 +167,6 @@ def test_a_key_has_its_quantity():
         "process.by_layer.any.dwell": "s",
         "arm.payload.mass": "kg",
         "path.layers.any.speed": "m/s",
-        "memory": "byte",
         "limits.spede": None,
     }
     found = {x: quantity_of(CellModel, x.split(".")) for x in units}

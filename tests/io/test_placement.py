@@ -106,11 +106,10 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
 
 
 def test_options_that_replaced_values_are_in_the_file(placed):
-    replaced = JobOverrides(speed=0.1, corner_tolerance=1e-3, memory=1e9)
+    replaced = JobOverrides(speed=0.1, corner_tolerance=1e-3)
     text = written(placed, overrides=replaced)
     again = parse_job(text)
     assert again.runs[0].limits.speed == 0.1 and again.runs[0].rounding.tolerance == 1e-3
-    assert again.memory == 1e9
     shaped = [(JobOverrides(corner_shape="free"), "--corner-shape is of the runs")]
     refusals(lambda x: written(placed, overrides=x), shaped)
 

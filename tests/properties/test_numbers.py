@@ -61,7 +61,7 @@ def test_the_schema_and_the_options_have_their_numbers():
     for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "intervals")]:
         assert place in FIELDS
     found = {(command, option) for command, option, _ in numeric_options()}
-    assert found >= {("run", "--speed"), ("run", "--memory"), ("identify", "--to")}
+    assert found >= {("run", "--speed"), ("identify", "--to")}
 
 
 def check_field(place, words, folder):

@@ -107,7 +107,6 @@ def look(setting: Setting, taught: TaughtData) -> Deviations:
         setting.path,
         Unknowns.of(setting.box or Box(), setting.arm, setting.servo),
         gravity_feedforward=setting.drive_options.get("gravity_feedforward", True),
-        memory=setting.memory,
     )
 
 

@@ -402,9 +402,7 @@ class Search:
         over = {name: ratio for name, ratio in shares.items() if ratio > 1 + KEPT}
         if over:
             return replace(trial, factors=self._reduce_factors(trial.factors, over))
-        executed = execute(
-            trial.taught, setting.plant(), resolution=setting.resolution, memory=setting.memory
-        )
+        executed = execute(trial.taught, setting.plant(), resolution=setting.resolution)
         if setting.bodies and executed.saturated_time.any():
             return self._with_spare_torque(trial, torque_ratio(setting, executed))
         judged = setting.judge(executed)

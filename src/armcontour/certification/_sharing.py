@@ -313,7 +313,6 @@ def robot_of(job: Job, this: Run, goal: Goal) -> Robot:
         box=goal.box,
         run=this,
         bodies=goal.plant == "rigid_body",
-        memory=job.memory,
     )
 
 
@@ -326,7 +325,7 @@ def plan_fastest(robot: Robot, program: Program, traced: Tracing) -> Trajectory:
         traced: The traced program.
     """
     options = {"intervals": intervals_of(program)}
-    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options, robot.memory)
+    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options)
     return time_program(traced, timing)
 
 

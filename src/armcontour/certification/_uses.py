@@ -8,14 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armcontour import _memory
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation import compensate_quietly
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, evaluated_times
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
-from armcontour.execution.plant import count_intervals, refuse_too_long
+from armcontour.execution.plant import count_intervals
 from armcontour.execution.rigid_body_plant import STEP
 from armcontour.geometry import Path
 from armcontour.jobs.job import Run
@@ -69,7 +68,6 @@ class Robot:
         box: How far the robot may be from its model.
         run: The run: its method of compensation and command interval.
         bodies: Whether it is rigid bodies that execute, and not servos of single joints.
-        memory: What the program may take [bytes].
     """
 
     arm: Arm
@@ -80,7 +78,6 @@ class Robot:
     box: Box | None
     run: Run
     bodies: bool = False
-    memory: float = _memory.DEFAULT
 
     @property
     def drive_options(self) -> dict[str, Any]:
@@ -112,7 +109,6 @@ class Robot:
             method=self.run.compensation,
             period=self.run.period if period is None else period,
             arm=self.arm,
-            memory=self.memory,
             **self.run.compensation_options,
         )
 
@@ -188,7 +184,6 @@ class Setting(Robot):
             seed=seed,
             since=since,
             until=until,
-            memory=self.memory,
         )
 
     def judged(self, executed: Execution) -> tuple[slice, float, float]:
@@ -307,7 +302,7 @@ def run(robot: Robot, taught: TaughtData, resolution: float | None = None) -> Ex
     """Execute on the robot; on one that never saturates where saturation is refused."""
     every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
     plant = robot.plant(ideal=not robot.saturated)
-    return execute(taught, plant, resolution=resolution or every, memory=robot.memory)
+    return execute(taught, plant, resolution=resolution or every)
 
 
 def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
@@ -496,11 +491,7 @@ def execute_over_box(setting: Robot, taught: TaughtData) -> list[_Group]:
         moved = np.maximum(servo.dead_time + common * late, 0.0)
         servos = _variants(servo, moved, box, apart)
         plants = [setting.plant(x, ideal=not setting.saturated) for x in servos]
-        # All of them are there at once.
-        span = (len(taught.q) - 1) * taught.period
-        others = 2 * len(plants) * plants[0].memory(span, taught.period, resolution)
-        refuse_too_long(plants[0], span, taught.period, resolution, setting.memory, others)
-        runs = [execute(taught, x, resolution=resolution, memory=setting.memory) for x in plants]
+        runs = [execute(taught, x, resolution=resolution) for x in plants]
         found.append(_Group(servos, runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
     return found
 

@@ -229,7 +229,7 @@ class Assembly:
             return taught, replace(kept.execution, taught=taught), (kept.judged,), kept.check
         self.progress(Step(("the whole program",)))
         taught = robot.teach(trajectory)
-        executed = execute(taught, robot.plant(), resolution=robot.resolution, memory=robot.memory)
+        executed = execute(taught, robot.plant(), resolution=robot.resolution)
         pieces = pieces_of(executed, self.program, None, None)
         judged = tuple(judge_piece(x, robot.limits.speed) for x in pieces)
         return taught, executed, judged, check(trajectory, robot.arm, robot.limits, points=POINTS)

@@ -271,7 +271,7 @@ class _Certifying:
         smooth = planned.approach.teach(planned.trajectory, setting, period)
         resolution = max(period, setting.resolution)
         executed = (
-            execute(smooth, setting.plant(), resolution=resolution, memory=setting.memory)
+            execute(smooth, setting.plant(), resolution=resolution)
             if setting.bodies
             else run_on(setting, smooth, resolution)
         )
@@ -293,7 +293,6 @@ class _Certifying:
             taught,
             robot.plant(),
             resolution=max(min(1e-3, found.this.period), robot.resolution),
-            memory=robot.memory,
         )
         t = executed.t
         pieces = pieces_of(executed, program, None, None)

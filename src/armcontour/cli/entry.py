@@ -13,6 +13,10 @@ from armcontour.errors import ArmContourError
 
 # Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
 BROKEN_PIPE = 128 + 13
+OUT_OF_MEMORY = (
+    "The memory that this program may take is used up: close other programs, or give the job less "
+    "to do, with a longer command interval, fewer runs or --no-simulation."
+)
 
 
 def main() -> None:
@@ -43,9 +47,7 @@ def _command() -> int:
         _complain(str(error))
         return error.exit_code
     except MemoryError:
-        from armcontour._memory import describe_memory_error
-
-        _complain(describe_memory_error())
+        _complain(OUT_OF_MEMORY)
         return 1
     except BrokenPipeError:
         _mute()

@@ -59,7 +59,6 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         iterations=x.iterations,
         continuity=x.continuity,
         from_s=read_option("--from-s", x.from_s, kinds.Distance),
-        memory=read_option("--memory", x.memory, kinds.Memory),
         ignore_collisions=x.ignore_collisions,
     )
 

@@ -28,7 +28,7 @@ TOPICS = {
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
                                     "tool_motion", "call"),
-    "Processes and memory": ("workers", "cluster", "shard", "memory"),
+    "Processes": ("workers", "cluster", "shard"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
 # Words for types that typer names as Python does.
@@ -124,9 +124,6 @@ CellOfDrawing = Annotated[
         help="Where a drawing is run: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job "
         "file without a path.",
     ),
-]
-Memory = Annotated[
-    str | None, typer.Option("--memory", help="Largest memory of the program, such as '4 GB'.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open the report in a browser.")]
 TrustXacro = Annotated[
@@ -294,7 +291,6 @@ class JobOptions(DrawingOptions):
         str | None,
         typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),
     ] = None
-    memory: Memory = None
     ignore_collisions: Annotated[
         bool,
         typer.Option(

@@ -4,7 +4,6 @@ from armcontour.compensation.compensator import (
     METHODS,
     compensate,
     compensate_quietly,
-    set_point_count,
 )
 from armcontour.compensation.doubts import doubt_gains, doubt_interval
 
@@ -14,5 +13,4 @@ __all__ = [
     "compensate_quietly",
     "doubt_gains",
     "doubt_interval",
-    "set_point_count",
 ]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits
@@ -19,9 +19,6 @@ from armcontour.motion import TaughtData, Trajectory, check_interval
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.servo import ServoModel
 
-# Memory per set-point and joint during computation [bytes], measured: mostly states of the
-# compensator's filter and the polynomials of its input.
-SET_POINT = {"pole_placement": 230.0, "inverse_dynamics": 200.0, "inverse": 175.0, "none": 145.0}
 METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
 OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward", "known")}
 
@@ -37,7 +34,6 @@ def compensate(
     poles: npt.ArrayLike | None = None,
     gravity_feedforward: bool | None = None,
     known: Arm | None = None,
-    memory: float = _memory.DEFAULT,
 ) -> TaughtData:
     """Taught data whose set-points make the servos follow a trajectory.
 
@@ -66,7 +62,6 @@ def compensate(
             True by default.
         known: For "inverse_dynamics": the arm as its controller knows it, for example without a
             payload that was found later; by default `arm`.
-        memory: Memory that the computation may use [bytes].
 
     Warns:
         UserWarning: The interval is longer than that of any controller, or the gains give hardly
@@ -87,7 +82,6 @@ def compensate(
         period=period,
         arm=arm,
         limits=limits,
-        memory=memory,
         poles=poles,
         gravity_feedforward=gravity_feedforward,
         known=known,
@@ -119,7 +113,6 @@ def compensate_quietly(
     period: float,
     arm: Arm | None = None,
     limits: Limits | None = None,
-    memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> TaughtData:
     """What `compensate` gives, without its warnings: jobs have their own."""
@@ -138,7 +131,11 @@ def compensate_quietly(
     refuse_long_interval(interval, trajectory.duration)
     model.refuse_too_fast(interval)
     count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
-    _refuse_too_many(count, count * trajectory.dof * SET_POINT[method], interval, memory)
+    _checks.refuse_too_many(
+        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
+        count * trajectory.dof,
+        "take a longer command interval or a higher speed",
+    )
     start, q = _set_points(trajectory, model, interval, method, arm, options)
     taught = TaughtData(
         period=interval, q=q, trajectory=trajectory, method=method, start_time=start
@@ -154,16 +151,6 @@ def _refuse_options(method: str, options: dict[str, Any]) -> None:
     if unknown:
         takes = f"the option {' or '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
-
-
-def _refuse_too_many(count: float, size: float, period: float, memory: float) -> None:
-    _memory.refuse_above(
-        memory,
-        size,
-        f"{count * period:.4g} s of motion at a command interval of {period:g} s, {count:.3g} "
-        "set-points,",
-        "take a longer command interval or a higher speed",
-    )
 
 
 def _set_points(

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
@@ -18,11 +18,6 @@ PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
 # A joint at this velocity [rad/s] falls, or its servo is unstable.
 RUNAWAY = 1e3
-# Memory of one result during simulation and evaluation [bytes], measured: for the tool (position,
-# errors, arc lengths), and for each joint (six numbers, some of them copied once).
-RESULT, OF_JOINT = 150.0, 100.0
-# Number of time constants after which a motion has decayed to REST_DISTANCE of a radian.
-SETTLED = 20.0
 
 
 class Plant(ABC):
@@ -54,24 +49,12 @@ class Plant(ABC):
         arm = getattr(self, "arm", None)
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
 
-    def memory(self, span: float, period: float, resolution: float) -> float:
-        """Estimated memory of an execution [bytes].
-
-        Args:
-            span: Time between the first and the last set-point [s].
-            period: Command interval [s].
-            resolution: Largest time between two results [s].
-        """
-        # The number of joints of a user's plant is not known here.
-        return results(span, period, resolution) * (RESULT + OF_JOINT)
-
 
 def execute(
     taught: TaughtData,
     plant: Plant,
     *,
     resolution: float = 1e-3,
-    memory: float = _memory.DEFAULT,
 ) -> Execution:
     """Execute taught data on a plant.
 
@@ -79,11 +62,10 @@ def execute(
         taught: The set-points.
         plant: The plant, which must not be the model by which the taught data was compensated.
         resolution: Largest time between two results [s]; it does not change the motion.
-        memory: Bound on the program's memory during execution and evaluation [bytes].
 
     Raises:
         InvalidInput: The taught data is for another number of joints, the gains are too large for
-            the command interval, or the results do not fit in the memory.
+            the command interval, or there would be too many results.
         ExecutionError: The joints do not come to rest.
     """
     if not isinstance(taught, TaughtData):
@@ -93,43 +75,13 @@ def execute(
     _checks.refuse_other("execute", plant, Plant, "such as ServoPlant(arm, servo)")
     fine = _checks.positive("resolution", resolution, "s")
     span = (len(taught.q) - 1) * taught.period
-    refuse_too_long(plant, span, taught.period, fine, memory, 0.0)
-    return plant.run(taught, fine)
-
-
-def results(span: float, period: float, resolution: float) -> float:
-    """Approximate number of results of an execution.
-
-    Args:
-        span: Duration of the execution [s].
-        period: Command interval [s].
-        resolution: Largest time between two results [s].
-    """
-    return (span / period + 1) * max(period / resolution, 1.0)
-
-
-def refuse_too_long(
-    plant: Plant, span: float, period: float, resolution: float, memory: float, more: float
-) -> None:
-    """Refuse an execution whose results do not fit in the memory.
-
-    Args:
-        plant: The plant.
-        span: Time between the first and the last set-point [s].
-        period: Command interval [s].
-        resolution: Largest time between two results [s].
-        memory: Bound on the program's memory [bytes].
-        more: Memory of other data at the same time [bytes].
-
-    Raises:
-        InvalidInput: The estimate exceeds the bound.
-    """
-    _memory.refuse_above(
-        memory,
-        more + plant.memory(span, period, resolution),
-        f"The simulation of {span:.4g} s of set-points, with results every {resolution:g} s,",
-        "take a coarser resolution or a higher speed, leave the simulation out (--no-simulation)",
+    _checks.refuse_too_many(
+        f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
+        (span / taught.period + 1) * max(taught.period / fine, 1.0) * taught.q.shape[1],
+        "take a coarser resolution or a higher speed, or leave the simulation out "
+        "(--no-simulation)",
     )
+    return plant.run(taught, fine)
 
 
 def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:

@@ -19,14 +19,12 @@ from armcontour.execution._mujoco import Springs
 from armcontour.execution._stepping import Bodies, Loops, Rows
 from armcontour.execution.plant import (
     PATIENCE,
-    RESULT,
     RUNAWAY,
     Plant,
     count_intervals,
     patience,
     refuse_other_joints,
     refuse_too_heavy,
-    results,
 )
 from armcontour.execution.stability import SampledLoops
 from armcontour.motion import Execution, FineMotion, TaughtData
@@ -41,10 +39,6 @@ STEP = 2.5e-4
 STEPS = (1e-6, 0.1)
 # Largest noise of a position measurement [rad]; no encoder is worse.
 LARGEST_NOISE = 0.1
-# Memory of one result of one joint with its torques, in addition to RESULT for all joints, and of
-# one step of one joint while a block of commands is simulated [bytes], measured.
-OF_JOINT = 200.0
-AT_A_STEP = 120.0
 # After the last set-point the joints are at rest when each stays within this range [rad], a micron
 # at 1 m, for this time [s] and for the slowest position loop's time constant. The test does not
 # depend on where the joints stop, because friction and gravity decide that.
@@ -177,10 +171,6 @@ class RigidBodyPlant(Locked, Plant):
     def joint_damping(self) -> FloatArray | None:
         """Damping between each drive and its link [N m s/rad], (dof,); None for rigid joints."""
         return None if self._springs is None else self._springs.damping
-
-    def memory(self, span: float, period: float, resolution: float) -> float:
-        """Estimated memory of an execution [bytes]: its results, and one block of steps."""
-        return bytes_of(self.servo, self.step, span, period, resolution)
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data from the equilibrium at the first set-point.
@@ -552,25 +542,6 @@ def refuse_without_mujoco() -> None:
         InvalidInput: MuJoCo is not installed.
     """
     _mujoco.load()
-
-
-def bytes_of(
-    servo: ServoModel, step: float, span: float, period: float, resolution: float
-) -> float:
-    """Estimated memory of an execution [bytes]: its results, and one block of steps.
-
-    Args:
-        servo: A servo with values per joint.
-        step: Cycle time of the drives [s].
-        span: Time between the first and the last set-point [s].
-        period: Command interval [s].
-        resolution: Largest time between two results [s].
-    """
-    window = rest_window(servo)
-    late = float(servo.dead_time.max())
-    rows = results(span + late + 2 * window, period, resolution)
-    steps = max(BLOCK, period, window) / min(step, period)
-    return rows * RESULT + (rows * OF_JOINT + steps * AT_A_STEP) * len(servo.kp)
 
 
 def rest_window(servo: ServoModel) -> float:

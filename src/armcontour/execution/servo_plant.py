@@ -10,14 +10,10 @@ from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution.plant import (
-    OF_JOINT,
-    RESULT,
-    SETTLED,
     Plant,
     count_intervals,
     patience,
     refuse_other_joints,
-    results,
 )
 from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, join_parts
 from armcontour.motion import Execution, FineMotion, TaughtData
@@ -39,8 +35,6 @@ REACHED = 1e-6
 # Times from one result to the next at which the motion between them is computed: cubics between
 # these are off by less than 1e-11 rad for servos with time constants of a millisecond.
 PARTS = 16
-# Memory of the polynomial of one joint's command between two set-points [bytes].
-POLYNOMIAL = 64.0
 
 
 class ServoPlant(Locked, Plant):
@@ -103,15 +97,6 @@ class ServoPlant(Locked, Plant):
             self.torque_limit = or_unlimited(own.joint_torque, arm.dof)
             # This property refuses an arm without masses.
             _ = arm.dynamics
-
-    def memory(self, span: float, period: float, resolution: float) -> float:
-        """Estimated memory of an execution until the arm is at rest [bytes]."""
-        still = min(SETTLED / self.servo.slowest, patience(span)) + CHUNK
-        late = float(self.servo.dead_time.max())
-        rows = results(span + late + still, period, resolution)
-        # Commands with dead time or cubic interpolation are stored as polynomials.
-        commands = (span / period + 1) * POLYNOMIAL
-        return rows * RESULT + (rows * OF_JOINT + commands) * self.arm.dof
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data; the motion is exact between the starts and ends of saturation.

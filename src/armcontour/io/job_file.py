@@ -13,7 +13,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._files import read_text
-from armcontour._memory import DEFAULT
 from armcontour._progress import Progress
 from armcontour._text import show
 from armcontour._yaml import load
@@ -239,7 +238,6 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
         placement=None if model.placement is None else _place_search(model.placement),
-        memory=DEFAULT if model.memory is None else model.memory,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         part=part_of(model.path),

@@ -15,7 +15,6 @@ from armcontour._quantities import (
     Distance,
     Interval,
     Length,
-    Memory,
     Pole,
     Reserve,
     Tolerance,
@@ -457,8 +456,6 @@ class JobModel:
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify` and `armcontour sweep`.
         placement: The question for `armcontour place`.
-        memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
-            and at least 2 GB.
         scene: Obstacles in the cell, and how near the arm may come to them and to itself.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
@@ -479,7 +476,6 @@ class JobModel:
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
     placement: PlacementModel | None = None
-    memory: Memory | None = None
     scene: SceneModel | None = None
     ignore_collisions: bool = False
 

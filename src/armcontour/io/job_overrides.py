@@ -56,7 +56,6 @@ class JobOverrides:
         continuity: What is continuous along corners, for all runs with the timing optimal that
             round them with arcs: "tangent" or "curvature".
         from_s: Position at which to resume, as arc length over all contours [m].
-        memory: Largest memory of the calculation [bytes].
         arm: Name of a built-in arm, or an arm file, in the place of the job's arm; tool, work frame
             and payload stay.
         arm_tool: The tool of the arm.
@@ -84,7 +83,6 @@ class JobOverrides:
     iterations: int | None = None
     continuity: str | None = None
     from_s: float | None = None
-    memory: float | None = None
     arm: str | None = None
     arm_tool: ToolModel | None = None
     ignore_collisions: bool = False
@@ -117,8 +115,6 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
     if x.ignore_collisions:
         changes["ignore_collisions"] = True
-    if x.memory is not None:
-        changes["memory"] = x.memory
     if x.arm is not None or x.arm_tool is not None:
         changes["arm"] = _arm(model.arm, x)
     return replace(model, **changes)

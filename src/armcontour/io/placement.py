@@ -268,8 +268,6 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
                 found["runs", run, of, name] = value
     if x.from_s is not None:
         found["process", "from_s"] = x.from_s
-    if x.memory is not None:
-        found["memory",] = x.memory
     if x.ignore_collisions:
         found["ignore_collisions",] = True
     return found

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, milliseconds, several
 from armcontour._quantities import (
@@ -318,8 +318,6 @@ class Job:
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
         placement: Where a placement looks for the best place, and what is best.
-        memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
-            and at least 2 GB.
         scene: What stands in the cell; None if nothing is known.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
             results say so.
@@ -345,7 +343,6 @@ class Job:
     process: Process = field(default_factory=Process)
     certificate: Goal | None = None
     placement: PlaceSearch | None = None
-    memory: float = _memory.DEFAULT
     scene: Scene | None = None
     ignore_collisions: bool = False
     part: Frame = field(default_factory=Frame)
@@ -362,7 +359,6 @@ class Job:
         object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
-        _memory.check_bound(self.memory)
         for x in self.runs:
             _checks.check_name("name of a run", x.name)
             with locate_errors(f"Run {x.name}"):

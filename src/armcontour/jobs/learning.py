@@ -18,7 +18,7 @@ from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.memory import RESOLUTION
+from armcontour.jobs.programs import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
 from armcontour.learning import JudgedRun, LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
@@ -395,7 +395,7 @@ def simulate_learning(
     for k in range(runs + 1):
         tell(Step((f"run {k + 1} of {runs + 1}",)))
         plant = robot(k)
-        executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
+        executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step))
         done.append(
             evaluate(
                 executed,

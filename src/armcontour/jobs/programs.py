@@ -13,7 +13,6 @@ from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, loca
 from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
-from armcontour.jobs.memory import RESOLUTION
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
@@ -40,6 +39,8 @@ from armcontour.timing import (
     with_reserve,
 )
 
+# Largest time between two results of an execution [s], unless the drives on bodies are slower.
+RESOLUTION = 1e-3
 # Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
 MOST_DOUBLINGS = 12
@@ -289,7 +290,6 @@ def trace_and_time_run(
         duration=duration,
         fits=fits,
         progress=progress,
-        memory=job.memory,
         **this.plan_options,
     )
 
@@ -320,7 +320,6 @@ def time_run(
         this.limits,
         duration=duration,
         progress=progress,
-        memory=job.memory,
         **this.plan_options,
     )
 
@@ -347,7 +346,6 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
         method=this.compensation,
         period=this.period,
         arm=job.arm,
-        memory=job.memory,
         **this.compensation_options,
     )
 
@@ -367,4 +365,4 @@ def execute_run(
         ExecutionError: The joints do not come to rest.
     """
     plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo, this.limits)
-    return execute(taught, plant, resolution=RESOLUTION, memory=job.memory)
+    return execute(taught, plant, resolution=RESOLUTION)

@@ -30,9 +30,9 @@ from armcontour.jobs.avoiding import first_contour_clear, keep_clear
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.memory import RESOLUTION, refuse_too_large
 from armcontour.jobs.missed_speed import missed_speeds
 from armcontour.jobs.programs import (
+    RESOLUTION,
     execute_run,
     explain_run,
     programs_of,
@@ -61,7 +61,7 @@ from armcontour.program import Program
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
 from armcontour.servo.model import MOST_FEEDFORWARD
-from armcontour.timing import Explanation, Tracing, assigned_time, refuse_unkept_jerk
+from armcontour.timing import Explanation, Tracing, refuse_unkept_jerk
 
 STEPS = (
     "rounding",
@@ -651,12 +651,7 @@ def _teach(
 ) -> RunPlan:
     """Do the steps of one run from its objective path to its taught data."""
     earlier = list(earlier)
-    done_before = [(x.run, x.trajectory.duration) for x in earlier]
-    # Refused before planning, by the least duration: rounding may halve the length of the path.
-    least = assigned_time(job.program, this.limits) / 2
-    refuse_too_large(job, this, least, done_before, simulated, planned=False)
     objective, path, traced, trajectory = _plan(job, this, progress, earlier)
-    refuse_too_large(job, this, trajectory.duration, done_before, simulated)
     early: Callable[[], TaughtData] | None = None
     with Beside() as beside:
         if trajectory.duration > LONG:
@@ -768,7 +763,7 @@ def on_bodies(
         assert this.experiment is not None
         plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     # The plant has no results between two cycles of the drives.
-    how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step), "memory": job.memory}
+    how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step)}
     executed = execute(taught, plant, **how)
     uncompensated = None
     if this.compensation != NONE:

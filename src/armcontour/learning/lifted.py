@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse import block_array, coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
-from armcontour import _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.drives import Drives, respond_along
@@ -27,8 +27,6 @@ from armcontour.servo.command import command_weights
 LONGEST_STEP = 1e-3
 # Time constants of the slowest joint after the last set-point that count as motion: 5 % is left.
 AFTER = 3.0
-# Memory per time and squared number of joints [bytes], measured: the factors of one penalty.
-OF_TIME = 900.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,28 +77,24 @@ class Lifted:
     Args:
         taught: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
-        memory: Memory that the model may take [bytes].
 
     Attributes:
         t: Regular times of the plan [s], (n,).
         planned: Planned joint positions at these times [rad], (n, dof).
 
     Raises:
-        InvalidInput: It needs too much memory, or the gains do not fit the arm.
+        InvalidInput: The motion is too long, or the gains do not fit the arm.
     """
 
-    def __init__(
-        self, taught: TaughtData, nominal: Nominal, memory: float = _memory.DEFAULT
-    ) -> None:
+    def __init__(self, taught: TaughtData, nominal: Nominal) -> None:
         self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
         self.t = _times(taught, nominal.servo)
         self.step = float(self.t[1] - self.t[0])
-        _memory.refuse_above(
-            memory,
-            len(self.t) * self.dof**2 * OF_TIME,
+        _checks.refuse_too_many(
             f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
+            len(self.t) * self.dof**2,
             "learn contour by contour or at a higher speed",
         )
         self.planned = self.plan.with_rests(self.t)

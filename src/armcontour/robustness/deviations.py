@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.drives import Drives, regular_times, respond_along
 from armcontour.errors import InvalidInput
@@ -220,7 +220,6 @@ def deviations_of(
     unknowns: Unknowns,
     *,
     gravity_feedforward: bool = True,
-    memory: float = _memory.DEFAULT,
 ) -> Deviations:
     """Find what a box does to a motion, linear around its plan.
 
@@ -229,10 +228,9 @@ def deviations_of(
         path: The tool path.
         unknowns: The unknowns of the box.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        memory: Bound on the program's memory [bytes].
 
     Raises:
-        InvalidInput: The deviations do not fit in the memory.
+        InvalidInput: The deviations have too many values.
     """
     servo, plan = unknowns.servo, taught.trajectory
     if servo.has_feedforward:
@@ -243,11 +241,9 @@ def deviations_of(
     late = float(servo.dead_time.max())
     end = taught.start_time + (len(taught.q) - 1) * taught.period + late + TAIL / servo.slowest
     t = regular_times(taught.start_time, end, min(taught.period / PER_INTERVAL, LONGEST_STEP))
-    _memory.refuse_above(
-        memory,
-        # Torques, deviations of the joints, and those of the tool three times.
-        len(t) * (len(unknowns) + 2) * (3 * unknowns.arm.dof + 9) * 8.0,
+    _checks.refuse_too_many(
         f"The linear model of {end - taught.start_time:.4g} s of motion",
+        len(t) * len(unknowns) * unknowns.arm.dof,
         "certify contours of their own",
     )
     motion = _Motion(plan, t)

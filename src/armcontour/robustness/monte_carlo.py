@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
@@ -52,8 +52,6 @@ FEWEST_PLACES = 4000
 # As in `ServoPlant`: time to come to rest after the last set-point [s], or in durations.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
-# Memory of one parameter of one sample [bytes], measured.
-SAMPLE = 40.0
 # Number of samples that a thread executes at a time.
 BATCH = 32
 # Largest errors that differ by less than this fraction are equal: sampling is not more accurate.
@@ -197,7 +195,6 @@ def spread(
     since: float | None = None,
     until: float | None = None,
     threads: int | None = None,
-    memory: float = _memory.DEFAULT,
 ) -> Spread:
     """Execute taught data on robots with random errors (Monte Carlo), each as `ServoPlant` does.
 
@@ -218,7 +215,6 @@ def spread(
         until: End of that time [s]; by default when the planned motion has ended and the tool is
             at rest.
         threads: Number of threads; by default the number of processors.
-        memory: Bound on the program's memory [bytes].
 
     Raises:
         InvalidInput: Box, servo, path or taught data do not fit the arm, or the samples do not fit
@@ -226,11 +222,8 @@ def spread(
         ExecutionError: A joint does not come to rest.
     """
     number = _checks.whole("samples", samples, 1, 10**7)
-    _memory.refuse_above(
-        memory,
-        number * (3 * arm.dof + 1) * SAMPLE,
-        f"The spread over {number} samples",
-        "take fewer samples",
+    _checks.refuse_too_many(
+        f"The spread over {number} samples", number * (3 * arm.dof + 1), "take fewer samples"
     )
     started = _checks.whole("seed", seed, 0, 2**63 - 1)
     model = _Model(taught, path, arm, servo, limits, box, since, until)

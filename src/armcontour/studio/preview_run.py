@@ -13,8 +13,7 @@ from armcontour.execution import execute
 from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.memory import RESOLUTION
-from armcontour.jobs.programs import execute_run
+from armcontour.jobs.programs import RESOLUTION, execute_run
 from armcontour.jobs.weak_points import INVERSE_DYNAMICS
 from armcontour.motion import Execution, Method, TaughtData
 from armcontour.timing import intervals_of
@@ -127,7 +126,7 @@ def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment |
     if bodies is None:
         return execute_run(job, this, taught)
     plant = build_plant(bodies, job.arm, job.plant_servo, this.limits)
-    return execute(taught, plant, resolution=max(RESOLUTION, plant.step), memory=job.memory)
+    return execute(taught, plant, resolution=max(RESOLUTION, plant.step))
 
 
 def with_fewer_samples(execution: Execution) -> Execution:

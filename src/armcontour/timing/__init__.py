@@ -16,7 +16,6 @@ from armcontour.timing.explanation import (
 from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.methods import METHODS, PLANNING_METHODS, refuse_unkept_jerk
 from armcontour.timing.planner import (
-    assigned_time,
     intervals_of,
     plan,
     refuse_endless,
@@ -38,7 +37,6 @@ __all__ = [
     "Explanation",
     "Shortfall",
     "Tracing",
-    "assigned_time",
     "explain",
     "find_jerk_stops",
     "intervals_of",

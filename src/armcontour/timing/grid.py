@@ -16,12 +16,8 @@ from armcontour.timing._grid import cut, cut_near, merge, parts_at_rests, thin, 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
-# More than this does not fit in memory.
-MOST_INTERVALS = 10_000_000
-# Memory for each interval and joint while a plan is made [bytes], whatever the limits; and measured
-# on 67,000 intervals, with limits of torque without and with viscous friction.
-AT_AN_INTERVAL = 720.0
-AT_LINES, AT_CURVES = 350.0, 610.0
+# Some GB of data for an arm with six joints.
+MOST_INTERVALS = 5_000_000
 # The interval next to a rest is split into the square of this many parts, the following one into
 # this many, further ones into fewer. All rests together get at most this share of the intervals.
 PARTS_AT_REST = 8

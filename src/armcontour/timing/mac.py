@@ -30,8 +30,8 @@ from armcontour.timing.unplanned_limits import refuse_broken
 
 # With fewer laps a short line from rest to rest would have no lap to move in.
 FEWEST_LAPS = 8
-# More than this does not fit in memory.
-MOST_LAPS = 10_000_000
+# Some GB of data for an arm with six joints.
+MOST_LAPS = 5_000_000
 # Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
 LAPS_AT_REST = 10
 # Limits that every part is checked for, because the method does not check them everywhere.

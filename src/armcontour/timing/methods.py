@@ -53,21 +53,19 @@ class Timing:
         limits: The limits that the plan keeps, less the reserve for the servo.
         method: One of METHODS.
         options: Options of the method.
-        memory: Largest memory of the process [bytes].
     """
 
     arm: Arm
     limits: Limits
     method: str
     options: Mapping[str, Any]
-    memory: float
 
     def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
         """Plan the motion along a contour by the method; the laws before it do not matter."""
         if self.method in (Method.OPTIMAL, Method.SHAPED):
             own = SHAPE_OPTIONS if self.method == Method.SHAPED else ()
             options = {x: y for x, y in self.options.items() if x not in own}
-            found = plan_optimal(joint_path, self.arm, self.limits, memory=self.memory, **options)
+            found = plan_optimal(joint_path, self.arm, self.limits, **options)
             return found if found.method == self.method else replace(found, method=Method.SHAPED)
         if self.method == Method.MAC:
             return plan_mac(joint_path, self.arm, self.limits, **self.options)

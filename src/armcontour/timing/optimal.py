@@ -14,7 +14,7 @@ from typing import NoReturn, TypeGuard
 
 import numpy as np
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
@@ -54,8 +54,7 @@ from armcontour.timing.constraints import (
 from armcontour.timing.constraints.sampled import MARGIN
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
-    AT_CURVES,
-    AT_LINES,
+    MOST_INTERVALS,
     Grid,
     coarsen,
     cut_pieces,
@@ -111,7 +110,6 @@ def plan_optimal(
     end_speed: float = 0.0,
     constraints: Sequence[Constraint] = (),
     iterations: int = MOST_ITERATIONS,
-    memory: float = _memory.DEFAULT,
 ) -> Trajectory:
     """Plan the fastest motion along a path.
 
@@ -128,7 +126,6 @@ def plan_optimal(
         constraints: Further constraints.
         iterations: With limits of jerk: largest number of iterations. A plan that was stopped early
             is slower, and keeps all limits.
-        memory: Largest memory of the process [bytes], which bounds the refinement of the grid.
 
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
@@ -144,8 +141,6 @@ def plan_optimal(
     else:
         placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    each = AT_CURVES if any(x.curved for x in active) else AT_LINES
-    most = (memory - _memory.PROGRAM) / (each * joint_path.dof)
 
     rests = standing(joint_path)
     most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
@@ -155,7 +150,7 @@ def plan_optimal(
         task = _Task(tuple(active), start, end, arm, rests)
         law = solve_from_rest(joint_path, count, task) if grid is None else None
         if law is None:
-            law = _solve(cut_pieces(joint_path, count) if grid is None else placed, task, most)
+            law = _solve(cut_pieces(joint_path, count) if grid is None else placed, task)
         if jerk is None:
             return law
         # Most plans have no limits of jerk.
@@ -448,7 +443,7 @@ def solve_from_rest(joint_path: JointPath, count: IntArray, task: _Task) -> Path
         return None
 
 
-def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
+def _solve(grid: Grid, task: _Task) -> PathLaw:
     """Plan on a grid, which is refined where margins are too large.
 
     A first pass without margins and without skew finds how large x and u get, and the slope of u on
@@ -469,7 +464,7 @@ def _solve(grid: Grid, task: _Task, most_intervals: float) -> PathLaw:
             return found
         s = float(grid.s[int(np.argmax(lost))])
         parts = np.clip(np.ceil(np.sqrt(lost / LARGEST_MARGIN)), 1.0, MOST_PARTS)
-        if parts.sum() > min(MOST_GROWTH * len(grid), most_intervals):
+        if parts.sum() > min(MOST_GROWTH * len(grid), MOST_INTERVALS):
             break
         grid = split(grid, parts)
     raise NotRealizable(

@@ -10,7 +10,7 @@ from typing import Any, NoReturn, cast
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._describing import several
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, choose_limits
@@ -22,7 +22,7 @@ from armcontour.timing.common import RESERVED, start_of, with_reserve
 from armcontour.timing.constraints import Constraint
 from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
-from armcontour.timing.grid import AT_AN_INTERVAL, DEFAULT_INTERVALS
+from armcontour.timing.grid import DEFAULT_INTERVALS
 from armcontour.timing.limit_use import QUANTITIES, States, ratio
 from armcontour.timing.methods import (
     OPTIONS,
@@ -42,8 +42,6 @@ OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
-# Options that are numbers of grid intervals or laps; a lap takes as much memory as an interval.
-COUNTS = ("intervals", "knots")
 # Smoothed plans exceed no limit by a larger share; samples in an interval between two breaks, and
 # intervals that are sampled at once.
 EXCESS = 0.01
@@ -77,7 +75,6 @@ def plan(
     knots: int | None = None,
     period: float | None = None,
     progress: Progress | None = None,
-    memory: float = _memory.DEFAULT,
 ) -> Trajectory:
     """Time a path or a program: compute its realizable trajectory.
 
@@ -106,7 +103,6 @@ def plan(
             which keeps limits of the joints. Where arcs or stops are the fastest shape, there is no
             such curve.
         progress: Called after every contour with the step "timing" and the share that is done.
-        memory: Largest memory of the process [bytes].
         intervals: For "optimal" and "shaped": approximate number of grid intervals of each contour;
             by default 4000, fewer for a program of many contours.
         iterations: For "optimal" with limits of jerk and for "shaped": largest number of
@@ -124,7 +120,7 @@ def plan(
 
     Raises:
         InvalidInput: An unknown method, an option of another method, a limit that the method needs
-            is missing, more intervals than fit in memory, or a speed at which the motion takes too
+            is missing, too many intervals, or a speed at which the motion takes too
             long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
@@ -158,7 +154,6 @@ def plan(
         knots=knots,
         period=period,
         progress=progress,
-        memory=memory,
     )
     if isinstance(path, Tracing):
         # Jobs plan tracings, and have warnings of their own.
@@ -280,7 +275,6 @@ def _plan(
     fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     tracing: Progress | None = None,
-    memory: float = _memory.DEFAULT,
     **options: Any,
 ) -> tuple[Tracing | JointPath, Trajectory]:
     """What `plan` gives, and what the joints follow; `tracing` is told of the progress of that."""
@@ -289,8 +283,8 @@ def _plan(
     arm = _arm_of(path, arm, limits)
     bounds = choose_limits("plan", arm, limits)
     refuse_unkept_jerk(method, bounds)
-    _refuse_options(method, options, arm, memory)
-    timing = Timing(arm, with_reserve(bounds, reserve), method, options, memory)
+    _refuse_options(method, options)
+    timing = Timing(arm, with_reserve(bounds, reserve), method, options)
     windows: tuple[float, ...] = ()
     if not isinstance(smoothing, tuple) or smoothing:
         windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
@@ -423,26 +417,17 @@ def _arm_of(
     return arm
 
 
-def _refuse_options(method: str, options: Mapping[str, Any], arm: Arm, memory: float) -> None:
-    """Refuse options that a method does not have, and grids that do not fit in memory [bytes].
+def _refuse_options(method: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that a method does not have.
 
     Raises:
-        InvalidInput: Such an option or grid.
+        InvalidInput: Such an option.
     """
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
         takes = f"the options {', '.join(known)}" if known else "no options"
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
-    for name in COUNTS:
-        if options.get(name) is not None:
-            wanted = _checks.number(name, options[name])
-            _memory.refuse_above(
-                memory,
-                wanted * AT_AN_INTERVAL * arm.dof,
-                f"A plan of {wanted:g} {name}",
-                "take fewer",
-            )
 
 
 def _refuse_duration(

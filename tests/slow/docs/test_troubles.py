@@ -120,7 +120,6 @@ TROUBLES = {
     "A drawing in space, an arm in the plane": drawn("G1 Z-5"),
     "An unknown key": changed(limits={"speed": "0.1 m/s", "centripetal": 0.09}),
     "A number that is refused": changed(servo={"kp": 1e9, "kv": "150 1/s"}),
-    "Too much memory": changed(command=SIMULATED, command_interval="1 us", memory="2 GB"),
     "The tool never reaches its speed": changed(
         SEAM, RUN, {"bead.csv": BEAD}, path={"file": "bead.csv"}, limits={"speed": "0.15 m/s"},
         corners={"tolerance": "0.3 mm", "angular_tolerance": "2 deg"},

@@ -133,7 +133,6 @@ def time_variant(variant: Variant, contour: ShapedContour, job: Job) -> Trajecto
         branch=job.branch,
         start=None if planar else contour.start,
         reserve=this.reserve,
-        memory=job.memory,
     )
 
 

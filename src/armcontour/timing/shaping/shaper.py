@@ -11,7 +11,7 @@ from typing import cast, overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks, _memory
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._processes import map_in_processes
 from armcontour._progress import Progress, Step
@@ -248,7 +248,7 @@ class Shaping:
         """The plan of a traced program."""
         limits = with_reserve(self.limits, self.reserve)
         options = {} if self.intervals is None else {"intervals": self.intervals}
-        timing = Timing(self.arm, limits, Method.OPTIMAL, options, _memory.DEFAULT)
+        timing = Timing(self.arm, limits, Method.OPTIMAL, options)
         return time_program(traced, timing)
 
     def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
