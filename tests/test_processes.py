@@ -4,7 +4,6 @@ import os
 import sys
 from functools import partial
 from operator import truediv
-from threading import Barrier, current_thread
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 from armcontour._pool import ProcessPool
 from armcontour._process import pack, unpack
 from armcontour._processes import WorkAhead, map_in_processes
-from armcontour._threads import Beside, do_both, map_in_threads, split_evenly
+from armcontour._threads import map_in_threads, split_evenly
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -38,32 +37,6 @@ def test_threads_give_results_in_order_and_their_errors(monkeypatch):
     assert map_in_threads(halve, []) == []
     with pytest.raises(ZeroDivisionError):
         map_in_threads(halve, [1.0, 0.0, 2.0])
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_work_in_another_thread_comes_in_order_with_its_errors(monkeypatch, count):
-    monkeypatch.setattr("armcontour._threads.processors", lambda: count)
-    where = []
-    with Beside() as beside:
-        first = beside.start(lambda: where.append(current_thread()) or 1)
-        fails = beside.start(partial(halve, 0.0))
-        last = beside.start(lambda: where.append(current_thread()) or 2)
-        assert (last(), first()) == (2, 1)
-        with pytest.raises(ZeroDivisionError):
-            fails()
-    assert where[0] is where[1]
-    assert (where[0] is current_thread()) == (count == 1)
-
-
-def test_both_have_ended_whatever_fails():
-    # Each waits for the other.
-    both = Barrier(2)
-    assert do_both(lambda: (both.wait(), 1)[1], lambda: (both.wait(), 2)[1]) == (1, 2)
-    done = []
-    for other, own in ((lambda: done.append(1), partial(halve, 0.0)), (partial(halve, 0.0), print)):
-        with pytest.raises(ZeroDivisionError):
-            do_both(other, own)
-    assert done == [1]
 
 
 @given(st.integers(0, 100), st.integers(1, 20))

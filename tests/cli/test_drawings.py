@@ -199,7 +199,6 @@ def test_a_run_that_fails_leaves_the_earlier_result(folder, command_in, monkeypa
         raise error
 
     monkeypatch.setattr("armcontour.report.render_report", fail)
-    monkeypatch.setattr("armcontour.cli.running.do_both", lambda other, own: (other(), own()))
     line = "run plain.csv --cell pmk3s --out out --force --export csv"
     ended = command_in(folder, *line.split())
     assert ended.code == 1 and "Traceback" not in ended.errors

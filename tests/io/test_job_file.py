@@ -9,14 +9,12 @@ import jsonschema
 import numpy as np
 import yaml
 from docs.reference.job_keys import published
-from soak.number_cases import PLANE, SPACE
 from tests.io.tables import refusals, rows, values
 
-import armcontour as ac
 from armcontour.cli.running import built_in_job
 from armcontour.compensation import compensator
 from armcontour.io import json_schema, parse_job, read_job
-from armcontour.jobs import Rounding, teach
+from armcontour.jobs import Rounding
 from armcontour.timing import methods
 
 ROOT = FilePath(__file__).parents[2]
@@ -241,31 +239,3 @@ def test_the_built_in_job_is_the_papers():
     job = built_in_job()
     names = ["conventional", "uncompensated", "proposed", "optimal", "inverse-dynamics", "shaped"]
     assert [x.name for x in job.runs] == names
-
-
-# A path hundreds of metres away: the key whose unit is missing, and a value that works there.
-FAR = """
-path: {points: P, frame: {position: [300, 0, 0]}} => frame.position => 300, 0, 0 => 300 mm, 0, 0
-path: {points: [[0.3, 0.2], [310, 0.2]]} => path.points (item 2) => 310, 0.2 => 310 mm, 200 mm
-path: {start: [0.3, 0.2], segments: [{to: [310, 200]}]} => (item 1).to => 310, 200 => 310 mm, 200 mm
-arm: {name: ur5e, work: {position: [0, 0, 300]}} => arm.work.position => 0, 0, 300 => 0, 0, 300 mm
-arm: {name: ur5e, tool: {position: [0, 0, 100]}} => arm.tool.position => 0, 0, 100 => 0, 0, 100 mm
-"""
-
-
-def test_the_key_that_lacks_its_unit_is_named():
-    for text, place, given, wanted in rows(FAR):
-        changes = yaml.safe_load(text.replace("P", "[[0.3, 0.2], [0.34, 0.2]]"))
-        job = (SPACE | {"start": None} if "arm" in changes else PLANE) | changes
-        words = f"{place} is [{given}] m ... write [{wanted}]."
-        table = [(yaml.safe_dump(job | {"corners": "sharp"}), words)]
-        refusals(lambda x: teach(parse_job(x)), table, kind=ac.Unreachable, without="units: mm")
-
-
-def test_a_drawing_is_given_its_unit(tmp_path):
-    (tmp_path / "seam.csv").write_text("x,y\n300,200\n310,200\n")
-    text = yaml.safe_dump(
-        PLANE | {"path": {"file": "seam.csv", "frame": {"position": [0.01, 0, 0]}}}
-    )
-    table = [(text, "seam.csv seem to have ... `units: mm` or --units mm")]
-    refusals(lambda x: teach(parse_job(x, folder=tmp_path)), table, kind=ac.Unreachable)

@@ -33,7 +33,7 @@ def hint_at_unit(gap: float) -> str:
     """The end of a sentence on a point that is `gap` [m] out of reach; "" for near ones."""
     if gap < FAR_OUT:
         return ""
-    return "; lengths without a unit are metres: one may be missing"
+    return "; lengths without a unit are metres: one may be missing (for drawings --units mm)"
 
 
 def choose_limits(user: str, arm: Arm, limits: Limits | None) -> Limits:

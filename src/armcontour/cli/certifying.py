@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -100,15 +99,13 @@ def _refuse_nothing_shared(job: Job, overrides: dict[str, Any]) -> None:
 
 def _write(found: Certificate, folder: Any) -> None:
     """Write the plan, its taught data, the derating, the report and the summary."""
-    from armcontour._threads import do_both
     from armcontour.cli.running import write_motions
     from armcontour.io import certificate_json, derating_csv
     from armcontour.report import render_report
 
-    write = partial(write_motions, folder, found.job, found.study.runs)
-    _, page = do_both(write, partial(render_report, found.study, certificate=found))
+    write_motions(folder, found.job, found.study.runs)
     folder.write("derating.csv", derating_csv(found))
-    folder.write("report.html", page)
+    folder.write("report.html", render_report(found.study, certificate=found))
     folder.write("summary.json", certificate_json(found, [*folder.files, "summary.json"]))
 
 

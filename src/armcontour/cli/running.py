@@ -9,7 +9,6 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour._progress import Progress, Step, under
-from armcontour._threads import do_both
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.opening import library_file
@@ -59,15 +58,12 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
             studies = {name: run(job, progress=progress) for name, job in jobs.items()}
             progress(WRITING)
 
-            def write() -> None:
-                for name, study in studies.items():
-                    others = len(folder.files)
-                    write_motions(folder, study.job, study.runs, under=name)
-                    own = [x.removeprefix(name) for x in folder.files[others:]]
-                    folder.write(f"{name}summary.json", summary(study, [*own, "summary.json"]))
-
-            _, page = do_both(write, partial(render_demo, list(studies.values())))
-            folder.write("report.html", page)
+            for name, study in studies.items():
+                others = len(folder.files)
+                write_motions(folder, study.job, study.runs, under=name)
+                own = [x.removeprefix(name) for x in folder.files[others:]]
+                folder.write(f"{name}summary.json", summary(study, [*own, "summary.json"]))
+            folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():
         _print_results(study, [])
     _show_report(out, open_report)
@@ -131,7 +127,7 @@ def run_job(
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
         with warm_for_run(job.arm.dimension, progress):
-            from armcontour.jobs import run, steps_of, teach, warnings_of
+            from armcontour.jobs import run, steps_of, teach
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             progress.expect([*steps, WRITING.names[0]])
@@ -140,18 +136,15 @@ def run_job(
 
                 study = run(job, progress=progress)
                 progress(WRITING)
-                write = partial(_write_plans, folder, job, study.runs, exports)
-                notes, page = do_both(write, partial(render_report, study))
-                folder.write("report.html", page)
+                notes = _write_plans(folder, job, study.runs, exports)
+                folder.write("report.html", render_report(study))
                 folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
             else:
                 plans = teach(job, progress=progress)
                 progress(WRITING)
                 # With formats chosen, no other files are written.
                 motions = not exports
-                write = partial(_write_plans, folder, job, plans, exports, motions=motions)
-                # Warnings are looked for once: the summary has them, and they are printed.
-                notes, _ = do_both(write, partial(warnings_of, plans.values()))
+                notes = _write_plans(folder, job, plans, exports, motions=motions)
                 files = [*folder.files, "summary.json"]
                 folder.write("summary.json", summarise_taught(job, plans, files))
     if not simulate:

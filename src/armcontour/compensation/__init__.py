@@ -3,14 +3,9 @@
 from armcontour.compensation.compensator import (
     METHODS,
     compensate,
-    compensate_quietly,
 )
-from armcontour.compensation.doubts import doubt_gains, doubt_interval
 
 __all__ = [
     "METHODS",
     "compensate",
-    "compensate_quietly",
-    "doubt_gains",
-    "doubt_interval",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -10,15 +9,15 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits
-from armcontour.compensation.doubts import doubt_gains, doubt_interval, refuse_long_interval
 from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.errors import InvalidInput
-from armcontour.motion import TaughtData, Trajectory, check_interval
+from armcontour.motion import LONGEST_CLOCK, TaughtData, Trajectory, check_interval
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.servo import ServoModel
 
+# Durations are sums with rounding errors: an interval that is longer by this share is as long.
+SAME = 1e-9
 METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
 OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward", "known")}
 
@@ -63,31 +62,41 @@ def compensate(
         known: For "inverse_dynamics": the arm as its controller knows it, for example without a
             payload that was found later; by default `arm`.
 
-    Warns:
-        UserWarning: The interval is longer than that of any controller, or the gains give hardly
-            any damping, as exchanged ones do.
-
     Raises:
         InvalidInput: An argument has the wrong type, a method or option is unknown, gains do not
             fit the joints or the interval, the interval is longer than the motion, the set-points
-            need too much memory, or "inverse_dynamics" has no arm with masses or a servo of first
+            are too many, or "inverse_dynamics" has no arm with masses or a servo of first
             order.
         CompensationError: Poles are not stable, the servo is of first order for pole placement, or
             set-points exceed the limits.
     """
-    taught = compensate_quietly(
-        trajectory,
-        servo,
-        method=method,
-        period=period,
-        arm=arm,
-        limits=limits,
-        poles=poles,
-        gravity_feedforward=gravity_feedforward,
-        known=known,
+    _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
+    _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
+    if arm is not None:
+        _checks.refuse_other("compensate", arm, Arm, "such as load_arm('ur5e')")
+    if limits is not None:
+        _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
+    method = default_method(servo, arm) if method is None else method
+    _checks.choice("method", method, METHODS)
+    interval = check_interval(period)
+    given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
+    options = {name: x for name, x in given.items() if x is not None}
+    _refuse_options(method, options)
+    model = servo.for_joints(trajectory.dof)
+    _refuse_long_interval(interval, trajectory.duration)
+    model.refuse_too_fast(interval)
+    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
+    _checks.refuse_too_many(
+        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
+        count * trajectory.dof,
+        "take a longer command interval or a higher speed",
     )
-    for doubt in (*doubt_interval(taught.period), *doubt_gains(servo)):
-        warnings.warn(capitalise(doubt), stacklevel=2)
+    start, q = _set_points(trajectory, model, interval, method, arm, options)
+    taught = TaughtData(
+        period=interval, q=q, trajectory=trajectory, method=method, start_time=start
+    )
+    if limits is not None:
+        refuse_commands(taught, limits.for_joints(trajectory.dof))
     return taught
 
 
@@ -105,44 +114,16 @@ def default_method(servo: ServoModel, arm: Arm | None) -> str:
     return "inverse_dynamics" if bodies else "inverse"
 
 
-def compensate_quietly(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    *,
-    method: str | None,
-    period: float,
-    arm: Arm | None = None,
-    limits: Limits | None = None,
-    **options: Any,
-) -> TaughtData:
-    """What `compensate` gives, without its warnings: jobs have their own."""
-    _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
-    _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
-    if arm is not None:
-        _checks.refuse_other("compensate", arm, Arm, "such as load_arm('ur5e')")
-    if limits is not None:
-        _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
-    method = default_method(servo, arm) if method is None else method
-    _checks.choice("method", method, METHODS)
-    interval = check_interval(period)
-    options = {name: x for name, x in options.items() if x is not None}
-    _refuse_options(method, options)
-    model = servo.for_joints(trajectory.dof)
-    refuse_long_interval(interval, trajectory.duration)
-    model.refuse_too_fast(interval)
-    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
-    _checks.refuse_too_many(
-        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
-        count * trajectory.dof,
-        "take a longer command interval or a higher speed",
-    )
-    start, q = _set_points(trajectory, model, interval, method, arm, options)
-    taught = TaughtData(
-        period=interval, q=q, trajectory=trajectory, method=method, start_time=start
-    )
-    if limits is not None:
-        refuse_commands(taught, limits.for_joints(trajectory.dof))
-    return taught
+def _refuse_long_interval(period: float, duration: float) -> None:
+    """Refuse a command interval that leaves no set-point within the motion."""
+    if period > max(duration * (1 + SAME), LONGEST_CLOCK):
+        raise InvalidInput(
+            f"The command interval of {period:g} s is longer than the motion of {duration:.6g} s, "
+            f"so that no set-point lies within it; it is in seconds: for {period:g} ms give "
+            f"{period / 1e3:g}, in a job `command_interval: {period:g} ms`.",
+            needed=period,
+            allowed=max(duration, LONGEST_CLOCK),
+        )
 
 
 def _refuse_options(method: str, options: dict[str, Any]) -> None:

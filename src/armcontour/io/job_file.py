@@ -33,7 +33,6 @@ from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.job_process import add_process
 from armcontour.io.keys import Keys, read_keys, schema_of
-from armcontour.io.length_hint import hint_at_length
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
 from armcontour.jobs.axes import AXES
@@ -241,7 +240,6 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         part=part_of(model.path),
-        length_hint=hint_at_length(model, Program.of(path)),
     )
 
 

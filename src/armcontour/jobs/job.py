@@ -322,7 +322,6 @@ class Job:
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
             results say so.
         part: The frame of the part: path, file or points are placed by it already.
-        length_hint: Which length probably lacks its unit, for messages.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -346,7 +345,6 @@ class Job:
     scene: Scene | None = None
     ignore_collisions: bool = False
     part: Frame = field(default_factory=Frame)
-    length_hint: str = ""
     program: Program = field(init=False)
     objective: Program | None = field(init=False)
     _cell: CellOnce = field(init=False, repr=False)

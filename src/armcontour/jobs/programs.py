@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy.typing as npt
 
 from armcontour._progress import Progress
-from armcontour.compensation import compensate_quietly
+from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path
@@ -340,7 +340,7 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return compensate_quietly(
+    return compensate(
         trajectory,
         job.servo,
         method=this.compensation,

@@ -200,7 +200,7 @@ def _refusal(job: Job, places: _Places, away: FloatArray, k: int, rapid: bool) -
     show = _m if far else _mm
     drawn = ((_in_space(point) - job.part.position) @ job.part.rotation)[: len(point)]
     own = "" if np.allclose(drawn, point) else f", which is {show(drawn)} before path.frame"
-    mend = (job.length_hint or hint_at_unit(gap)) if far else "; " + _mend(job, places, away, rapid)
+    mend = hint_at_unit(gap) if far else "; " + _mend(job, places, away, rapid)
     also = "" if far else _others(places, away)
     return Unreachable(
         f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "

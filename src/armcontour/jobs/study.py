@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
-from itertools import chain, islice
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -17,10 +15,8 @@ from armcontour import _checks
 from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
 from armcontour._progress import Progress, Step, under
 from armcontour._text import capitalise
-from armcontour._threads import Beside
 from armcontour.arms import Limits
 from armcontour.clearance import Clearance
-from armcontour.compensation import doubt_gains, doubt_interval
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import RigidBodyPlant, execute
@@ -28,9 +24,7 @@ from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.geometry import Path, count_full_stops
 from armcontour.jobs.avoiding import first_contour_clear, keep_clear
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops, warn_of
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.missed_speed import missed_speeds
 from armcontour.jobs.programs import (
     RESOLUTION,
     execute_run,
@@ -43,16 +37,18 @@ from armcontour.jobs.programs import (
 from armcontour.jobs.reach import reach_told
 from armcontour.jobs.shaped import Shaped
 from armcontour.jobs.slow_ends import slow_ends
-from armcontour.jobs.weak_points import (
-    DRIVE_CYCLE,
+from armcontour.jobs.warnings import (
+    CURVATURE_JUMPS,
     INVERSE_DYNAMICS,
     NONE,
+    JerkStop,
     capped,
+    jerk_stops,
+    missed_speeds,
     not_judged,
     overloaded,
-    sensitive_to_delay,
     smoothed_beyond,
-    unsettled,
+    stopping,
     worse_than_none,
 )
 from armcontour.jobs.weaving import Weaving, weavings
@@ -60,7 +56,6 @@ from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajecto
 from armcontour.program import Program
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
-from armcontour.servo.model import MOST_FEEDFORWARD
 from armcontour.timing import Explanation, Tracing, refuse_unkept_jerk
 
 STEPS = (
@@ -78,16 +73,10 @@ EXPERIMENT = "experiment"
 SHAPING = "shaping"
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3
-# Set-points of longer motions are made in a thread [s]; for others its memory is too much.
-LONG = 60.0
 # Share of the motion above which a command interval is reported as coarse.
 COARSE = 0.1
 # An assigned velocity above this probably lacks its unit [m/s].
 FAST = 10.0
-# Compensation methods whose set-points are made for the servo model.
-SERVO_COMPENSATIONS = ("inverse", "pole_placement")
-# Share of a joint's acceleration limit from which an execution uses the full limit.
-FULL = 0.99
 Result = TypeVar("Result", bound="RunPlan")
 
 
@@ -250,16 +239,14 @@ class TimedRun:
 
     def _find_weak_points(self) -> tuple[str, ...]:
         """What `weak_points` gives."""
+        found: list[str] = []
         period, duration = self.run.period, self.trajectory.duration
-        found = []
         if period > COARSE * duration:
             found.append(
                 f"the command interval of {period:g} s is more than a tenth of the motion of "
                 f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
                 "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
             )
-        else:
-            found += doubt_interval(period)
         speed = self.run.limits.speed
         if speed is not None and speed > FAST:
             found.append(
@@ -272,9 +259,9 @@ class TimedRun:
                 doubt_tolerance(x.path, self.run.rounding.tolerance)
                 for x in self.objective.contours
             )
-            found += list(islice(chain.from_iterable(doubts), 1))
+            found += next(filter(None, doubts), [])
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
-        found += warn_of(self.jerk_stops, self.run)
+        found += stopping(self.jerk_stops, self.run)
         found += [sentence for x in self.weaves for sentence in x.warnings]
         if self.clearance is None:
             found += self.avoided
@@ -284,10 +271,8 @@ class TimedRun:
         if self.run.duration is None:
             slow = slow_ends(self.path, self.trajectory, self.run)
             found += slow
-            if not self.jerk_stops:
-                found += missed_speeds(
-                    self.objective, self.path, self.trajectory, self.run, told=bool(slow)
-                )
+            if not slow and not self.jerk_stops:
+                found += missed_speeds(self.path, self.trajectory, self.run)
         return tuple(found)
 
 
@@ -302,11 +287,6 @@ class RunPlan(TimedRun):
 
     taught: TaughtData
     servo: ServoModel | None = None
-
-    def _find_weak_points(self) -> tuple[str, ...]:
-        """What `weak_points` gives."""
-        found = super(RunPlan, self)._find_weak_points()
-        return found if self.servo is None else (*found, *doubt_gains(self.servo))
 
     def __str__(self) -> str:
         """Method, duration and set-points of the run."""
@@ -347,8 +327,6 @@ class RunResult(RunPlan):
         execution: The executed motion.
         evaluation: Errors of the executed motion.
         executed_clearance: How far the arm stays from itself and from its cell, as executed.
-        delayed: Evaluation of the same set-points on a servo with one more drive cycle of delay;
-            None for a plan that leaves a reserve, or without compensation.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
     """
@@ -357,7 +335,6 @@ class RunResult(RunPlan):
     execution: Execution
     evaluation: Evaluation
     executed_clearance: Clearance | None = None
-    delayed: Evaluation | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
 
@@ -396,11 +373,7 @@ class RunResult(RunPlan):
         ):
             planned += (f"as executed, {near.too_near[0]}, which is within the margin.",)
         if not self.for_bodies:
-            planned += (
-                *overloaded(self.execution, self.evaluation, self.run),
-                *unsettled(self.evaluation, self.trajectory, self.path),
-                *sensitive_to_delay(self.evaluation, self.delayed),
-            )
+            planned += tuple(overloaded(self.execution, self.evaluation, self.run))
         elif self.run.experiment is None:
             planned += (not_judged(self.evaluation),)
         if self.experiment is not None:
@@ -491,28 +464,20 @@ def run(job: Job, *, progress: Progress | None = None) -> Study:
             with locate_errors(f"Run {x.name}"), locate_errors(EXPERIMENT):
                 refuse_without_mujoco()
                 plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
-    started: dict[str, Callable[[], ExperimentResult]] = {}
 
-    with Beside() as beside:
-
-        def do(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
-            found = _run(job, this, progress, earlier)
-            if this.name in plants:
-                # Nearly all of it is in MuJoCo, and no later run depends on it.
-                work = partial(on_bodies, job, this, found.taught, found.path, found.objective)
-                started[this.name] = beside.start(partial(work, plant=plants[this.name]))
+    def do(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) -> RunResult:
+        found = _run(job, this, progress, earlier)
+        if this.name not in plants:
             return found
+        progress(Step((EXPERIMENT,)))
+        how = job, this, found.taught, found.path, found.objective
+        try:
+            with locate_errors(EXPERIMENT):
+                return replace(found, experiment=on_bodies(*how, plant=plants[this.name]))
+        except ExecutionError as error:
+            return replace(found, failure=error)
 
-        runs = dict(_do_runs(job, do, progress))
-        for name, wait in started.items():
-            under(progress, name)(Step((EXPERIMENT,)))
-            with locate_errors(f"Run {name}"):
-                try:
-                    with locate_errors(EXPERIMENT):
-                        runs[name] = replace(runs[name], experiment=wait())
-                except ExecutionError as error:
-                    runs[name] = replace(runs[name], failure=error)
-    return Study(job=job, runs=MappingProxyType(runs))
+    return Study(job=job, runs=_do_runs(job, do, progress))
 
 
 def teach(job: Job, *, progress: Progress | None = None) -> Mapping[str, RunPlan]:
@@ -587,41 +552,7 @@ def _run(job: Job, this: Run, progress: Progress, earlier: Iterable[RunResult]) 
         execution=executed,
         evaluation=evaluation,
         executed_clearance=_executed_clearance(job, plan, executed),
-        delayed=_evaluate_with_delay(job, this, plan, evaluation),
     )
-
-
-def _evaluate_with_delay(
-    job: Job, this: Run, plan: RunPlan, nominal: Evaluation
-) -> Evaluation | None:
-    """Evaluate the set-points on a servo with a drive cycle of delay between its loops.
-
-    The delay T of the velocity command gives `ddq = K_v (K_p (u - q) - (1 - K_p T) dq)` to first
-    order in T, which is a servo with the gains `K_p / (1 - K_p T)` and `K_v (1 - K_p T)`; velocity
-    feed-forward f becomes `f / (1 - K_p T)`.
-
-    Returns:
-        The evaluation; None if the plan does not use the full acceleration, without compensation
-        for this servo, or if the joints do not come to rest.
-    """
-    servo = job.plant_servo
-    left = 1 - servo.kp * DRIVE_CYCLE
-    full = not this.reserve and nominal.demand_ratio.max() > FULL
-    velocity = servo.velocity_feedforward / left
-    if (velocity > MOST_FEEDFORWARD).any():
-        return None
-    if not full or this.compensation not in SERVO_COMPENSATIONS or (left < 0.5).any():
-        return None
-    delayed = servo.replace(
-        kp=servo.kp / left,
-        kv=None if servo.kv is None else servo.kv * left,
-        velocity_feedforward=velocity,
-    )
-    try:
-        executed = execute_run(job, this, plan.taught, delayed)
-    except ExecutionError:
-        return None
-    return evaluate(executed, plan.path, until=this.until)
 
 
 def _executed_clearance(job: Job, plan: RunPlan, executed: Execution) -> Clearance | None:
@@ -652,18 +583,10 @@ def _teach(
     """Do the steps of one run from its objective path to its taught data."""
     earlier = list(earlier)
     objective, path, traced, trajectory = _plan(job, this, progress, earlier)
-    early: Callable[[], TaughtData] | None = None
-    with Beside() as beside:
-        if trajectory.duration > LONG:
-            # Nearly every plan keeps clear: its set-points are made while that is proven.
-            early = beside.start(partial(teach_run, job, this, trajectory))
-        cleared = keep_clear(job, this, traced, trajectory, progress)
-        progress(Step(("compensation",)))
-        if early is not None and cleared.trajectory is trajectory:
-            taught = early()
-        else:
-            taught = teach_run(job, this, cleared.trajectory)
+    cleared = keep_clear(job, this, traced, trajectory, progress)
     traced, trajectory = cleared.traced, cleared.trajectory
+    progress(Step(("compensation",)))
+    taught = teach_run(job, this, trajectory)
     beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
     return RunPlan(
         run=this,

@@ -119,11 +119,9 @@ def _weaving(number: int, contour: Contour, span: Span, limits: Limits) -> Weavi
 def _slowed_by(path: Path, plan: Trajectory, limits: Limits) -> str:
     """The limit that slows a weave: of the centripetal acceleration if it is reached."""
     limit = limits.centripetal_acceleration
-    if limit is None:
-        return "a limit of the joints or of the tool"
     s = (path.breaks[:-1] + path.breaks[1:]) / 2
     reached = float((np.abs(path.curvatures) * plan.speed_at(s) ** 2).max())
-    if reached < REACHED * limit:
+    if limit is None or reached < REACHED * limit:
         return "a limit of the joints or of the tool"
     return f"limits.centripetal_acceleration of {limit:.4g} m/s²"
 

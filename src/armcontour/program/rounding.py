@@ -104,8 +104,10 @@ def round_corners(
 def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
     """A sentence on a corner tolerance [m] that is large, and larger than the path, or none."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
+    if largest <= LARGE:
+        return []
     extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
-    if largest <= max(extent, LARGE):
+    if largest <= extent:
         return []
     return [
         f"the corner tolerance of {largest:g} m is larger than the path, which extends over "

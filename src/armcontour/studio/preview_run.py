@@ -14,7 +14,7 @@ from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.programs import RESOLUTION, execute_run
-from armcontour.jobs.weak_points import INVERSE_DYNAMICS
+from armcontour.jobs.warnings import INVERSE_DYNAMICS
 from armcontour.motion import Execution, Method, TaughtData
 from armcontour.timing import intervals_of
 

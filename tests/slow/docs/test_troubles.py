@@ -124,11 +124,6 @@ TROUBLES = {
         SEAM, RUN, {"bead.csv": BEAD}, path={"file": "bead.csv"}, limits={"speed": "0.15 m/s"},
         corners={"tolerance": "0.3 mm", "angular_tolerance": "2 deg"},
     ),
-    "The largest error is at the begin of a contour": changed(
-        SEAM, SIMULATED, process={"approach": "20 mm"}, limits={"speed": "20 mm/s"},
-        runs={"only": {"compensation": {"method": "none"}}},
-        start=[2.9, -1.9, -2.1, -0.7, 1.57, 0.0],
-    ),
     "The folder is not empty": Trouble(files={"out/notes.txt": "mine"}),
     "A xacro file is refused": changed(SEAM, RUN, {"robot.xacro": "<robot/>"}, arm="robot.xacro"),
     "A library is missing": gasket(SHOW, without=("ezdxf",)),

@@ -1,7 +1,6 @@
-"""What was capped, and joints that are asked for too much: said once, with the values."""
+"""Warnings of runs: capped values, slow contours, saturation, poor compensation."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
 from armcontour.jobs import Experiment, Rounding, teach
-from armcontour.program import Contour, Program
+from armcontour.program import Contour, Program, Rapid
 
 LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -141,67 +140,6 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
     )
 
 
-def approached(dwell):
-    """The sentences of a run on two lines with approaches, and its evaluation."""
-    ends = [[(0.4, y, 0.2), (0.5, y, 0.2)] for y in (0.0, 0.05)]
-    moves = [ac.Path.polyline(x).pointing((0.0, 0.0, -1.0)) for x in ends]
-    program = Program(moves=tuple(Contour(path=x, name=f"line {i}") for i, x in enumerate(moves)))
-    arm, process = ac.load_arm("ur5e"), ac.Process(approach=0.02, retract=0.02, dwell=dwell)
-    values = {"compensation": "none", "limits": arm.limits.replace(speed=0.02)}
-    found = only(job(program, arm=arm, process=process, **values))
-    return [x for x in found.weak_points if "not settled" in x], found.evaluation
-
-
-def test_what_is_left_of_the_approach_is_said_with_the_dwell_that_mends_it():
-    (said,), evaluation = approached(0.0)
-    assert said.startswith("where 2 contours begin, most at contour line ")
-    patterns = r"and (\S+) mm at most", r"dwell: (\d+) ms"
-    later, dwell = (float(re.search(x, said).group(1)) for x in patterns)
-    assert evaluation.contour_error.max > 1.5e-3 * later
-    none, mended = approached(dwell / 1e3)
-    assert none == []
-    assert mended.contour_error.max <= 1.01e-3 * later
-
-
-def delayed_loops(taught, limits, delay, step=50e-6):
-    """Joint positions of two loops with saturation whose velocity command is delayed.
-
-    Euler's method with its own interpolation; shares no code with the servo model.
-    """
-    late = round(delay / step)
-    t = np.arange(0.0, taught.t[-1] + 0.05, step)
-    columns = []
-    for joint in range(2):
-        u = np.interp(t, taught.t, taught.q[:, joint]).tolist()
-        bound = float(limits.joint_acceleration[joint])
-        q, dq, asked, found = u[0], 0.0, [0.0] * late, []
-        for x in u:
-            found.append(q)
-            asked.append(25.0 * (x - q))
-            acceleration = 150.0 * (asked[-1 - late] - dq)
-            dq += step * min(max(acceleration, -bound), bound)
-            q += step * dq
-        columns.append(found)
-    return np.array(columns).T
-
-
-def test_a_run_at_the_full_limit_states_the_cost_of_a_cycle_of_delay():
-    limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.15, centripetal_acceleration=0.09)
-    points = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
-    rounding = Rounding(tolerance=5e-3)
-    values = {"rounding": rounding, "limits": limits, "compensation": "pole_placement"}
-    # An independent simulation with the delay agrees on the size of the error.
-    found, spared = (only(job(ac.Path.polyline(points), **values, reserve=x)) for x in (0.0, 0.02))
-    late = [delayed_loops(x.taught, limits, 1e-3) for x in (found, spared)]
-    errors = [found.path.single_path.project(ARM.forward(q)).distance for q in late]
-    rms, with_reserve = (float(np.sqrt(np.mean(x**2))) for x in errors)
-    assert any("drive cycle" in x for x in found.warnings)
-    assert rms > 10 * found.evaluation.contour_error.rms
-    assert found.delayed.contour_error.rms == pytest.approx(rms, rel=0.2)
-    assert spared.warnings == () and spared.delayed is None
-    assert with_reserve < 2 * spared.evaluation.contour_error.rms
-
-
 def test_a_speed_that_lacks_its_unit_is_stated():
     for speed, count in ((60.0, 1), (0.06, 0)):
         limits = LIMITS.replace(speed=speed)
@@ -217,3 +155,37 @@ def test_a_corner_tolerance_larger_than_the_path_is_questioned():
     assert doubts(0.05) == []
     (doubt,) = doubts(0.5)
     assert "0.5 m" in doubt and "tolerance: 0.5 mm" in doubt
+
+
+def measured(noise, points=80):
+    """A half circle of points whose tool axes have errors."""
+    turn = np.linspace(0, np.pi, points)
+    at = np.stack([0.45 + 0.06 * np.cos(turn), 0.06 * np.sin(turn), 0 * turn + 0.3], axis=1)
+    axes = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn - 1], axis=1)
+    axes += np.random.default_rng(1).normal(scale=noise, size=axes.shape)
+    return ac.Path.polyline(at).pointing(axes)
+
+
+def slow(path, **values):
+    """The warning of a job at 150 mm/s whose contours are far slower."""
+    arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
+    limits = arm.limits.replace(speed=0.15, joint_torque=None, **values.pop("limits", {}))
+    rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
+    asked = {"compensation": "none", "limits": limits, "rounding": rounding, **values}
+    found = warnings_of(job(path, arm=arm, **asked))
+    return [x for x in found if "mm/s on average" in x]
+
+
+def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
+    (said,) = slow(measured(6e-3))
+    assert "in place of 150 mm/s" in said
+    a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
+    (said,) = slow(Program(moves=(a, Rapid(), b)))
+    assert "2 contours" in said and "contour b" in said
+    circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
+    assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
+    # Smooth axes, a given duration and lines without room for their speed are not warned of.
+    assert slow(measured(0.0)) == slow(measured(6e-3), duration=30.0) == []
+    for length in (1e-4, 5e-3, 0.05):
+        line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
+        assert slow(line) == [], length

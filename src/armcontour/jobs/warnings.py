@@ -1,9 +1,9 @@
-"""Sentences on weak points of a run: what was capped, and joints that are asked for too much."""
+"""Warnings of runs: capped values, slow contours, full stops, saturation, poor compensation."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,12 +14,12 @@ from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.arms.limits import UNITS
 from armcontour.evaluation import Evaluation, LimitUse, check
-from armcontour.geometry import Path
+from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import TANGENT_TOLERANCE
-from armcontour.jobs.job import Run
+from armcontour.jobs.job import TANGENT, Run
 from armcontour.motion import Execution, Method, Trajectory
 from armcontour.program import Program, contour_called
-from armcontour.timing import RESERVED
+from armcontour.timing import RESERVED, Tracing, find_jerk_stops
 
 # So many contours or segments are named in one sentence.
 MOST_NAMES = 4
@@ -31,17 +31,16 @@ FAR_ABOVE = 1.5
 # share is not said.
 LOOK = 1e-3
 UNSEEN = 1e-3
-# A largest error is left from before where a contour begins with this share of it. It is told if it
-# is this multiple of what comes later, and so large [m]. A dwell is told in steps of this [s].
-LEFT, MUCH_LARGER, LEAST_UNSETTLED = 0.3, 1.5, 1e-5
-STEP_OF_DWELL = 10e-3
-# Drive cycle whose delay a plan at the full limit is judged with [s]; drives have cycles of 0.25
-# to 4 ms. The cost is reported if the RMS error grows by this factor.
-DRIVE_CYCLE = 1e-3
-COSTLY = 2.0
 # The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
 INVERSE_DYNAMICS = "inverse_dynamics"
 NONE = "none"
+# The reason of full stops that limits of jerk force.
+CURVATURE_JUMPS = "curvature jumps"
+# A contour is slow if it takes this multiple of the time of a straight line of its length, with the
+# largest mean acceleration that its ends show beyond this share of its length.
+SLOW, ENDS = 2.0, 1e-3
+# Samples of a contour's motion, and the share of the assigned velocity that reaches it.
+SAMPLES, REACHED = 401, 0.99
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -140,64 +139,54 @@ def overloaded(executed: Execution, evaluation: Evaluation, this: Run) -> list[s
     ]
 
 
-def unsettled(evaluation: Evaluation, trajectory: Trajectory, program: Program) -> list[str]:
-    """A warning where the largest error is left from the move before a contour, or none.
+def missed_speeds(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
+    """A warning for the contours that are far slower than assigned, or none.
+
+    Contours that are too short for the assigned velocity, and stops of the path, do not count.
 
     Args:
-        evaluation: The evaluation of an execution.
-        trajectory: Its plan.
         program: The program that was planned.
+        trajectory: Its plan.
+        this: The run.
     """
-    settling = evaluation.settled - evaluation.duration
-    found: list[tuple[float, str]] = []
-    later = 0.0
-    spans = [x for x in trajectory.spans if x.trajectory is not None]
-    contours = enumerate(zip(evaluation.contours, program.contours, strict=True))
-    for k, span in enumerate(spans):
-        if span.kind != "contour":
-            continue
-        number, (error, contour) = next(contours)
-        settled = error.t > span.t[0] + settling
-        later = max(later, float(error.values[settled].max(initial=0.0)))
-        moved = k > 0 and span.t[0] - spans[k - 1].t[1] < settling
-        if moved and not settled.all() and error.t_max <= span.t[0] + settling:
-            # A tool that had settled would begin at the path.
-            if error.values[0] >= LEFT * error.max:
-                found.append((error.max, contour_called(contour, number)))
-    ruling = [x for x in found if x[0] > max(MUCH_LARGER * later, LEAST_UNSETTLED)]
-    if not ruling:
+    found = []
+    spans = trajectory.contour_spans
+    for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
+        if this.timing != Method.CONVENTIONAL and span.trajectory is not None:
+            slow = _missed_speed(x.path, span.trajectory, this)
+            found += [] if slow is None else [(*slow, contour_called(x, i))]
+    if not found:
         return []
-    most, name = max(ruling, key=lambda x: x[0])
-    where = f"where {name} begins"
-    if len(ruling) > 1:
-        where = f"where {len(ruling)} contours begin, most at {name},"
-    dwell = math.ceil(settling / STEP_OF_DWELL) * STEP_OF_DWELL
+    mean, most, assigned, name = min(found, key=lambda x: x[0] / x[2])
+    what = f"{name} moves"
+    if len(found) > 1:
+        what = (
+            f"{len(found)} contours are far slower than assigned, most of all {name}, which moves"
+        )
     return [
-        f"{where} the tool has not settled from the move before: it is up to {most * 1e3:.3g} mm "
-        f"off its path there, and {later * 1e3:.3g} mm at most after that: process.dwell: "
-        f"{dwell * 1e3:.0f} ms lets it settle before each contour."
+        f"{what} at {mean * 1e3:.3g} mm/s on average and {most * 1e3:.3g} mm/s at most in place of "
+        f"{assigned * 1e3:.3g} mm/s: reduce the assigned velocity, or raise the limit that the "
+        "report shows as active."
     ]
 
 
-def sensitive_to_delay(evaluation: Evaluation, delayed: Evaluation | None) -> list[str]:
-    """A warning for a plan at the full limit that one cycle of unknown delay makes inaccurate.
-
-    Args:
-        evaluation: Its evaluation on the servo model.
-        delayed: The same on a servo with `DRIVE_CYCLE` of delay between its loops; None if the
-            plan is not at the full limit.
-    """
-    if delayed is None or not delayed.saturated.any():
-        return []
-    before, after = evaluation.contour_error.rms, delayed.contour_error.rms
-    if after <= COSTLY * before:
-        return []
-    return [
-        "the plan uses the full joint acceleration. One drive cycle "
-        f"({DRIVE_CYCLE * 1e3:g} ms) of delay that the servo model does not have raises the "
-        f"contour error from {before * 1e3:.3g} to {after * 1e3:.3g} mm RMS, because the servo "
-        "saturates; timing: {reserve: 2 %} leaves acceleration to correct it."
-    ]
+def _missed_speed(path: Path, motion: Trajectory, this: Run) -> tuple[float, float, float] | None:
+    """Mean, largest and assigned speed [m/s] of a contour that is far slower than assigned."""
+    most = np.inf if this.limits.speed is None else this.limits.speed
+    speeds = np.fmin(path.speeds, most)
+    ideal = float(np.sum(path.lengths / speeds))
+    if not np.isfinite(ideal) or not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
+        return None
+    t = np.linspace(0.0, motion.duration, SAMPLES)
+    s, v = motion.s(t), motion.s(t, 1)
+    gone = np.minimum(s, path.length - s)
+    inside = gone > ENDS * path.length
+    acceleration = float((v[inside] ** 2 / (2 * gone[inside])).max(initial=0.0))
+    assigned = float(speeds.max())
+    stops = 1 + sum(count_full_stops(path).values())
+    if acceleration * (motion.duration / SLOW - ideal) <= assigned * stops:
+        return None
+    return path.length / motion.duration, float(v.max()), assigned
 
 
 def not_judged(on_servo: Evaluation) -> str:
@@ -243,6 +232,85 @@ def worse_than_none(
         f"{without.max * 1e3:.4g} mm. The compensation {this.compensation} makes it worse, as "
         f"{why}."
     ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JerkStop:
+    """A full stop inside a contour, at a place where the curvature jumps.
+
+    Args:
+        contour: What messages call the contour; empty for a single path.
+        s: Arc length from the start of the contour [m].
+        point: The place [m], 2 or 3 coordinates.
+    """
+
+    contour: str
+    s: float
+    point: tuple[float, ...]
+
+
+def jerk_stops(
+    program: Program, traced: Tracing | None, trajectory: Trajectory, this: Run
+) -> list[JerkStop]:
+    """The full stops inside contours that limits of jerk force, in order.
+
+    Args:
+        program: The program that was planned.
+        traced: Its joint paths, if they are known.
+        trajectory: Its plan.
+        this: The run.
+    """
+    if traced is None or not this.limits.jerk_limits:
+        return []
+    return list(_find(program, traced, trajectory))
+
+
+def _find(program: Program, traced: Tracing, trajectory: Trajectory) -> Iterator[JerkStop]:
+    """The places where the plan rests, though the tool would not have to without these limits."""
+    paths = {x.move: x.joint_path for x in traced.steps}
+    spans = trajectory.contour_spans
+    for i, (contour, span) in enumerate(zip(program.contours, spans, strict=True)):
+        joint_path = paths.get(span.move)
+        if joint_path is None or span.trajectory is None:
+            continue
+        for s in find_jerk_stops(joint_path, span.trajectory).tolist():
+            called = "" if program.single_path is not None else contour_called(contour, i)
+            yield JerkStop(contour=called, s=s, point=tuple(contour.path(s).tolist()))
+
+
+def stopping(stops: Sequence[JerkStop], this: Run) -> list[str]:
+    """One warning for all full stops that limits of jerk force, or none.
+
+    Args:
+        stops: The stops.
+        this: The run.
+    """
+    if not stops:
+        return []
+    first, count = stops[0], len(stops)
+    point = ", ".join(f"{1e3 * x:.4g}" for x in first.point)
+    place = f"s = {first.s:.4g} m ({point} mm)"
+    if first.contour:
+        place = f"{place} of {first.contour}"
+    called = (
+        f"1 full stop at {place}" if count == 1 else f"{count} full stops, the first at {place}"
+    )
+    why = "where the curvature of the path jumps and limits of jerk allow no speed"
+    return [f"{called}, {why}: {_mend(this)}."]
+
+
+def _mend(this: Run) -> str:
+    """What spares the tool such stops."""
+    if this.continuity is None:
+        return (
+            "corners, such as corners: {tolerance: 0.1 mm}, join lines and arcs without such jumps"
+        )
+    if this.continuity == TANGENT:
+        return "corners: {continuity: curvature} has no such jumps"
+    return (
+        f"a larger corners.transition_tolerance than {this.transition_tolerance * 1e6:.3g} um, "
+        "longer lines and arcs, or a tool orientation that does not turn leaves fewer"
+    )
 
 
 @dataclass(frozen=True, slots=True)
