@@ -455,7 +455,7 @@ class JobModel:
         experiment: Runs that are simulated on the arm's rigid bodies, too.
         command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
-        certificate: Requirements for `armcontour certify` and `armcontour sweep`.
+        certificate: Requirements for `armcontour certify`.
         placement: The question for `armcontour place`.
         memory: Largest memory of the calculation [bytes]; by default half of the machine's memory,
             and at least 2 GB.

@@ -7,7 +7,6 @@ from armcontour.report.report import (
     render_learning,
     render_placement,
     render_report,
-    render_sweep,
     write_report,
 )
 
@@ -18,6 +17,5 @@ __all__ = [
     "render_learning",
     "render_placement",
     "render_report",
-    "render_sweep",
     "write_report",
 ]

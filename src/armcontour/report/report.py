@@ -16,7 +16,7 @@ from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate, Sweep
+    from armcontour.certification import Certificate
     from armcontour.jobs.learning import JudgedStudy, LearningStudy
     from armcontour.placement import Case, Placement
 
@@ -91,11 +91,6 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         run = certificate.worst.name if several else certificate.run.name
         found.insert(1, sections.robustness(drawn, corners, budget=allowed, run=run))
     return [x for x in found if x is not None]
-
-
-def render_sweep(sweep: Sweep) -> str:
-    """Render the report of a sweep as one HTML page without other files."""
-    return _page(sweep.job, [sections.sweep(sweep)])
 
 
 def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str:

@@ -80,7 +80,6 @@ def every_kind():
         dataclasses.replace(space, figures=space.figures[-1:]),
         sections.tool_speed(study),
         sections.torques(study),
-        sections.sweep(ac.sweep(bend(), certified=False)),
         sections.placement(ac.place(bend(), over=over, refined=False)),
         sections.batch(bends()),
     ]

@@ -21,7 +21,6 @@ from armcontour.report.sections.program import program
 from armcontour.report.sections.robustness import robustness
 from armcontour.report.sections.shaping import shaping
 from armcontour.report.sections.space import space
-from armcontour.report.sections.sweep import sweep
 
 __all__ = [
     "accelerations",
@@ -42,7 +41,6 @@ __all__ = [
     "robustness",
     "shaping",
     "space",
-    "sweep",
     "time_stamps",
     "tool_speed",
     "torques",
