@@ -3,7 +3,6 @@
 from armcontour.report.report import (
     render_batch,
     render_demo,
-    render_judged,
     render_learning,
     render_placement,
     render_report,
@@ -13,7 +12,6 @@ from armcontour.report.report import (
 __all__ = [
     "render_batch",
     "render_demo",
-    "render_judged",
     "render_learning",
     "render_placement",
     "render_report",

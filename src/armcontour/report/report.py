@@ -17,7 +17,7 @@ from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
-    from armcontour.jobs.learning import JudgedStudy, LearningStudy
+    from armcontour.jobs.learning import LearningStudy
     from armcontour.placement import Case, Placement
 
 # Where the figures of a page come from.
@@ -78,18 +78,10 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.bindings(study),
         sections.joints(study),
         sections.accelerations(study),
-        sections.jerks(study),
-        sections.torques(study),
         sections.contour_error(study),
         sections.clearance(study),
         sections.time_stamps(study),
     ]
-    if certificate is not None and certificate.spread is not None:
-        allowed = certificate.budget.servo_allowed
-        drawn, corners = certificate.spread, certificate.corners
-        several = len(certificate.contours) > 1
-        run = certificate.worst.name if several else certificate.run.name
-        found.insert(1, sections.robustness(drawn, corners, budget=allowed, run=run))
     return [x for x in found if x is not None]
 
 
@@ -123,15 +115,6 @@ def render_learning(study: LearningStudy) -> str:
     """
     source = OF_SIMULATION if study.robot else OF_LOGS
     return _page(study.job, [sections.learning(study)], source=source)
-
-
-def render_judged(study: JudgedStudy) -> str:
-    """Render the report of a judged run as one HTML page without other files.
-
-    Args:
-        study: The run.
-    """
-    return _page(study.job, [sections.judged(study)], source=OF_LOGS)
 
 
 def _page(

@@ -15,7 +15,7 @@ from armcontour.program import Contour, Process, Program, cut_parts
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import fine_places, finely, outlines, simplify
 from armcontour.report.planned import ordinal
-from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
+from armcontour.report.sections.bodies import in_space, line_in_space
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 
 # Colours of the longest layers; black is for all other layers.
@@ -85,7 +85,7 @@ def picture(result: RunResult, job: Job) -> tuple[Any, tuple[str, ...]]:
 
 
 def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
-    """Set axes and views of the picture of a program.
+    """Set the axes of the picture of a program.
 
     Args:
         figure: The figure.
@@ -98,9 +98,7 @@ def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
         figure.update_yaxes(title="y [mm]", scaleanchor="x")
         finish(figure, title=title.format("in the plane"), height=640)
         return
-    in_space(figure, title=title.format("in space"), height=680)
-    figure.update_layout(box(points))
-    figure.update_layout(updatemenus=[view_buttons()], annotations=[row_label("view")])
+    in_space(figure, points, title=title.format("in space"), height=680)
 
 
 def draw_in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
