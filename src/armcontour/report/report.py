@@ -11,7 +11,6 @@ from armcontour import _checks, _staging
 from armcontour.jobs import Job, Study
 from armcontour.report import sections
 from armcontour.report.figure import render_page
-from armcontour.report.planned import forget
 from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
 
@@ -32,10 +31,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         study: The study.
         certificate: Certificate of the only run, for the first section.
     """
-    try:
-        return _page(study.job, _sections(study, certificate))
-    finally:
-        forget()
+    return _page(study.job, _sections(study, certificate))
 
 
 def render_demo(studies: Sequence[Study]) -> str:
@@ -59,7 +55,6 @@ def render_demo(studies: Sequence[Study]) -> str:
         parts = [x for x in (section(study) for section in shown) if x is not None]
         parts[0] = replace(parts[0], title=job.title)
         found += [replace(x, key=f"{job.name}-{x.key}") for x in parts]
-    forget()
     about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
     return _page(None, found, title="armcontour demo", about=about)
 

@@ -10,9 +10,9 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.jobs import RunResult, Study
+from armcontour.jobs.quantities import planned_torques
 from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
-from armcontour.report.planned import describe_torque_sampling, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -50,7 +50,6 @@ def joints(study: Study) -> Section | None:
         ),
         tables=tuple(_table(name, x) for name, x in study.runs.items()),
         figures=tuple(_figure(name, x) for name, x in study.runs.items()),
-        notes=tuple(describe_torque_sampling(study.runs.values())),
     )
 
 
@@ -185,7 +184,7 @@ def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.execution, result.execution.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
-    plan = torques_of(result)
+    plan = planned_torques(result)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts = [
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),

@@ -7,8 +7,7 @@ import numpy as np
 from armcontour._describing import digits
 from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study, warnings_of
-from armcontour.jobs.quantities import assumed_numbers
-from armcontour.report.planned import torques_of
+from armcontour.jobs.quantities import assumed_numbers, planned_torques
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import few
 
@@ -23,7 +22,10 @@ SEEN = 1e-5
 def overview(study: Study) -> Section:
     """Duration, errors and demand of every run, as tiles or in a table."""
     many = len(study.runs) > MOST_TILED
-    uses_masses = any(x.run.experiment is not None or _torque(x) for x in study.runs.values())
+    uses_masses = any(
+        x.run.experiment is not None or x.run.limits.joint_torque is not None
+        for x in study.runs.values()
+    )
     assumed = assumed_numbers(study.job.arm)
     return Section(
         key="overview",
@@ -179,7 +181,8 @@ def _shares(result: RunResult) -> str:
 
 def _torque(result: RunResult) -> list[Tile]:
     """Tile of the largest planned share of a torque limit; empty without bodies or limits."""
-    limit, plan = result.run.limits.joint_torque, torques_of(result)
+    limit = result.run.limits.joint_torque
+    plan = None if limit is None else planned_torques(result)
     if limit is None or plan is None:
         return []
     share = plan.peak / limit

@@ -14,7 +14,6 @@ from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Process, Program, cut_parts
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import fine_places, finely, outlines, simplify
-from armcontour.report.planned import ordinal
 from armcontour.report.sections.bodies import in_space, line_in_space
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 
@@ -39,6 +38,7 @@ ARROW = 0.025
 # Symbols of events, by name in turn: switched on, and switched off or to a value.
 SYMBOLS_ON = ("circle", "square", "diamond", "cross")
 SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
+SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 
@@ -224,7 +224,7 @@ def _starts(
         found += [(x.path(s), x.path(s, 1), said) for s in places]
     if every == 1:
         return found, ""
-    return found, f"In the picture every {ordinal(every)} contour has an arrow at its start."
+    return found, f"In the picture every {_ordinal(every)} contour has an arrow at its start."
 
 
 def number_contours(program: Program) -> list[Any]:
@@ -320,7 +320,7 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
         _mark(name, kind, found, names.index(name), flat) for (name, kind), found in groups.items()
     ]
 
-    note = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
+    note = f"In the picture only every {_ordinal(every)} event is marked." if every > 1 else ""
     return traces, note
 
 
@@ -345,6 +345,12 @@ def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) ->
     kind = "scatter" if flat else "scatter3d"
     at = dict(zip("xyz", points.astype(np.float32).T, strict=False))
     return make_trace(kind, **at, **common)
+
+
+def _ordinal(n: int) -> str:
+    """A number as an ordinal: 1st, 2nd, 3rd, 4th."""
+    last = 0 if 10 < n % 100 < 14 else n % 10
+    return f"{n}{SUFFIXES.get(last, 'th')}"
 
 
 def said(x: TimedEvent) -> str:
