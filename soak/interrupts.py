@@ -30,7 +30,6 @@ COMMANDS = {
     "demo": ["demo", "--out", "out"],
     "check": ["check", "planned.csv", "--path", "job.yaml"],
     "certify": ["certify", "job.yaml", "--out", "out"],
-    "sweep": ["sweep", "job.yaml", "--out", "out", "--speeds", "50 mm/s, 0.1 m/s"],
     "place": ["place", "job.yaml", "--out", "out", "--over", "x: -20 mm .. 20 mm, 9"],
     "identify": ["identify", "log.csv", "--out", "out"],
     "learn": ["learn", "job.yaml", "--simulate", "2", "--out", "out"],

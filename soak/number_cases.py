@@ -481,8 +481,6 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--tool": ("1: # m", "1: # mm"),
     "--period": ("# s", "# ms"),
     "--servo": ("# m", "# um"),
-    "--tolerances": ("# m", "# mm, 1 mm"),
-    "--speeds": ("# m/s", "# mm/s, 0.1 m/s"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
     "--uncertainty": ("x: # m", "yaw: # deg"),
     "--about": ("# m, 0 m, 0 m", "0 mm, # mm, 0 mm"),
@@ -497,7 +495,7 @@ TEXTS = {
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
-    "--predict", "--run", "--scene", "--shapes", "--shard", "--skip", "--taught", "--texts",
+    "--predict", "--run", "--scene", "--shard", "--skip", "--taught", "--texts",
     "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

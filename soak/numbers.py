@@ -88,19 +88,15 @@ def _of_jobs() -> Iterator[Case]:
             )
 
 
-# A sweep draws several values of what is not given: one is enough beside a hostile number. Learning
-# is from one run of a simulated robot, or else from a file.
+# Learning is from one run of a simulated robot, or else from a file.
 OF_FILES = ("--taught", "{log}", "--log", "{log}")
 BESIDE = {
-    ("sweep", "--speeds"): ("--tolerances", "1 mm"),
-    ("sweep", "--tolerances"): ("--speeds", "0.1 m/s"),
     ("place", "--over"): (),
     ("learn", "--from"): OF_FILES,
     ("learn", "--to"): OF_FILES,
     ("learn", "--simulate"): (),
 }
 BESIDE_ALL = {
-    "sweep": ("--tolerances", "1 mm", "--speeds", "0.1 m/s"),
     "learn": ("--simulate", "1"),
     "place": ("--over", "x: 0 mm .. 1 mm, 2"),
 }

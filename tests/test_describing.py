@@ -10,7 +10,6 @@ from soak.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour._describing import MOST_LINES, WIDTH, brief, digits, extremes, line_up
-from armcontour.certification.sweeping import SweepPoint
 from armcontour.clearance.clearance import PairClearance
 from armcontour.geometry.shaped import Outcome
 from armcontour.identification.bodies.results import RobotJoint
@@ -139,10 +138,6 @@ class Jobs(list):
 
 def studied():
     job = parse_job(CORNER_JOB)
-    point = {"speed": 0.15, "optimum": 1.5, "duration": 1.51, "contour_error": 9e-5}
-    point |= {"refusal": None, "shape": "arc"}
-    refused = {"duration": None, "contour_error": None, "refusal": "No plan holds."}
-    points = (SweepPoint(tolerance=1e-3, **point), SweepPoint(tolerance=2e-3, **point | refused))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     placement = ac.Placement(
         job=job, run=job.runs[0], axes=(), moves=None, objective="cycle", best=best, refined=best,
@@ -162,8 +157,6 @@ def studied():
         deviations=np.column_stack([n / 1e3, -n / 1e3]), nominal_max=1e-6, nominal_rms=1e-7,
     )  # fmt: skip
     return [
-        (ac.Sweep(job=job, run=job.runs[0], goal=None, tolerances=points, speeds=()),
-         "1 mm 150 mm/s arc 1.5000 s 1.5100 s 0.09 mm", "2 mm 150 mm/s arc 1.5000 s refused"),
         (placement, "best place x 10 mm, yaw 90°: 1.5000 s", "refused 1 by reach"),
         (batch, "done 300", "refused 80", "without a result 20", "error Unreachable 80"),
         (tally, "rate 10 jobs/s, 10 s left", "results 190 done, 10 refused"),

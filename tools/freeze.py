@@ -85,10 +85,6 @@ GROUPS = [
     ["certify {library}/paper.yaml --run optimal --servo '0.02 mm' --out out"],
     ["certify {library}/paper.yaml --run optimal --servo '1 nm' --out out"],
     ["certify {library}/paper.yaml --run optimal --total-tolerance '3 mm' --out out"],
-    [
-        "sweep {library}/paper.yaml --run optimal --no-certify --tolerances '1 mm, 5 mm' "
-        "--speeds '0.1 m/s' --out out"
-    ],
     ["identify {tests}/identification/kuka_kr300/A.csv --json --out out"],
     [
         "identify {tests}/identification/kuka_kr300/A.csv "

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import armcontour as ac
-from armcontour.report.sections.shape_comparison import variant_of
 
 FILE = "fig_shaping"
 
@@ -39,7 +38,7 @@ def draw() -> Figure:
         ),
         (
             shaped.path,
-            variant_of(shaped.path).place,
+            lambda s: np.interp(s, *shaped.path.places.T),
             shaped,
             {"color": style.BLUE, "lw": 2, "label": "shaped path"},
         ),

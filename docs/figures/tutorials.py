@@ -32,13 +32,11 @@ class Picture:
         name: Name of the file, without its ending.
         report: The report, in the folder in which the page was done.
         part: What is shown, as a selector.
-        view: The button that is pressed before, such as "top" of a view in space.
     """
 
     name: str
     report: str
     part: str
-    view: str = ""
 
 
 # The first plot of a report, or of a section.
@@ -48,9 +46,7 @@ PICTURES = {
         Picture("tutorial_first", "bracket/report.html", "#overview"),
         Picture("tutorial_binds", "bracket/report.html", "#bindings"),
     ],
-    "tutorials/dxf_to_ur5e": [
-        Picture("tutorial_program", "first/report.html", f"#program {PLOT}", view="top")
-    ],
+    "tutorials/dxf_to_ur5e": [Picture("tutorial_program", "first/report.html", f"#program {PLOT}")],
     "tutorials/own_arm": [Picture("tutorial_seam", "seam/report.html", f"#paths {PLOT} >> nth=1")],
     "tutorials/true_on_a_robot": [
         Picture("tutorial_identified", "identified/report.html", PLOT),
@@ -85,10 +81,6 @@ def save(browser: Browser, folder: Path, picture: Picture) -> None:
     part = page.locator(picture.part).first
     part.scroll_into_view_if_needed()
     page.wait_for_timeout(DRAWN)
-    if picture.view:
-        part.get_by_text(picture.view, exact=True).click()
-        page.mouse.move(0, 0)  # so that no buttons of the plot are shown
-        page.wait_for_timeout(DRAWN)
     file = FOLDER / f"{picture.name}.png"
     part.screenshot(path=file)
     page.close()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         SerialArm,
     )
     from armcontour.batches import Batch, Tally, batch
-    from armcontour.certification import Certificate, Sweep, certify, sweep
+    from armcontour.certification import Certificate, certify, sweep
     from armcontour.clearance import Cell, Clearance, check_clearance
     from armcontour.compensation import compensate
     from armcontour.compensation.poles import fastest_poles
@@ -102,7 +102,7 @@ _HOME = {
         "SerialArm",
     ),
     "batches": ("Batch", "Tally", "batch"),
-    "certification": ("Certificate", "Sweep", "certify", "sweep"),
+    "certification": ("Certificate", "certify", "sweep"),
     "clearance": ("Cell", "Clearance", "check_clearance"),
     "compensation": ("compensate",),
     "compensation.poles": ("fastest_poles",),
@@ -231,7 +231,6 @@ __all__ = [
     "ServoPlant",
     "ShapedPath",
     "Study",
-    "Sweep",
     "Switch",
     "Tabs",
     "Tally",

@@ -170,11 +170,3 @@ def test_what_is_written_has_every_contour(certified):
     assert set(rows) == {"1", "2"} and rows == sorted(rows)
     page = render_report(certified.study, certificate=certified)
     assert all(f"{x.duration:.4f} s" in page for x in certified.contours)
-
-
-def test_a_sweep_of_a_program_is_what_certify_finds():
-    (point,) = ac.sweep(quick(), tolerances=[1e-3], speeds=[]).tolerances
-    found = ac.certify(quick())
-    assert point.duration == found.duration
-    assert point.contour_error == found.budget.executed <= 0.1e-3
-    assert point.optimum == found.uncertified.duration

@@ -1,4 +1,4 @@
-"""`armcontour certify` and `armcontour sweep`."""
+"""`armcontour certify`."""
 
 import json
 from pathlib import Path as FilePath
@@ -46,10 +46,13 @@ def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
     rows = [
         (("certify", GASKET, "--cell", "pmk3s"), ["needs a tolerance"]),
         (("certify", GASKET, "--servo", "0.1 mm"), ["--cell"]),
-        (("sweep", job, "--out", "no", "--speeds", "0.1 m/s, fast"), ["--speeds"]),
-        (("sweep", job, "--out", "no", "--shapes", "arc, round"), ["one of arc, free"]),
     ]
     assert refused(tmp_path, rows, codes=(2,)) == []
+
+
+def test_sweep_is_no_command(command, job):
+    code, _, errors = command("sweep", job, "--out", "no")
+    assert code == 2 and "No such command 'sweep'" in errors
 
 
 def test_a_refusal_has_its_exit_code_and_writes_nothing(job, refused, tmp_path):
@@ -100,21 +103,3 @@ def test_the_motion_of_a_program_can_be_checked(command, tmp_path, done):
     motion.write_text("".join(rows[: 2 * len(rows) // 3]), encoding="utf-8")
     code, _, errors = command("check", motion, "--path", job)
     assert code == 2 and "contour b" in errors
-
-
-def test_sweep_compares_speeds_tolerances_and_shapes(job, tmp_path, done):
-    out = tmp_path / "swept"
-    free = ("--corner-shape", "free", "--iterations", "2", "--tolerances", "2 mm")
-    shown = done("sweep", job, "--out", out, *free, "--speeds", "0.15 m/s")
-    assert "at most 2 iterations per point" in shown
-    header, *rows = (out / "sweep.csv").read_text(encoding="utf-8").splitlines()
-    assert header.startswith("line,shape,tolerance [m],speed [m/s],optimum [s],certified [s]")
-    assert [x.split(",")[:2] for x in rows] == [
-        ["tolerance", "arc"], ["tolerance", "free"], ["speed", "free"]
-    ]  # fmt: skip
-    data = summary(out)
-    assert [x["speed"] for x in data["speeds"]] == [0.15]
-    assert all(x["duration"] is not None for x in data["speeds"])
-    assert [x["tolerance"] for x in data["tolerances"]][:1] == [2e-3]
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert 'id="sweep"' in page and "arcs, certified" in page and "shaped, certified" in page

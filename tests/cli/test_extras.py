@@ -32,7 +32,6 @@ NEEDS = {
         "distributed",
         [
             f"batch plan.yaml -o out {CLUSTER}",
-            f"sweep job.yaml -o out --no-certify {CLUSTER}",
             f"place job.yaml -o out --over x:0mm..1mm,2 {CLUSTER}",
             f"certify job.yaml --servo 1mm {CLUSTER}",
         ],

@@ -100,11 +100,11 @@ def test_a_pipe_gets_a_line_of_long_work_now_and_then(capsys, monkeypatch):
         progress(Step(("compiling, once", "3 functions in 2 processes", "one"), 0.5))
     assert capsys.readouterr().err == "compiling, once: 3 functions in 2 processes\n"
     monkeypatch.setattr("armcontour.cli.progress.EVERY", 0.0)
-    with job_progress() as progress, search_progress("sweeping") as searching:
+    with job_progress() as progress, search_progress("placing") as searching:
         progress(Step(("one", "shaping"), 0.5))
         searching(Step(("2 mm", "shaping"), 0.5))
     first, second = capsys.readouterr().err.splitlines()
-    assert first.startswith("one: shaping") and second == "sweeping: 2 mm: shaping, 50%"
+    assert first.startswith("one: shaping") and second == "placing: 2 mm: shaping, 50%"
 
 
 def test_compiling_is_reported_once(capsys, monkeypatch):

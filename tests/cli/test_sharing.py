@@ -37,7 +37,7 @@ def test_wrong_options_are_refused(job, refused, tmp_path):
     both = ("--cluster", "tcp://127.0.0.1:1", "--workers", 2)
     rows = [
         ((name, job, "--out", "out", *more, *both), ["A cluster has its own workers"])
-        for name, more in (("place", OVER), ("sweep", ("--no-certify",)), ("certify", ()))
+        for name, more in (("place", OVER), ("certify", ()))
     ]
     share = ["--workers and --cluster share robots of a box that are executed"]
     rows.append((("certify", job, "--plant", "servo", "--workers", 2), share))

@@ -126,7 +126,7 @@ ON = f"run on.ngc --cell ur5e --at 0.35m,-0.1m,0.1m {RUN} --export urscript --te
 REFUSED = {
     "1.D1": ("run stiff.yaml --out out", "kv must be from 0.001 to 1e+06 1/s"),
     "1.D5": ("certify lines.dxf", "--cell"),
-    "1.D14-sweep": ("sweep bracket.yaml --run compensated --out out", "key `certificate`"),
+    "1.D14-certify": ("certify bracket.yaml --run compensated --out out", "key `certificate`"),
     "1.D16-open": (f"run lines.dxf --cell ur5e --open {RUN}", "leave --no-simulation out"),
     "1.D16-units": (f"run mm.csv --cell ur5e {RUN}", "--units mm"),
     "1.D16-plane": (f"run mm.csv --cell pmk3s --flat {RUN}", "--units mm"),

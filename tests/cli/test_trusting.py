@@ -42,10 +42,9 @@ LINES = {
     "run": ("run", "job.yaml", "--out", "out", "--no-simulation"),
     "run in a cell": ("run", "line.csv", "--cell", "job.yaml", "--out", "out", "--no-simulation"),
     "certify": ("certify", "job.yaml"),
-    "sweep": ("sweep", "job.yaml", "--out", "out"),
 }
-# With trust, certify and sweep come as far as to what this job lacks.
-LACKING = {"certify": "A certificate needs", "sweep": "A certificate needs"}
+# With trust, certify comes as far as to what this job lacks.
+LACKING = {"certify": "A certificate needs"}
 
 
 @pytest.fixture

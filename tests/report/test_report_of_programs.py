@@ -17,14 +17,12 @@ from armcontour.geometry.cutting import cut_path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import run
-from armcontour.motion import Span
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 from armcontour.report import render_report, sections
 from armcontour.report.outline import VISIBLE, simplify
-from armcontour.report.sections.along import assigned_speeds, planned_speeds
 from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
+from armcontour.report.sections.motion import assigned_speeds, planned_speeds
 from armcontour.report.sections.program_picture import MOST_MARKERS, mark_events, said
-from armcontour.report.sections.program_timeline import merge_moves
 from armcontour.report.style import MOST_SENTENCES, few
 from armcontour.timing.explanation import Binding, Explanation
 
@@ -105,7 +103,7 @@ def test_the_program_stands_between_overview_and_path(study, in_space, in_order)
     in_order(page, keys)
     header = page[page.index("<header>") : page.index("</header>")]
     assert re.search(r"2 contours,\s+0.2114 m of path", header)
-    keys = "overview program paths speed bindings joints torques contour-error"
+    keys = "overview program paths speed bindings joints contour-error"
     in_order(render_report(in_space), keys)
 
 
@@ -211,11 +209,7 @@ def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn():
     assert "leads" in found and "leads, tool off" not in found
 
 
-def test_more_than_can_be_seen_is_merged_or_thinned(result):
-    spans = [Span(move=i, kind="contour", t=(i * 1.0, i + 0.9)) for i in range(10_000)]
-    bar = (0.0, 9999.9, "contours 1 to 10000<br>0.000 to 9999.900 s")
-    assert merge_moves(spans, 10_000 / 1500) == [bar]
-    assert len(merge_moves(spans[:3], 0.01)) == 3
+def test_more_than_can_be_seen_is_thinned(result):
     many = [dataclasses.replace(result.trajectory.events[0], t=float(i)) for i in range(4000)]
     marked, told = mark_events(many, True)
     assert sum(len(x.x) for x in marked) <= MOST_MARKERS and "3rd" in told

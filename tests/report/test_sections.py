@@ -1,4 +1,4 @@
-"""Sections on clearance, bodies, jerk, learning and placement: what they show is the result's."""
+"""Sections on clearance, bodies, learning and placement: what they show is the result's."""
 
 import dataclasses
 
@@ -13,8 +13,8 @@ from armcontour.io import parse_job
 from armcontour.jobs import Study, run
 from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
-from armcontour.report import render_learning, render_report, sections
-from armcontour.report.sections import clearance, jerks, overview
+from armcontour.report import render_learning, sections
+from armcontour.report.sections import clearance, overview
 from armcontour.report.sections import placement as placement_section
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.sections.learning import run_header, run_rows
@@ -118,27 +118,11 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
 
 
-def test_jerk_of_joints_with_a_limit_is_drawn_with_it():
-    job = parse_job(JERKY)
-    limits = job.runs[0].limits.replace(joint_jerk=[7.2, np.inf])
-    study = run(dataclasses.replace(job, runs=(dataclasses.replace(job.runs[0], limits=limits),)))
-    (figure,) = jerks(study).figures
-    executed, planned = figure.data  # of joint 1 only
-    assert [x.name for x in figure.data] == ["executed", "planned"]
-    assert figure.layout.yaxis.title.text == "joint 1"
-    assert {x.y0 for x in figure.layout.shapes} == {-7.2, 7.2}
-    assert np.abs(planned.y).max() == pytest.approx(7.2, rel=1e-3)
+def test_the_overview_has_the_jerk_of_joints_with_a_limit():
+    study = run(parse_job(JERKY))
     result = study.runs["plain"]
-    assert np.abs(executed.y).max() == pytest.approx(result.evaluation.jerk[0], rel=1e-6)
-    # A step of the plan has both of its sides at one time.
-    steps = np.flatnonzero(np.diff(planned.x) == 0)
-    assert np.abs(np.diff(planned.y))[steps].max() > 3.0
-    assert figure.layout.yaxis.range[1] <= 2 * 7.2
-    assert 'id="jerks"' in render_report(study)
-
     free = dataclasses.replace(result.run, limits=result.run.limits.replace(joint_jerk=None))
     other = Study(job=study.job, runs={"plain": dataclasses.replace(result, run=free)})
-    assert jerks(other) is None
     with_limit, without = (
         {tile.label for _, tiles in overview(x).tiles for tile in tiles} for x in (study, other)
     )

@@ -303,19 +303,6 @@ def test_closed_paths_are_closed():
     assert np.sqrt(closed) < 1e-12 and segment == 0 and np.sqrt(open_) > 5e-3
 
 
-def test_the_section_of_the_report(job):
-    from armcontour.report.sections.robustness import robustness as section
-
-    box = Box(gains=[[0.1], [0.02]])
-    drawn, corners = spread(*job, box, samples=200), worst_corner(*job, box)
-    found = section(drawn, corners, budget=0.2e-3)
-    assert len(found.figures) == 2 and len(found.tables[0].rows) == 4
-    curve = found.figures[0].data[0]
-    assert curve.x[-1] == pytest.approx(drawn.max.max() * 1e3, rel=1e-6) and curve.y[-1] == 100
-    assert found.figures[1].layout.xaxis.title.text == "error of kp of joint 1 [%]"
-    assert len(section(spread(*job, Box(jitter=1e-3), samples=20)).figures) == 1
-
-
 def test_refusals(job, refuses):
     taught, path, arm, servo, limits = job
     lag, flat = ac.ServoModel(kp=25.0, order="first"), ac.Path.polyline([(0, 0, 0), (1, 0, 0)])

@@ -1,4 +1,4 @@
-"""Certificates: the fastest motion that keeps a goal on every robot of a box; sweeps of them."""
+"""Certificates: the fastest motion that keeps a goal on every robot of a box."""
 
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification.certificate import (
@@ -8,14 +8,13 @@ from armcontour.certification.certificate import (
     Uncertified,
 )
 from armcontour.certification.certifying import certify
-from armcontour.certification.sweeping import Sweep, SweepPoint, sweep
+from armcontour.certification.sweeping import SweepPoint, sweep
 
 __all__ = [
     "Budget",
     "Certificate",
     "ContourCertificate",
     "LinearFigures",
-    "Sweep",
     "SweepPoint",
     "Uncertified",
     "certify",

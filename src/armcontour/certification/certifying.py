@@ -77,7 +77,9 @@ def certify(
         NotRealizable: No plan keeps the goal; the message says what binds and what would help.
         ArmContourError: Tracing, planning or execution fails.
     """
+    _checks.refuse_other("certify", job, Job, "as read_job gives it")
     goal = goal_of(job) if goal is None else goal
+    _checks.refuse_other("certify", goal, Goal)
     this = run_of(job, goal.run if run is None else run)
     if this.duration is not None:
         raise InvalidInput(
@@ -106,9 +108,11 @@ def goal_of(job: Job, **overrides: Any) -> Goal:
     """Make the goal of a certificate: that of the job, with some fields replaced.
 
     Raises:
-        InvalidInput: There is no goal.
+        InvalidInput: There is no goal, or a goal has no field of a given name.
     """
-    _checks.refuse_other("certify", job, Job, "as read_job gives it")
+    known = tuple(x.name for x in fields(Goal))
+    for name in overrides:
+        _checks.choice("An option of certify", name, known)
     if job.certificate is None:
         return Goal(**overrides)
     return replace(job.certificate, **overrides)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from armcontour.certification import Budget, Certificate
     from armcontour.cli.options import CertifyOptions, JobOptions
     from armcontour.evaluation import Evaluation
-    from armcontour.jobs import Job
+    from armcontour.jobs import Goal
 
 
 CONTOURS = (
@@ -65,9 +65,9 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, under(progress, "reading"))
-            if shared:
-                _refuse_nothing_shared(job, overrides)
             goal = goal_of(job, **overrides)
+            if shared:
+                _refuse_nothing_shared(goal)
             found = certify(job, x.run_name, goal=goal, executor=executor, progress=progress)
         if folder is not None:
             _write(found, folder)
@@ -79,16 +79,14 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         open_page(x.out / "report.html")
 
 
-def _refuse_nothing_shared(job: Job, overrides: dict[str, Any]) -> None:
+def _refuse_nothing_shared(goal: Goal) -> None:
     """Refuse `--workers` and `--cluster` for a certificate that has no work for them.
 
     Raises:
         InvalidInput: No robots of a box are executed as rigid bodies.
     """
-    from armcontour.certification.certifying import goal_of
     from armcontour.errors import InvalidInput
 
-    goal = goal_of(job, **overrides)
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
             "--workers and --cluster share robots of a box that are executed as rigid bodies, and "

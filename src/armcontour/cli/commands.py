@@ -30,7 +30,6 @@ from armcontour.cli.options import (
     RunOptions,
     StoredExportOptions,
     StudioOptions,
-    SweepOptions,
     grouped,
 )
 
@@ -215,20 +214,6 @@ def certify(
     from armcontour.cli.certifying import certify_file
 
     certify_file(job, job_options, options)
-
-
-@_command(JUDGE, "sweep job.yaml --tolerances '0.5 mm, 1 mm, 2 mm' --out sweep")
-@grouped
-def sweep(
-    job: JobOrDrawing,
-    out: Out,
-    job_options: JobOptions,
-    options: SweepOptions,
-) -> None:
-    """Plot certified times against corner tolerance and against assigned velocity."""
-    from armcontour.cli.sweeping import sweep_file
-
-    sweep_file(job, out, job_options, options)
 
 
 @_command(PREPARE, "place gasket.dxf --cell ur5e --over 'x: -300 mm .. 300 mm, 25' --out place")

@@ -36,6 +36,11 @@ NAMES = {
     "tool_positions": "--tool-positions",
     "judge_only": "--judge-only",
 }
+JUDGED_CONTOURS = (
+    *("contour", "RMS [mm]", "largest [mm]", "at t [s]", "at s [m]"),
+    "path missed, largest [mm]",
+)
+JUDGED_JOINTS = ("joint", "RMS [mrad]", "largest [mrad]", "noise [mrad]")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
@@ -45,7 +50,7 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
         x: Options of the command. The folder gets the taught data of the next run, unless the robot
-            is simulated, and report.html and summary.json.
+            is simulated, summary.json and, unless the log is only judged, report.html.
 
     Raises:
         ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
@@ -116,6 +121,8 @@ def _refuse_mixed(x: LearnOptions) -> None:
     if x.judge_only:
         if x.log is None:
             raise InvalidInput("--judge-only needs what the robot did, --log.")
+        if x.open_report:
+            raise InvalidInput("--judge-only writes no report that --open can show: leave it out.")
         return
     if x.taught is None or x.log is None:
         raise InvalidInput(
@@ -241,23 +248,19 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
 
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
-    """Write the report and the summary of a judged run."""
+    """Write the summary of a judged run."""
     from armcontour.io.learning import judged_json
-    from armcontour.report import render_judged
 
-    folder.write("report.html", render_judged(study))
     folder.write("summary.json", judged_json(study, [*folder.files, "summary.json"]))
 
 
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print what the tool and the joints did by a log, and what was written."""
-    from armcontour.report.sections.judged import CONTOURS, JOINTS, contour_rows, joint_rows
-
     console = Console()
     run = study.judged.run
     title = f"{study.job.title}, run {study.plan.run.name}: contour error in {run.source}"
-    console.show_table(CONTOURS, contour_rows(study), title=title)
-    console.show_table(JOINTS, joint_rows(study), title="Joints, off the plan at the same time")
+    console.show_table(JUDGED_CONTOURS, _contour_rows(study), title=title)
+    console.show_table(JUDGED_JOINTS, _joint_rows(study), title="Joints, deviation from the plan")
     console.say(
         f"The run begins in the log at {-run.offset / run.rate:.2f} s. At the same time the tool "
         f"is off the plan by {run.tool_rms * 1e3:.4g} mm RMS, {run.tool_max * 1e3:.4g} mm at most."
@@ -265,4 +268,31 @@ def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     for note in (*study.notes, *(f"Note: {x}" for x in study.job.arm.notes)):
         console.say(note)
     if out is not None:
-        console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
+        console.say(f"Summary: {out / 'summary.json'}")
+
+
+def _contour_rows(study: JudgedStudy) -> list[list[str]]:
+    """Cells of a row for every contour."""
+    return [
+        [
+            name,
+            f"{error.rms * 1e3:.5f}",
+            f"{error.max * 1e3:.5f}",
+            f"{error.t_max:.3f}",
+            f"{error.s_max:.4f}",
+            f"{missed.max * 1e3:.5f}",
+        ]
+        for name, error, missed in study.contours
+    ]
+
+
+def _joint_rows(study: JudgedStudy) -> list[list[str]]:
+    """Cells of a row for every joint: its distance from the plan at the same time."""
+    import numpy as np
+
+    run = study.judged.run
+    values = np.column_stack([run.joint_rms, run.joint_max, run.noise]) * 1e3
+    names = study.job.arm.joint_names
+    return [
+        [name, *(f"{x:.4g}" for x in row)] for name, row in zip(names, values.tolist(), strict=True)
+    ]

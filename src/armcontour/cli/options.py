@@ -587,38 +587,6 @@ class CertifyOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweepOptions:
-    """Options of the command `sweep`."""
-
-    run_name: Name = None
-    servo: ServoBudget = None
-    tolerances: Annotated[
-        str | None, typer.Option("--tolerances", help="Such as '1 mm, 2 mm, 5 mm'.")
-    ] = None
-    certified: Annotated[
-        bool,
-        typer.Option(
-            "--certify/--no-certify",
-            help="Certify every point; without it, fastest plans only, in a fraction of the time.",
-        ),
-    ] = True
-    shapes: Annotated[
-        str | None,
-        typer.Option(
-            "--shapes",
-            help="Shapes of corners to compare over the tolerances: arc, free, or 'arc, free'.",
-        ),
-    ] = None
-    speeds: Annotated[str | None, typer.Option("--speeds", help="Such as '0.1 m/s, 0.2 m/s'.")] = (
-        None
-    )
-    workers: Workers = None
-    cluster: Cluster = None
-    force: Force = False
-    open_report: Open = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceOptions:
     """Options of the command `place`; None is as the job's key `placement` has it."""
 

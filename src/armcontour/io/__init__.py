@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from armcontour.io.certificate import (
         certificate_json,
         derating_csv,
-        sweep_csv,
-        sweep_json,
     )
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.job_overrides import JobOverrides
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from armcontour.io.trajectory_file import parse_trajectory, read_trajectory
 
 _HOME = {
-    "certificate": ("certificate_json", "derating_csv", "sweep_csv", "sweep_json"),
+    "certificate": ("certificate_json", "derating_csv"),
     "job_file": ("json_schema", "parse_job", "read_job"),
     "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
@@ -57,8 +55,6 @@ __all__ = [
     "read_mesh",
     "read_scene_file",
     "read_trajectory",
-    "sweep_csv",
-    "sweep_json",
     "write_taught",
     "write_torque",
 ]

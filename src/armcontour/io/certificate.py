@@ -1,9 +1,7 @@
-"""Certificates and sweeps as JSON and CSV, with all data that a repetition needs."""
+"""Certificates as JSON and CSV, with all data that a repetition needs."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -16,23 +14,12 @@ from armcontour.certification import (
     Certificate,
     ContourCertificate,
     LinearFigures,
-    Sweep,
 )
 from armcontour.io.json_text import to_json
 from armcontour.io.summary import UNITS, run_summary
 from armcontour.jobs import Goal
 from armcontour.robustness.monte_carlo import Spread
 
-# Columns of a sweep as CSV, by the attributes of its points.
-SWEEP_COLUMNS = {
-    "shape": "shape",
-    "tolerance": "tolerance [m]",
-    "speed": "speed [m/s]",
-    "optimum": "optimum [s]",
-    "duration": "certified [s]",
-    "contour_error": "contour error [m]",
-    "refusal": "refusal",
-}
 CERTIFICATE_UNITS = {
     "cost": "s",
     "windows": "s",
@@ -79,7 +66,7 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
         "runs": {run.name: run_summary(certificate.job, certificate.result)},
         "files": list(files),
     }
-    return _text(data)
+    return to_json(data)
 
 
 def derating_csv(certificate: Certificate) -> str:
@@ -100,44 +87,6 @@ def derating_csv(certificate: Certificate) -> str:
             cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
             lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
     return "\n".join(lines) + "\n"
-
-
-def sweep_json(sweep: Sweep, files: Sequence[str] = ()) -> str:
-    """All points of a sweep as JSON.
-
-    Args:
-        sweep: The sweep.
-        files: The files of the result, relative to its folder.
-    """
-    data = {
-        "armcontour": __version__,
-        "job": sweep.job.name,
-        "run": sweep.run.name,
-        "units": {"tolerance": "m", "speed": "m/s", "optimum": "s", "duration": "s"}
-        | {"contour_error": "m", "missed": "m"},
-        "goal": None if sweep.goal is None else _goal(sweep.goal),
-        "iterations": sweep.iterations,
-        "tolerances": [asdict(x) for x in sweep.tolerances],
-        "speeds": [asdict(x) for x in sweep.speeds],
-        "files": list(files),
-    }
-    return _text(data)
-
-
-def sweep_csv(sweep: Sweep) -> str:
-    """The points of a sweep as CSV: a row per point, with the line that it lies on.
-
-    Args:
-        sweep: The sweep.
-    """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["line", *SWEEP_COLUMNS.values()])
-    for line, points in (("tolerance", sweep.tolerances), ("speed", sweep.speeds)):
-        for x in points:
-            values = (getattr(x, name) for name in SWEEP_COLUMNS)
-            table.writerow([line, *("" if value is None else value for value in values)])
-    return text.getvalue()
 
 
 def _certificate(c: Certificate) -> dict[str, Any]:
@@ -252,7 +201,3 @@ def _linear(x: LinearFigures, budget: float) -> dict[str, Any]:
             "within": x.within(budget),
         },
     }
-
-
-def _text(data: dict[str, Any]) -> str:
-    return to_json(data)

@@ -454,7 +454,7 @@ class JobModel:
         experiment: Runs that are simulated on the arm's rigid bodies, too.
         command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
-        certificate: Requirements for `armcontour certify` and `armcontour sweep`.
+        certificate: Requirements for `armcontour certify`.
         placement: The question for `armcontour place`.
         scene: Obstacles in the cell, and how near the arm may come to them and to itself.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.

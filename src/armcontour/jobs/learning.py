@@ -153,20 +153,15 @@ class JudgedStudy:
     judged: JudgedRun
 
     @property
-    def measured(self) -> ErrorProfile:
-        """Contour error over time as measured, with noise, until the end of the plan."""
-        return ErrorProfile.join([x.contour_error for x in self._pieces(self.judged.q)])
-
-    @property
     def profile(self) -> ErrorProfile:
-        """The same without noise."""
+        """Contour error over time without noise, until the end of the plan."""
         return ErrorProfile.join([x for _, x, _ in self.contours])
 
     @property
     def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
         """Names of the contours, their errors without noise, and what the tool left out of them."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
-        pieces = self._pieces(self.judged.smooth)
+        pieces = _measured_pieces(self.job, self.plan, self.judged.t, self.judged.smooth)
         return [(name, x.contour_error, x.missed) for name, x in zip(names, pieces, strict=True)]
 
     @property
@@ -180,9 +175,6 @@ class JudgedStudy:
             "these do not see is not in them."
         )
         return found
-
-    def _pieces(self, q: FloatArray) -> Sequence[Piece]:
-        return _measured_pieces(self.job, self.plan, self.judged.t, q)
 
 
 def _measured_pieces(job: Job, plan: RunPlan, t: FloatArray, q: FloatArray) -> Sequence[Piece]:

@@ -3,21 +3,17 @@
 from armcontour.report.report import (
     render_batch,
     render_demo,
-    render_judged,
     render_learning,
     render_placement,
     render_report,
-    render_sweep,
     write_report,
 )
 
 __all__ = [
     "render_batch",
     "render_demo",
-    "render_judged",
     "render_learning",
     "render_placement",
     "render_report",
-    "render_sweep",
     "write_report",
 ]

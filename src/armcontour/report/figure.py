@@ -120,19 +120,9 @@ class Figure:
         """Add annotations to the layout."""
         self.layout["annotations"] += map(Node, annotations)
 
-    def update_layout(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
-        """Merge values into the layout.
-
-        Args:
-            values: Values by their names, or by paths such as "scene.xaxis.range".
-            more: Values by their names.
-        """
-        for path, value in {**(values or {}), **more}.items():
-            *outer, last = path.split(".")
-            found: dict[str, Any] = {last: value}
-            for name in reversed(outer):
-                found = {name: found}
-            self.layout.merge(found)
+    def update_layout(self, **values: Any) -> None:
+        """Merge values into the layout."""
+        self.layout.merge(values)
 
     def update_xaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
         """Merge values into the x axes of all plots, or of the plot in a row and column."""
@@ -209,7 +199,7 @@ def make_subplots(
     titles = []
     for k, ((r, c), name) in enumerate(zip(places, names, strict=True)):
         figure.update_layout(
-            {
+            **{
                 f"xaxis{name}": {"anchor": f"y{name}", "domain": [left[c], right[c]]},
                 f"yaxis{name}": {"anchor": f"x{name}", "domain": [bottom[r], top[r]]},
             }

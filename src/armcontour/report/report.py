@@ -11,13 +11,12 @@ from armcontour import _checks, _staging
 from armcontour.jobs import Job, Study
 from armcontour.report import sections
 from armcontour.report.figure import render_page
-from armcontour.report.planned import forget
 from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate, Sweep
-    from armcontour.jobs.learning import JudgedStudy, LearningStudy
+    from armcontour.certification import Certificate
+    from armcontour.jobs.learning import LearningStudy
     from armcontour.placement import Case, Placement
 
 # Where the figures of a page come from.
@@ -32,10 +31,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         study: The study.
         certificate: Certificate of the only run, for the first section.
     """
-    try:
-        return _page(study.job, _sections(study, certificate))
-    finally:
-        forget()
+    return _page(study.job, _sections(study, certificate))
 
 
 def render_demo(studies: Sequence[Study]) -> str:
@@ -59,7 +55,6 @@ def render_demo(studies: Sequence[Study]) -> str:
         parts = [x for x in (section(study) for section in shown) if x is not None]
         parts[0] = replace(parts[0], title=job.title)
         found += [replace(x, key=f"{job.name}-{x.key}") for x in parts]
-    forget()
     about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
     return _page(None, found, title="armcontour demo", about=about)
 
@@ -78,24 +73,11 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
         sections.bindings(study),
         sections.joints(study),
         sections.accelerations(study),
-        sections.jerks(study),
-        sections.torques(study),
         sections.contour_error(study),
         sections.clearance(study),
         sections.time_stamps(study),
     ]
-    if certificate is not None and certificate.spread is not None:
-        allowed = certificate.budget.servo_allowed
-        drawn, corners = certificate.spread, certificate.corners
-        several = len(certificate.contours) > 1
-        run = certificate.worst.name if several else certificate.run.name
-        found.insert(1, sections.robustness(drawn, corners, budget=allowed, run=run))
     return [x for x in found if x is not None]
-
-
-def render_sweep(sweep: Sweep) -> str:
-    """Render the report of a sweep as one HTML page without other files."""
-    return _page(sweep.job, [sections.sweep(sweep)])
 
 
 def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str:
@@ -128,15 +110,6 @@ def render_learning(study: LearningStudy) -> str:
     """
     source = OF_SIMULATION if study.robot else OF_LOGS
     return _page(study.job, [sections.learning(study)], source=source)
-
-
-def render_judged(study: JudgedStudy) -> str:
-    """Render the report of a judged run as one HTML page without other files.
-
-    Args:
-        study: The run.
-    """
-    return _page(study.job, [sections.judged(study)], source=OF_LOGS)
 
 
 def _page(

@@ -19,7 +19,6 @@ EXECUTED_COLOUR = "#0072B2"
 EXPERIMENT_COLOUR = "#009E73"
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
-RAPID_SHADE = "rgba(120, 120, 120, 0.15)"
 SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # A logarithmic axis that is longer than this has numbers at powers of ten only.
 DECADES = 1e3
@@ -145,24 +144,13 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
     figure.add_annotations(labels)
 
 
-def shade(
-    figure: Any,
-    spans: Iterable[tuple[float, float]],
-    row: int,
-    colour: str = SATURATION_COLOUR,
-    *,
-    ends: tuple[float, float] = (0.0, 1.0),
-    opacity: float = 1.0,
-) -> None:
-    """Shade intervals of time in one row of subplots.
+def shade(figure: Any, spans: Iterable[tuple[float, float]], row: int) -> None:
+    """Shade intervals of time, in which a joint is saturated, in one row of subplots.
 
     Args:
         figure: The figure.
         spans: The intervals [s].
         row: The row, from 1.
-        colour: The colour.
-        ends: Where the shade starts and ends, as shares of the height.
-        opacity: How opaque it is.
     """
     axis = "" if row == 1 else str(row)
     figure.add_shapes(
@@ -170,12 +158,11 @@ def shade(
             "type": "rect",
             "x0": start,
             "x1": end,
-            "y0": ends[0],
-            "y1": ends[1],
+            "y0": 0.0,
+            "y1": 1.0,
             "xref": f"x{axis}",
             "yref": f"y{axis} domain",
-            "fillcolor": colour,
-            "opacity": opacity,
+            "fillcolor": SATURATION_COLOUR,
             "line": {"width": 0},
             "layer": "below",
         }

@@ -79,8 +79,7 @@ def every_kind():
         # Scenes are slow without a graphics card.
         dataclasses.replace(space, figures=space.figures[-1:]),
         sections.tool_speed(study),
-        sections.torques(study),
-        sections.sweep(ac.sweep(bend(), certified=False)),
+        sections.joints(study),
         sections.placement(ac.place(bend(), over=over, refined=False)),
         sections.batch(bends()),
     ]

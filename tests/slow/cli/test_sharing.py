@@ -26,7 +26,6 @@ runs:
 # By command, its further options and the file that is compared.
 COMMANDS = {
     "place": (("--over", "x: -30 mm .. 30 mm, 3", "--no-refine"), "placement.csv"),
-    "sweep": (("--no-certify", "--tolerances", "1 mm, 2 mm", "--speeds", "0.1 m/s"), "sweep.csv"),
     "certify": ((), "only/taught.csv"),
 }
 

@@ -4,9 +4,7 @@ from armcontour.report.sections.batch import batch
 from armcontour.report.sections.bindings import bindings
 from armcontour.report.sections.certificate import certificate
 from armcontour.report.sections.clearance import clearance
-from armcontour.report.sections.jerks import jerks
-from armcontour.report.sections.joints import joints, torques
-from armcontour.report.sections.judged import judged
+from armcontour.report.sections.joints import joints
 from armcontour.report.sections.learning import learning
 from armcontour.report.sections.motion import (
     accelerations,
@@ -18,10 +16,8 @@ from armcontour.report.sections.overview import overview
 from armcontour.report.sections.paths import joint_space, paths
 from armcontour.report.sections.placement import placement
 from armcontour.report.sections.program import program
-from armcontour.report.sections.robustness import robustness
 from armcontour.report.sections.shaping import shaping
 from armcontour.report.sections.space import space
-from armcontour.report.sections.sweep import sweep
 
 __all__ = [
     "accelerations",
@@ -30,20 +26,15 @@ __all__ = [
     "certificate",
     "clearance",
     "contour_error",
-    "jerks",
     "joint_space",
     "joints",
-    "judged",
     "learning",
     "overview",
     "paths",
     "placement",
     "program",
-    "robustness",
     "shaping",
     "space",
-    "sweep",
     "time_stamps",
     "tool_speed",
-    "torques",
 ]

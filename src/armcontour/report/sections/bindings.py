@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.jobs import RunResult, Study, same_plan
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, Table
-from armcontour.report.sections.along import assigned_speeds, planned_speeds
+from armcontour.report.sections.motion import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
 from armcontour.timing.explanation import BETWEEN

@@ -1,4 +1,4 @@
-"""Bodies of figures in space: obstacles of the cell, the base of the arm, in its coordinates."""
+"""Figures in space: curves, equal axes, and bodies of the cell and of the arm's base."""
 
 from __future__ import annotations
 
@@ -11,16 +11,88 @@ from armcontour.arms import Arm
 from armcontour.frames import Frame
 from armcontour.jobs import Job
 from armcontour.report.figure import make_trace
+from armcontour.report.style import finish
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from armcontour.scene.scene import BASE
 
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
+# Shortest side of a scene, as a share of the longest side.
+FLATTEST = 0.4
+# Longest side of a scene in units of plotly; it fits in every view.
+SCENE = 1.45
+# The view: parallel projection, so that equal lengths look equal.
+CAMERA = {
+    "eye": {"x": 1.1, "y": -1.5, "z": 0.9},
+    "up": {"x": 0, "y": 0, "z": 1},
+    "center": {"x": 0, "y": 0, "z": 0},
+    "projection": {"type": "orthographic"},
+}
 # Points around a round shape.
 AROUND = 24
 # Of so few points the page finds the hull at once; to load scipy's takes a third of a second.
 FEW_POINTS = 1000
 # A half-space is drawn as a plate that is larger than everything else by this factor.
 PLATE = 1.5
+
+
+def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """A curve in space from points in mm, rounded to 0.1 µm."""
+    line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
+    x, y, z = np.round(points, 4).astype(np.float32).T
+    hover = "x %{x:.3f} mm<br>y %{y:.3f} mm<br>z %{z:.3f} mm"
+    return make_trace(
+        "scatter3d", x=x, y=y, z=z, name=name, mode="lines", line=line, hovertemplate=hover, **look
+    )
+
+
+def in_space(figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12) -> None:
+    """Set the layout of a figure in space: equal scales, a legend at the left.
+
+    Args:
+        figure: The figure.
+        points: All points that are drawn [mm], (n, 3).
+        title: Title of the figure.
+        height: Height of the figure [pixels].
+        top: Margin above the scene [pixels].
+    """
+    finish(figure, title=title, height=height)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    size = high - low
+    longest = float(size.max())
+    # No side is much shorter than the longest, so that ticks of a flat scene do not overlap.
+    edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
+    size = size + 2 * edge
+    ratio = size / float(size.max()) * SCENE
+    axis = {
+        "nticks": 6,
+        "backgroundcolor": "#FAFAFA",
+        "gridcolor": "#DDDDDD",
+        "zerolinecolor": "#DDDDDD",
+    }
+    figure.update_layout(
+        scene={
+            "aspectmode": "manual",
+            "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
+            "camera": CAMERA,
+            **{
+                f"{x}axis": {"title": {"text": f"{x} [mm]"}, "range": [a, b], **axis}
+                for x, a, b in zip(
+                    "xyz", (low - edge).tolist(), (high + edge).tolist(), strict=True
+                )
+            },
+        },
+        legend={
+            "orientation": "v",
+            "x": 0,
+            "xref": "paper",
+            "xanchor": "left",
+            "yref": "paper",
+            "y": 1,
+            "yanchor": "top",
+            "bgcolor": "rgba(255,255,255,0.8)",
+        },
+        margin={"l": 10, "r": 10, "t": top, "b": 10},
+    )
 
 
 def base_of(arm: Arm) -> Frame:

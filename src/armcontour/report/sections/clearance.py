@@ -21,10 +21,11 @@ from armcontour.report.sections.bodies import (
     TOOL_COLOUR,
     draw_body,
     draw_surroundings,
+    in_space,
+    line_in_space,
     points_of,
     seen_from_base,
 )
-from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
 from armcontour.report.style import LIMIT_COLOUR, PATH_COLOUR, RUN_COLOURS, finish, line
 from armcontour.scene import Scene
 
@@ -158,7 +159,6 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm"
     between = seen_from_base(job.arm, nearest.points)
     figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
-    in_space(figure, title="Posture of the least distance, as the base has it", height=620)
-    figure.update_layout(box(np.concatenate(drawn)))
-    figure.update_layout(updatemenus=[view_buttons()], annotations=[row_label("view")])
+    title = "Posture of the least distance, as the base has it"
+    in_space(figure, np.concatenate(drawn), title=title, height=620)
     return figure

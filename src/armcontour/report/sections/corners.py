@@ -18,7 +18,6 @@ from armcontour.jobs.job import CURVATURE
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.report.figure import make_subplots
-from armcontour.report.sections.tolerance import draw_tube, tube_outline, tube_pieces
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -45,7 +44,6 @@ Replaced = RoundedPath | ShapedPath
 ROUNDED, SHAPED = "rounded", "shaped"
 # Dashes of different rounded paths.
 DASHES = ("dash", "dot", "dashdot", "longdash")
-LOOKS = tuple({"colour": "#000000", "dash": x, "width": 1.5} for x in DASHES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,9 +72,20 @@ def corners(study: Study) -> list[Any]:
     known = find_corners(first)
     if not known:
         return []
-    shown = known[:MOST_CORNERS]
+    shown, tools = known[:MOST_CORNERS], _tools(study)
+    rows = -(-len(shown) // COLUMNS)
+    figure = make_subplots(
+        rows=rows,
+        cols=min(len(shown), COLUMNS),
+        subplot_titles=[x.title for x in shown],
+        vertical_spacing=0.16,
+    )
+    for k, corner in enumerate(shown):
+        _corner(figure, tools, paths, corner, k)
     title = _title(study, list(paths), len(shown), len(known), shaped=isinstance(first, ShapedPath))
-    return [draw_corners(shown, paths, _tools(study), title=title)]
+    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
+    figure.update_layout(margin={"t": 70})
+    return [figure]
 
 
 def find_corners(path: Replaced) -> list[Corner]:
@@ -106,38 +115,6 @@ def find_corners(path: Replaced) -> list[Corner]:
         )
         for k in np.flatnonzero(c.radius > 0)
     ]
-
-
-def draw_corners(
-    shown: Sequence[Corner],
-    paths: Mapping[str, Replaced],
-    tools: Sequence[Tool] = (),
-    *,
-    title: str,
-    looks: Sequence[Mapping[str, Any]] = LOOKS,
-) -> Any:
-    """Enlarged corners, two in a row.
-
-    Args:
-        shown: The corners.
-        paths: Paths of the same objective path, by their names in the legend.
-        tools: Executed tool paths.
-        title: Title of the figure.
-        looks: Options of the lines of the paths, in turn.
-    """
-    columns = min(len(shown), COLUMNS)
-    rows = -(-len(shown) // columns)
-    figure = make_subplots(
-        rows=rows,
-        cols=columns,
-        subplot_titles=[x.title for x in shown],
-        vertical_spacing=0.16,
-    )
-    for k, corner in enumerate(shown):
-        _corner(figure, tools, paths, corner, k, looks)
-    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
-    figure.update_layout(margin={"t": 70})
-    return figure
 
 
 def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bool) -> str:
@@ -257,7 +234,6 @@ def _corner(
     paths: Mapping[str, Replaced],
     corner: Corner,
     k: int,
-    looks: Sequence[Mapping[str, Any]],
 ) -> None:
     """Draw a corner of all paths and executions in the k-th picture of the figure, from 0."""
     row, column = divmod(k, COLUMNS)
@@ -277,14 +253,10 @@ def _corner(
 
     at = float(path.objective.breaks[corner.vertex])
     around = at - 3 * half, at + 3 * half
-    for tube in [x for x in paths.values() if isinstance(x, ShapedPath)][:1]:
-        s, radius = tube_pieces(tube, *around)
-        outline = tube_outline(seen(tube.objective(s)), radius * 1e3)
-        figure.add_trace(draw_tube(outline, showlegend=k == 0), **place)
     draw(_between(path.objective, *around), "objective path", PATH_COLOUR, width=6, opacity=0.5)
-    for (name, other), look in zip(paths.items(), cycle(looks), strict=False):
+    for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
         stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
-        draw(stretch, name, **look)
+        draw(stretch, name, "#000000", dash=dash, width=1.5)
     for x in tools:
         draw(_near(x.done, x.points, point, 3 * half), x.name, x.colour, **x.look)
     middle = seen(point)

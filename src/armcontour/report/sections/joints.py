@@ -1,4 +1,4 @@
-"""Sections on joints: positions, velocities, accelerations in space; torques of any arm."""
+"""The section on joints of an arm in space: use of limits; position, velocity, acceleration."""
 
 from __future__ import annotations
 
@@ -10,14 +10,9 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import (
-    Torques,
-    applied_torques,
-    assumed_numbers,
-)
+from armcontour.jobs.quantities import planned_torques
 from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
-from armcontour.report.planned import describe_torque_sampling, torques_of
 from armcontour.report.section import Section, Table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -55,28 +50,6 @@ def joints(study: Study) -> Section | None:
         ),
         tables=tuple(_table(name, x) for name, x in study.runs.items()),
         figures=tuple(_figure(name, x) for name, x in study.runs.items()),
-    )
-
-
-def torques(study: Study) -> Section | None:
-    """Drive torques of every run; None for an arm without bodies."""
-    found = [(name, x, torques_of(x)) for name, x in study.runs.items()]
-    known = [(name, x, plan) for name, x, plan in found if plan is not None]
-    if not known:
-        return None
-    assumed = assumed_numbers(study.job.arm)
-    return Section(
-        key="torques",
-        title="Drive torques",
-        text=(
-            "Planned torques of every drive and, with an experiment, the torques of the simulated "
-            "drives; black lines are limits. Computed from the masses of the links."
-        ),
-        figures=tuple(_torques(name, x, plan) for name, x, plan in known),
-        notes=(
-            *describe_torque_sampling([x for _, x, _ in known]),
-            *((f"About the masses: {assumed}",) if assumed else ()),
-        ),
     )
 
 
@@ -211,7 +184,7 @@ def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.execution, result.execution.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
-    plan = torques_of(result)
+    plan = planned_torques(result)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts = [
         (np.abs(done.dq).max(axis=0), limits.joint_velocity),
@@ -253,59 +226,3 @@ def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
     if limit is None or np.isinf(limit[j]):
         return amount
     return f"{amount} of {limit[j]:.4g} ({values[j] / limit[j]:.0%})"
-
-
-def _torques(name: str, result: RunResult, plan: Torques) -> Any:
-    """Figure of the torques of every drive of a run."""
-    names = result.execution.arm.joint_names
-    rows = -(-len(names) // 2)
-    figure = make_subplots(
-        rows=rows,
-        cols=2,
-        shared_xaxes=True,
-        subplot_titles=list(names),
-        vertical_spacing=0.22 / rows,
-        horizontal_spacing=0.09,
-    )
-    look: dict[str, Any] = {"colour": PLANNED_COLOUR, "width": 1.5}
-    curves = {"planned": (plan, look)}
-    if result.experiment is not None:
-        applied = applied_torques(result.experiment)
-        if applied is not None:
-            look = {"colour": EXPERIMENT_COLOUR, "width": 1.5}
-            curves = {"experiment: applied": (applied, look), **curves}
-    limit = or_unlimited(result.run.limits.joint_torque, len(names))
-    shapes: list[dict[str, Any]] = []
-    for j in range(len(names)):
-        place = {"row": j // 2 + 1, "col": j % 2 + 1}
-        for label, (found, look) in curves.items():
-            t, y = thin(found.t, found.values[:, j], most=2 * MOST_POINTS)
-            figure.add_trace(
-                line(
-                    t,
-                    y,
-                    label,
-                    showlegend=j == 0,
-                    legendgroup=label,
-                    **look,
-                ),
-                **place,
-            )
-        ends = (-float(limit[j]), float(limit[j]))
-        every = [(label, x.values[:, j]) for label, (x, _) in curves.items()]
-        seen = _range([("", values) for _, values in every], *ends, 1)
-        figure.update_yaxes(range=seen, nticks=6, **place)
-        shapes += _limits(j + 1, ends, seen)
-        if j % 2 == 0:
-            figure.update_yaxes(title="torque [N m]", **place)
-    figure.add_shapes(shapes)
-    for column in (1, 2):
-        last = rows if column <= len(names) - 2 * (rows - 1) else rows - 1
-        if last:
-            figure.update_xaxes(title="time [s]", showticklabels=True, row=last, col=column)
-    finish(figure, title=f"Run {name}: torques", height=200 * rows + 170)
-    figure.update_layout(
-        margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
-    )
-    figure.update_xaxes(range=[0, _end(result)])
-    return figure

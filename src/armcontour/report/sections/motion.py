@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import assumed_numbers, unknown_notes
+from armcontour.jobs.quantities import unknown_notes
+from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.section import Section, Table, marked_run
-from armcontour.report.sections.along import assigned_speeds
-from armcontour.report.sections.rapids import shade_rapids
-from armcontour.report.sections.turning import angular_speeds, orientation_errors
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_DASH,
@@ -36,6 +35,9 @@ SATURATED = 1e-3
 MOST_TIMES = 20_000
 # If contours are slower than this share of the fastest rapid, the axis shows the contours.
 SQUEEZED = 0.5
+# A path, its motion, the start of the motion [s], and the length of all paths before it [m].
+Followed = tuple[Path, Trajectory, float, float]
+GAP = np.array([np.nan])
 
 
 def tool_speed(study: Study) -> Section:
@@ -50,10 +52,9 @@ def tool_speed(study: Study) -> Section:
         figure.add_trace(trace)
     marked, text = marked_run(study), "As executed."
     if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
-        where = shade_rapids(figure, study)
         text += (
-            f" Assigned velocities apply along contours; between them{where} rapids run at the "
-            "limits of the joints."
+            " Assigned velocities apply along contours; between contours rapids run at the limits "
+            "of the joints."
         )
     if marked is not None:
         switching_labels(figure, marked.trajectory.switching_points)
@@ -68,10 +69,7 @@ def tool_speed(study: Study) -> Section:
         key="speed",
         title="Tool speed",
         text=text,
-        figures=(
-            finish(figure, title="Tool speed over time"),
-            *angular_speeds(study),
-        ),
+        figures=(finish(figure, title="Tool speed over time"),),
     )
 
 
@@ -109,6 +107,46 @@ def _assigned(study: Study) -> list[Any]:
         t, value = thin(*both)
         found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
     return found
+
+
+def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
+    """Arc length over all contours [m] and planned tool speed [m/s], with gaps (NaN) between."""
+    s, speed = [], []
+    for _, motion, _, offset in _list_followed(result):
+        t = motion.breaks
+        s += [offset + motion.s(t), GAP]
+        speed += [motion.s(t, 1), GAP]
+    return np.concatenate(s)[:-1], np.concatenate(speed)[:-1]
+
+
+def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Times, arc lengths and assigned velocity as a step curve; None if no velocity is assigned."""
+    most = np.inf if result.run.limits.speed is None else result.run.limits.speed
+    found = []
+    for path, motion, start, offset in _list_followed(result):
+        times, places = start + motion.breaks, motion.s(motion.breaks)
+        middle = (places[:-1] + places[1:]) / 2
+        value = np.fmin(path.speeds[path.locate(middle)], most)
+        value[~np.isfinite(value)] = np.nan
+        # Only changes are drawn: a contour may have 100,000 segments of one speed.
+        same = np.isclose(value[1:], value[:-1], rtol=1e-12, equal_nan=True)
+        edges = np.concatenate([[0], np.flatnonzero(~same) + 1, [len(value)]])
+        steps = np.repeat(edges, 2)[1:-1]
+        found.append((times[steps], offset + places[steps], value[edges[:-1]]))
+    if not any(np.isfinite(x[2]).any() for x in found):
+        return None
+    t, s = (np.concatenate([y for x in found for y in (x[i], GAP)]) for i in (0, 1))
+    return t, s, np.concatenate([y for x in found for y in (np.repeat(x[2], 2), GAP)])
+
+
+def _list_followed(result: RunResult) -> list[Followed]:
+    """All contours with a planned motion, in order."""
+    spans = result.trajectory.contour_spans
+    return [
+        (x.path, span.trajectory, span.t[0], span.s[0])
+        for x, span in zip(result.path.contours, spans, strict=True)
+        if span.trajectory is not None
+    ]
 
 
 def accelerations(study: Study) -> Section | None:
@@ -152,17 +190,12 @@ def contour_error(study: Study) -> Section:
             " Dotted: the experiment, the same set-points on the arm's rigid bodies, with default "
             "drive gains."
         )
-        assumed = assumed_numbers(study.job.arm)
-        notes = (f"About the masses of the experiment: {assumed}",) if assumed else ()
-        notes += unknown_notes(study)
+        notes = unknown_notes(study)
     return Section(
         key="contour-error",
         title="Contour error",
         text=text,
-        figures=(
-            finish(figure, title="Contour error over time", height=500),
-            *orientation_errors(study),
-        ),
+        figures=(finish(figure, title="Contour error over time", height=500),),
         notes=notes,
     )
 

@@ -7,14 +7,12 @@ import numpy as np
 from armcontour._describing import digits
 from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study, warnings_of
-from armcontour.jobs.quantities import assumed_numbers
-from armcontour.report.planned import torques_of
+from armcontour.jobs.quantities import assumed_numbers, planned_torques
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import few
 
 # Largest number of runs with tiles; more runs are compared in a table.
 MOST_TILED = 2
-MASSES = "The masses that torques and experiments assume are listed under Drive torques."
 # Share of the time from which a joint is shown as saturated; less would show as 0.0%.
 SATURATED = 5e-4
 # A smaller share of the largest tool speed is rounding of the simulation.
@@ -24,7 +22,11 @@ SEEN = 1e-5
 def overview(study: Study) -> Section:
     """Duration, errors and demand of every run, as tiles or in a table."""
     many = len(study.runs) > MOST_TILED
-    experiments = any(x.run.experiment is not None for x in study.runs.values())
+    uses_masses = any(
+        x.run.experiment is not None or x.run.limits.joint_torque is not None
+        for x in study.runs.values()
+    )
+    assumed = assumed_numbers(study.job.arm)
     return Section(
         key="overview",
         title="At a glance",
@@ -44,7 +46,7 @@ def overview(study: Study) -> Section:
                 for name, result in study.runs.items()
                 if result.failure is not None
             ),
-            *((MASSES,) if many and experiments and assumed_numbers(study.job.arm) else ()),
+            *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
         ),
     )
 
@@ -115,6 +117,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             value=f"{e.missed.max * 1e3:.4f} mm",
             note=f"from s = {e.missed.s_max:.3f} m of the path to the tool",
         ),
+        *_orientation(e),
     ]
     if result.path.single_path is None:
         tiles.append(
@@ -136,6 +139,20 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
         # What judges the run comes first, behind its duration.
         return (tiles[0], *_experiment(result), *tiles[1:], *_torque(result))
     return (*tiles, *_torque(result), *_experiment(result))
+
+
+def _orientation(e: Evaluation) -> list[Tile]:
+    """Tile of the orientation error; empty for a path without orientation."""
+    error = e.orientation_error
+    if error is None:
+        return []
+    return [
+        Tile(
+            label="orientation error, largest",
+            value=f"{np.degrees(error.max):.4f} deg",
+            note=f"at {error.t_max:.2f} s, s = {error.s_max:.3f} m",
+        )
+    ]
 
 
 def _over_assigned(e: Evaluation) -> str:
@@ -164,7 +181,8 @@ def _shares(result: RunResult) -> str:
 
 def _torque(result: RunResult) -> list[Tile]:
     """Tile of the largest planned share of a torque limit; empty without bodies or limits."""
-    limit, plan = result.run.limits.joint_torque, torques_of(result)
+    limit = result.run.limits.joint_torque
+    plan = None if limit is None else planned_torques(result)
     if limit is None or plan is None:
         return []
     share = plan.peak / limit
@@ -194,7 +212,7 @@ def _experiment(result: RunResult) -> list[Tile]:
 
 def _rests(result: RunResult) -> str:
     """Reference to the assumed masses, if any are assumed."""
-    return "; masses: see Drive torques" if assumed_numbers(result.execution.arm) else ""
+    return "; masses: see below" if assumed_numbers(result.execution.arm) else ""
 
 
 def _ratio(value: float) -> str:

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
+from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import outline_points, outlines, simplify
 from armcontour.report.section import Section, marked_run
-from armcontour.report.sections.along import executed_contours
 from armcontour.report.sections.corners import corners, replaced_paths
 from armcontour.report.style import PATH_COLOUR, finish, line, run_colours, run_widths
 
@@ -88,6 +89,22 @@ def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
 def objective_of(study: Study) -> Program:
     """The program of the first run with leads and with sharp corners."""
     return next(iter(study.runs.values())).objective
+
+
+def executed_contours(execution: Execution, program: Program) -> list[tuple[Path, int, int]]:
+    """The path of every contour, and the indices of its first and after its last executed sample.
+
+    Samples before and after the motion belong to the first and the last contour.
+    """
+    trajectory, last = execution.taught.trajectory, len(execution.t)
+    found = []
+    for x, span in zip(program.contours, trajectory.contour_spans, strict=True):
+        start, end = np.searchsorted(execution.t, span.t).tolist()
+        # At least two samples, also of a very short contour.
+        start = 0 if span.t[0] <= 0 else min(start, last - 2)
+        end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
+        found.append((x.path, start, end))
+    return found
 
 
 def _executed_tool(result: RunResult) -> FloatArray:

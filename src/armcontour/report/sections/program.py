@@ -1,4 +1,4 @@
-"""The section on a program: its moves in place and in time, and the errors of its contours."""
+"""The section on a program: a picture of its moves, and the times and errors of its contours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from armcontour.motion import Span
 from armcontour.program import Contour, Program, cut_parts
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
-from armcontour.report.sections.program_timeline import timeline
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
 MOST_ROWS = 20
@@ -23,7 +22,7 @@ REACHED = 0.999
 
 
 def program(study: Study) -> Section | None:
-    """The moves of a program in place and in time, and its contours; None for a single path."""
+    """A picture of a program and a table of its contours; None for a single path."""
     first = next(iter(study.runs.values()))
     if first.path.single_path is not None and not cut_parts(first.path, study.job.process):
         return None
@@ -39,7 +38,7 @@ def program(study: Study) -> Section | None:
             "is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
-        figures=(drawn, *(timeline(name, x) for name, x in results)),
+        figures=(drawn,),
         tables=tuple(_table(name, x) for name, x in results),
         notes=(
             'In the table, lengths, times and errors are those at work; "as assigned" is the '

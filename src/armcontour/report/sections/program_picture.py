@@ -14,8 +14,7 @@ from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Process, Program, cut_parts
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import fine_places, finely, outlines, simplify
-from armcontour.report.planned import ordinal
-from armcontour.report.sections.scene import box, in_space, line_in_space, row_label, view_buttons
+from armcontour.report.sections.bodies import in_space, line_in_space
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
 
 # Colours of the longest layers; black is for all other layers.
@@ -39,6 +38,7 @@ ARROW = 0.025
 # Symbols of events, by name in turn: switched on, and switched off or to a value.
 SYMBOLS_ON = ("circle", "square", "diamond", "cross")
 SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
+SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 
@@ -85,7 +85,7 @@ def picture(result: RunResult, job: Job) -> tuple[Any, tuple[str, ...]]:
 
 
 def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
-    """Set axes and views of the picture of a program.
+    """Set the axes of the picture of a program.
 
     Args:
         figure: The figure.
@@ -98,9 +98,7 @@ def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:
         figure.update_yaxes(title="y [mm]", scaleanchor="x")
         finish(figure, title=title.format("in the plane"), height=640)
         return
-    in_space(figure, title=title.format("in space"), height=680)
-    figure.update_layout(box(points))
-    figure.update_layout(updatemenus=[view_buttons()], annotations=[row_label("view")])
+    in_space(figure, points, title=title.format("in space"), height=680)
 
 
 def draw_in_plane(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
@@ -226,7 +224,7 @@ def _starts(
         found += [(x.path(s), x.path(s, 1), said) for s in places]
     if every == 1:
         return found, ""
-    return found, f"In the picture every {ordinal(every)} contour has an arrow at its start."
+    return found, f"In the picture every {_ordinal(every)} contour has an arrow at its start."
 
 
 def number_contours(program: Program) -> list[Any]:
@@ -322,7 +320,7 @@ def mark_events(events: Sequence[TimedEvent], flat: bool) -> tuple[list[Any], st
         _mark(name, kind, found, names.index(name), flat) for (name, kind), found in groups.items()
     ]
 
-    note = f"In the picture only every {ordinal(every)} event is marked." if every > 1 else ""
+    note = f"In the picture only every {_ordinal(every)} event is marked." if every > 1 else ""
     return traces, note
 
 
@@ -347,6 +345,12 @@ def _mark(name: str, kind: str, events: list[TimedEvent], k: int, flat: bool) ->
     kind = "scatter" if flat else "scatter3d"
     at = dict(zip("xyz", points.astype(np.float32).T, strict=False))
     return make_trace(kind, **at, **common)
+
+
+def _ordinal(n: int) -> str:
+    """A number as an ordinal: 1st, 2nd, 3rd, 4th."""
+    last = 0 if 10 < n % 100 < 14 else n % 10
+    return f"{n}{SUFFIXES.get(last, 'th')}"
 
 
 def said(x: TimedEvent) -> str:

@@ -1,4 +1,4 @@
-"""The section on the path in space, with magnified errors, and an animation of the arm."""
+"""The section on the path in space, and an animation of the arm."""
 
 from __future__ import annotations
 
@@ -15,18 +15,14 @@ from armcontour.program import Program
 from armcontour.report.figure import Figure, Node
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
-from armcontour.report.sections.along import executed_contours
-from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
-from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
-from armcontour.report.sections.paths import objective_of
-from armcontour.report.sections.scene import (
-    box,
-    buttons,
+from armcontour.report.sections.bodies import (
+    draw_surroundings,
     in_space,
     line_in_space,
-    row_label,
-    view_buttons,
+    seen_from_base,
 )
+from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
+from armcontour.report.sections.paths import executed_contours, objective_of
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -35,9 +31,7 @@ from armcontour.report.style import (
     run_widths,
 )
 
-# Factors by which errors can be magnified.
-MAGNIFICATIONS = (1, 10, 100, 1000)
-# Largest number of points of an executed path, which is stored once per magnification.
+# Largest number of points of an executed path.
 MOST_PLACES = 600
 # The same for a program, which may fill an area.
 MOST_OF_PROGRAM = 6000
@@ -61,8 +55,7 @@ def space(study: Study) -> Section | None:
         text=(
             f"The objective path, {replaced_paths(study)}, and the executed path of the tool in "
             "each run. "
-            "Errors can be magnified: the vector from the nearest point of the path to the tool is "
-            "drawn with that factor. Sticks are the tool in the first run: its axis, and "
+            "Sticks are the tool in the first run: its axis, and "
             "shorter its x axis where that is given. The arm below moves as executed, in the "
             "coordinates of its base, among what is known of its cell."
         ),
@@ -71,7 +64,7 @@ def space(study: Study) -> Section | None:
 
 
 def _path(study: Study) -> Any:
-    """Figure of the paths in space, with buttons for magnification and view."""
+    """Figure of the paths in space."""
     figure = Figure()
     objective = outline_points(objective_of(study)) * 1e3
     figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
@@ -83,71 +76,36 @@ def _path(study: Study) -> Any:
         )
     for points, name, colour in _sticks(study):
         figure.add_trace(line_in_space(points, name, colour, width=3))
-    static = len(figure.data)
     colours, widths = run_colours(study.runs), run_widths(study.runs)
-    moved: list[tuple[FloatArray, FloatArray]] = []
     for name, result in study.runs.items():
         done = [(name, result.execution, result.evaluation, "solid")]
         if (x := result.experiment) is not None:
             done.append((f"{name}, experiment", x.execution, x.evaluation, EXPERIMENT_DASH))
         for label, execution, evaluation, dash in done:
-            moved.append(_error(execution, evaluation, result.path))
-            points = (moved[-1][0] + moved[-1][1]) * 1e3
+            points = _executed_tool(execution, evaluation, result.path) * 1e3
             width = widths[name] + 2
             figure.add_trace(line_in_space(points, label, colours[name], width=width, dash=dash))
-    which = list(range(static, len(figure.data)))
-    in_space(figure, title="Path in space", height=680, rows=2)
-    fixed = np.concatenate([_points(x) for x in figure.data[:static]])
-    larger = _magnify(fixed, moved, which)
-    figure.update_layout(larger[0]["args"][1])
-    figure.update_layout(
-        updatemenus=[buttons(larger, label="error magnified"), view_buttons(1)],
-        annotations=[row_label("error magnified"), row_label("view", 1)],
-    )
+    everywhere = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
+    in_space(figure, everywhere, title="Path in space", height=680)
     return figure
 
 
-def _magnify(
-    fixed: FloatArray, moved: list[tuple[FloatArray, FloatArray]], which: list[int]
-) -> list[dict[str, Any]]:
-    """Buttons that draw the executed paths with magnified errors.
-
-    Args:
-        fixed: Points that do not move [mm], (n, 3).
-        moved: Nearest points of the path and errors of each executed path [m], (n, 3) each.
-        which: Indices of the executed paths among the curves of the figure.
-    """
-    larger: list[dict[str, Any]] = []
-    for k in MAGNIFICATIONS:
-        curves = [(nearest + k * error) * 1e3 for nearest, error in moved]
-        around = box(np.concatenate([fixed, *curves]))
-        larger.append(
-            {"label": f"{k}×", "method": "update", "args": [_coordinates(curves), around, which]}
-        )
-    return larger
-
-
-def _error(
-    execution: Execution, evaluation: Evaluation, program: Program
-) -> tuple[FloatArray, FloatArray]:
-    """Nearest points of the path, and vectors from these to the tool, (n, 3) each [m].
+def _executed_tool(execution: Execution, evaluation: Evaluation, program: Program) -> FloatArray:
+    """Executed points of the tool, with its largest error, (n, 3) [m].
 
     After each of several contours there is a gap (NaN): rapids have no path.
     """
     worst = int(np.searchsorted(execution.t, evaluation.contour_error.t_max))
     found = []
     followed = executed_contours(execution, program)
-    gap = np.full((1, 3), np.nan)
-    gaps = [(gap, gap)] if len(followed) > 1 else []
-    for path, begin, end in followed:
+    gaps = [np.full((1, 3), np.nan)] if len(followed) > 1 else []
+    for _, begin, end in followed:
         kept = np.arange(begin, end, max(1, len(execution.t) // MOST_PLACES))
         kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
         if begin <= worst < end:
             kept = np.union1d(kept, [worst])
-        tool = execution.arm.forward(execution.q[kept])
-        nearest = path(path.project(tool).s)
-        found += [(nearest, tool - nearest), *gaps]
-    return np.concatenate([x[0] for x in found]), np.concatenate([x[1] for x in found])
+        found += [execution.arm.forward(execution.q[kept]), *gaps]
+    return np.concatenate(found)
 
 
 def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArray:
@@ -156,16 +114,6 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
     each = max(4, MOST_OF_PROGRAM // contours)
     even = min(max(1, each // 4), MOST_PLACES)
     return begin + simplify([tool], each, even=even)[0]
-
-
-def _coordinates(curves: list[FloatArray]) -> dict[str, list[Any]]:
-    """Coordinates of curves in the form of plotly's buttons, rounded to 0.1 µm."""
-    return {name: [np.round(x[:, i], 4).tolist() for x in curves] for i, name in enumerate("xyz")}
-
-
-def _points(trace: Any) -> FloatArray:
-    """Points of a curve, (n, 3) [mm]."""
-    return np.stack([trace.x, trace.y, trace.z], axis=1)
 
 
 def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
@@ -238,14 +186,9 @@ def _arm(study: Study) -> Any:
         )
         for k in range(FRAMES)
     ]
-    in_space(
-        figure,
-        title="The arm along its motion, as its base has it",
-        height=700,
-        rows=2,
-    )
-    figure.update_layout(box(np.concatenate(drawn)))
-    figure.update_layout(_playing(times))
+    title = "The arm along its motion, as its base has it"
+    in_space(figure, np.concatenate(drawn), title=title, height=700, top=50)
+    figure.update_layout(**_playing(times))
     return figure
 
 
@@ -268,9 +211,22 @@ def _playing(times: FloatArray) -> dict[str, Any]:
         "ticklen": 0,
         "font": {"color": "rgba(0,0,0,0)"},  # fifty labels would hide each other
     }
+    # Above the scene; places are in pixels, so that buttons fit narrow screens.
+    menu = {
+        "type": "buttons",
+        "direction": "right",
+        "buttons": play,
+        "showactive": False,
+        "x": 0,
+        "xanchor": "left",
+        "y": 1,
+        "yanchor": "bottom",
+        "pad": {"t": 0, "b": 6},
+        "bgcolor": "#FFFFFF",
+        "font": {"size": 12},
+    }
     return {
-        "updatemenus": [{**buttons(play), "showactive": False}, view_buttons(1)],
-        "annotations": [row_label("view", 1)],
+        "updatemenus": [menu],
         "sliders": [slider],
         "margin": {"b": 20},
     }

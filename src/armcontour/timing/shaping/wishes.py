@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.geometry import Path, ShapedPath, Tube
+from armcontour.geometry import Path, Tube
 
 # Iterations of the search, unless another number is given.
 DEFAULT_ITERATIONS = 60
@@ -84,13 +84,8 @@ class Wishes:
         return replace(path, segments=path.segments.replace(tolerances=own, checked=True))
 
 
-def tube_of(objective: Path, within: Wishes | ShapedPath) -> Tube:
-    """The tube of the tolerance around an objective path.
-
-    Args:
-        objective: The objective path.
-        within: What is wanted, or a shaped path, which has the same tolerances.
-    """
+def tube_of(objective: Path, within: Wishes) -> Tube:
+    """The tube of the tolerance around an objective path."""
     return Tube.of(
         objective, within.tolerance, line_tolerance=within.line_tolerance, zone=within.zone
     )
