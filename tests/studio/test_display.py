@@ -128,13 +128,10 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     clock.go()
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
-    tab.say("pin")
     figures = {"id": id, "run": "slow", "duration": 12.5, "rms": 1e-4}
     lane.deliver(Frame("figures", figures))
     told = tab.last("figures")
     assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
-    tab.say("pin", name="again")
-    assert [x["duration"] for x in tab.last("document")["pins"]] == [12.5, 12.5]
     tab.edit(MOVE)
     clock.go()
     late = lane.given[1][0]

@@ -31,12 +31,12 @@ def figures(x: Request) -> Frame:
         except InvalidInput:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
-        return Frame("refusal", {**told, "of": "live"})
+        return Frame("refusal", told)
     e, near, start = result.evaluation, result.clearance, result.trajectory(0.0)
     least = None if near is None else near.least
     off = e.objective_error
     header: dict[str, Any] = {
-        **{"run": result.run.name, "of": "live", "duration": e.duration, "settled": e.settled},
+        **{"run": result.run.name, "duration": e.duration, "settled": e.settled},
         **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
         "objective_max": None if off is None else off.max,
         "missed": e.missed.max,
