@@ -2,7 +2,7 @@
 
 import {
   AxesHelper, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DoubleSide, FrontSide, GridHelper, Group,
-  LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
+  LineBasicMaterial, LineMaterial, LineSegments, LineSegments2, LineSegmentsGeometry, Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
 
 /** @typedef {import("./kinematics.js").Pose} Pose */
@@ -34,9 +34,13 @@ export class Scene3D {
     this.alarm = dot();
     this.alarm.visible = false;
     // The part ahead of the tool is also seen through the arm.
-    this.ahead = line({ depthTest: false, transparent: true, opacity: 0.55 });
-    this.passed = line({});
+    this.ahead = new LineSegments(
+      new BufferGeometry(),
+      new LineBasicMaterial({ vertexColors: true, depthTest: false, transparent: true, opacity: 0.55 }),
+    );
     this.ahead.renderOrder = 1;
+    this.passed = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth: 4 }));
+    for (const x of [this.ahead, this.passed]) x.frustumCulled = false;
     this.trail = new Group();
     this.trail.matrixAutoUpdate = false;
     this.trail.add(this.ahead, this.passed);
@@ -85,11 +89,11 @@ export class Scene3D {
    * @param {Float32Array} colours of these ends, (n, 6)
    */
   setTrail(ends, colours) {
-    for (const { geometry } of [this.ahead, this.passed]) {
-      geometry.dispose();
-      geometry.setAttribute("position", new BufferAttribute(ends, 3));
-      geometry.setAttribute("color", new BufferAttribute(colours, 3));
-    }
+    this.ahead.geometry.dispose();
+    this.ahead.geometry.setAttribute("position", new BufferAttribute(ends, 3));
+    this.ahead.geometry.setAttribute("color", new BufferAttribute(colours, 3));
+    this.passed.geometry.dispose();
+    this.passed.geometry.setPositions(ends).setColors(colours);
   }
 
   /**
@@ -101,7 +105,7 @@ export class Scene3D {
   pose(links, at, done) {
     links.forEach((x, k) => setMatrix(this.links[k], x));
     this.tip.position.set(at[3], at[7], at[11]);
-    this.passed.geometry.setDrawRange(0, 2 * done);
+    this.passed.geometry.instanceCount = done;
   }
 
   /**
@@ -208,17 +212,6 @@ function addLight(shader) {
   const [position, colour] = ["#include <project_vertex>", "#include <opaque_fragment>"];
   shader.vertexShader = `varying float vLight;\n${shader.vertexShader.replace(position, `${position}\n${light}`)}`;
   shader.fragmentShader = `varying float vLight;\n${shader.fragmentShader.replace(colour, `outgoingLight *= vLight;\n${colour}`)}`;
-}
-
-/**
- * Pieces of a line, each end in its own colour.
- * @param {ConstructorParameters<typeof LineBasicMaterial>[0]} looks
- * @returns {LineSegments}
- */
-function line(looks) {
-  const found = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true, ...looks }));
-  found.frustumCulled = false;
-  return found;
 }
 
 /** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
