@@ -145,6 +145,19 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     session.close()
 
 
+def test_figures_are_computed_again_after_a_reload(file, clock):
+    session = session_of(file, rest=0.0)
+    session.begin()
+    tab, lane = Tab(session), NoLane.last
+    clock.go()
+    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
+    # The text is the same, but files that it names may have changed.
+    tab.say("reload")
+    clock.go()
+    assert len(lane.given) == 2
+    session.close()
+
+
 def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file, clock):
     session = session_of(file, rest=0.0)
     session.begin()

@@ -104,6 +104,8 @@ class Acts:
 
     def _reload(self, tab: Tab, said: Said) -> None:
         self._editor.reload()
+        # Files that the job names may have changed, too.
+        self._display.exact.forget()
         self._display.show_all()
 
     def _revert(self, tab: Tab, said: Said) -> None:

@@ -19,13 +19,14 @@ from armcontour.studio.lanes import FastLane
 from armcontour.studio.preview import CONFIGURATION
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.tabs import Tab, Tabs
-from armcontour.studio.tasks.figures import SAME
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
 # How often to look whether the first plan is drawn [s]: what computes exact figures would take the
 # processor from it.
 SOON = 0.05
+# Motions whose starts differ by more are in different configurations [rad].
+SAME = 0.01
 
 
 class Display:

@@ -40,17 +40,13 @@ def executed_frame(executed: Executed, view: View) -> Frame:
     )
     begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
-    worst = int(np.argmax(distance))
     header = {
         "run": planned.run.name,
         "rms": errors.rms,
         "max": errors.max,
-        "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
-        "period": executed.taught.period,
         "settled": executed.settled,
         "saturated": saturated_joints(execution),
         "demand": largest_demand(execution.demand_range, planned.run.limits),
-        "preview_period": executed.taught.period,
         "centre": view.centre,
         "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
     }
