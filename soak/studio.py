@@ -26,11 +26,11 @@ WARM = 0.2
 # In a shorter time not all is loaded, so that memory is only told [s].
 LONG = 40.0
 HANDLES = ("g.handle.waypoint", "g.handle.corner", "g.handle.middle", "g.place .handle")
-BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #pin, #undo, #redo, #theme"
+BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #undo, #redo, #theme"
 KEYS = (
     *("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft"),
     *("Tab", "Shift+Tab", "Escape", "Control+z", "Control+Shift+z", "Delete", "Insert", "Space"),
-    *("p", "c", "e", "f", "m", "v", "d", "1", "2", "3", "[", "]", "+", "-", "?", "Alt+1", "Alt+3"),
+    *("e", "f", "m", "v", "d", "1", "2", "3", "[", "]", "+", "-", "?", "Alt+1", "Alt+3"),
 )
 BOXES = """(all) => all.map((x) => {
     const box = x.getBoundingClientRect();
@@ -150,7 +150,7 @@ class Monkey:
     def _choose(self) -> Iterator[None]:
         """Another run, or another value of a list."""
         page = self.studio.page
-        lists = page.locator("#run, #compare, #panel select:visible, #playback select")
+        lists = page.locator("#run, #panel select:visible, #playback select")
         if count := lists.count():
             chosen = lists.nth(self.random.randrange(count))
             if options := chosen.locator("option:not([disabled])").count():

@@ -20,11 +20,9 @@ from docs.site.written import written
 import armcontour as ac
 from armcontour import errors
 from armcontour.cli.commands import app
-from armcontour.studio.edits import EDITS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-STUDIO = ROOT / "src/armcontour/studio"
 PAGES = written()
 GROUP = typer.main.get_command(app)
 
@@ -90,18 +88,6 @@ def test_every_error_has_its_exit_code_its_attributes_and_what_mends_it():
     assert len(codes) > 8 and codes == {y for x in table for y in re.findall(r"\d+", x[0])}
     explained = {y for x in table for y in re.findall(r"`(\w+)`", x[0])}
     assert set(vars(ac.ArmContourError("No."))) <= explained
-
-
-def test_every_message_and_frame_of_the_studio_is_named():
-    page = read("reference/studio.md")
-    named = {y for x in re.findall(r"`([^`\n]+)`", page) for y in re.findall(r"\w+", x)}
-    sources = "\n".join(x.read_text(encoding="utf-8") for x in STUDIO.rglob("*.py"))
-    frames = set(re.findall(r"\bFrame\(\s*\"(\w+)\"", sources))
-    # What `Acts` knows, and which method does it.
-    acts = (STUDIO / "acts.py").read_text(encoding="utf-8")
-    messages = set(re.findall(r"^ +\"(\w+)\": self\.", acts, re.MULTILINE))
-    assert len(messages) > 15 and len(EDITS) > 8 and len(frames) > 10
-    assert sorted({*messages, *EDITS, *frames} - named) == []
 
 
 def test_a_beginner_finds_ten_questions_and_each_page_once():

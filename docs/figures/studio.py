@@ -23,7 +23,7 @@ def save(studio: Studio, name: str) -> None:
 
 
 def demo(studio: Studio) -> None:
-    """The paper's job: what is seen, a dragged corner, a faster motion, two gains."""
+    """The paper's job: what is seen, and a waypoint out of reach."""
     studio.choose_run("optimal")
     studio.wait("#view2d", run="optimal")
     studio.rest()
@@ -35,14 +35,6 @@ def demo(studio: Studio) -> None:
         save(studio, "refused")
         studio.page.keyboard.press("Escape")
     studio.wait("body", refused="false")
-    with studio.changing():
-        studio.slider("compensation.method").locator("select").select_option("none")
-    studio.find("#pin").click()
-    with studio.changing():
-        studio.type("servo.kp", "15 1/s")
-    studio.find("#compare").select_option(index=1)
-    studio.tab("runs")
-    save(studio, "compared")
 
 
 def gasket(studio: Studio) -> None:

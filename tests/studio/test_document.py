@@ -229,14 +229,14 @@ def test_an_editor_changes_text_and_run_together_or_not_at_all(tmp_path):
     before = editor.rev, editor.run, editor.seen
     made = editor.with_changes([Change(("runs", "fast")), Change(("limits", "speed"), "0 m/s")])
     with pytest.raises(InvalidInput):
-        editor.commit(made, "remove", run="")
+        editor.commit(made, "remove")
     assert (editor.rev, editor.run, editor.seen) == before
     assert editor.document.text == JOB and not editor.document.can_undo
     request = editor.request(editor.edited([MOVE]), {"key": 1})
     assert "400 mm, 160 mm" in request["text"] and editor.document.text == JOB
     assert (request["run"], request["options"]) == ("fast", {"key": 1})
     assert editor.request(Made(editor.seen.data), {})["text"] == JOB
-    editor.commit(editor.edited([MOVE]), "move", run="slow")
+    editor.commit(editor.with_changes([Change(("runs", "fast"))]), "remove")
     assert (editor.rev, editor.run) == (before[0] + 1, "slow")
     assert editor.seen.data == editor.document.data != before[2].data
     editor.undo()

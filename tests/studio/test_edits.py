@@ -13,8 +13,8 @@ from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.job_edits import change_data, change_text
 from armcontour.studio.edits import EDITS, EditState, changes_of
+from armcontour.studio.edits.runs import remove_run
 from armcontour.studio.handles import handles_of
-from armcontour.studio.variants import remove_run
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\

@@ -255,7 +255,6 @@ def test_errors_and_demand_are_those_of_an_evaluation(done):
     e, demand = found.contour_error, found.demand_ratio
     assert frame.header["rms"] == pytest.approx(e.rms, rel=1e-12)
     assert frame.header["max"] == pytest.approx(e.max, rel=1e-12)
-    assert frame.header["max_at"]["t"] == pytest.approx(e.t_max)
     assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
     assert frame.header["settled"] == executed.settled
     np.testing.assert_allclose(frame.header["demand"], demand, rtol=1e-12)

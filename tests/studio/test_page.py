@@ -66,7 +66,7 @@ const { Store } = await import("./state.js");
 const { exactnessOf } = await import("./figures.js");
 const store = new Store(), told = [], rest = { arrays: {}, shapes: {}, asked: 0 };
 const put = (kind, rev, seq, head = {}) =>
-  store.put({ kind, rev, seq, head: { of: "live", ...head }, ...rest });
+  store.put({ kind, rev, seq, head, ...rest });
 const listen = (who, events) => events.forEach((event) =>
   store.on(event, (x) => told.push([who, event, x?.kind ?? x?.stage ?? x?.t])));
 """
@@ -90,18 +90,17 @@ def test_nothing_of_another_job_is_shown_and_nothing_is_exact_without_a_server()
         f"""{STORE}
         const note = () => told.push([
           ["picture", "executed", "figures"].filter((x) => store.latest(x)),
-          Boolean(store.latest("picture", "compare")), store.refusal !== null, exactnessOf(store),
+          store.refusal !== null, exactnessOf(store),
         ]);
-        put("document", 1, 1, {{ id: "one", compare: {{ run: "x" }} }});
+        put("document", 1, 1, {{ id: "one" }});
         put("picture", 1, 1);
-        put("picture", 1, 1, {{ of: "compare" }});
         put("executed", 1, 1);
         put("figures", 1, 1);
         note();
         store.isOffline = true;
         note();
         store.isOffline = false;
-        put("document", 2, 1, {{ id: "one", compare: {{ run: "x" }} }});
+        put("document", 2, 1, {{ id: "one" }});
         note();
         put("refusal", 2, 1, {{ tier: 1 }});
         put("document", 3, 1, {{ id: "two" }});
@@ -111,11 +110,11 @@ def test_nothing_of_another_job_is_shown_and_nothing_is_exact_without_a_server()
     )
     every = ["picture", "executed", "figures"]
     assert found == [
-        [every, True, False, "exact"],
-        [every, True, False, "not connected"],
+        [every, False, "exact"],
+        [every, False, "not connected"],
         # The figures are of the job before the change.
-        [every, True, False, "preview"],
-        [[], False, False, "not planned yet"],
+        [every, False, "preview"],
+        [[], False, "not planned yet"],
     ]
 
 
@@ -123,22 +122,21 @@ def test_what_comes_later_is_told_what_is_there_and_nobody_is_told_twice():
     found = compute(
         f"""{STORE}
         listen("first", ["document", "refusal", "view"]);
-        put("document", 1, 1, {{ compare: {{ run: "x" }} }});
+        put("document", 1, 1);
         put("picture", 1, 1);
-        put("picture", 1, 1, {{ of: "compare" }});
         put("refusal", 1, 1, {{ tier: 1 }});
         store.setCursor({{ t: 2, source: "path" }});
         store.setView({{ stage: "both" }});
         const before = told.splice(0).length;
         store.catchUp(() =>
-          listen("later", ["document", "picture", "compare", "refusal", "cursor", "view", "pose"]));
+          listen("later", ["document", "picture", "refusal", "cursor", "view", "pose"]));
         const late = told.splice(0);
-        put("document", 1, 1, {{ compare: {{ run: "x" }} }});
+        put("document", 1, 1);
         tell([before, late, told]);
         """
     )
     late = [
-        *(["document", "document"], ["picture", "picture"], ["compare", "picture"]),
+        *(["document", "document"], ["picture", "picture"]),
         *(["refusal", "refusal"], ["cursor", 2], ["view", "both"]),
     ]
     assert found[:2] == [3, [["later", *x] for x in late]]

@@ -110,19 +110,6 @@ def test_while_newer_edits_wait_plans_come_first_for_a_while(without, executed, 
     assert [k for k, x in enumerate(states) if heard.of("executed", x)] == executed
 
 
-def test_at_rest_what_is_compared_is_as_exact_as_what_is_shown():
-    with showing() as (screen, heard, make):
-        screen.compare(DATA, "optimal")
-        screen.show(state := make())
-        _, rough = heard.of("executed", state)
-        screen.rest()
-        *found, live, beside = heard.of("executed", state)
-        assert len(found) == 3
-        assert [live.header["of"], beside.header["of"]] == ["live", "compare"]
-        for figure in ("rms", "max"):
-            assert live.header[figure] == beside.header[figure] != rough.header[figure]
-
-
 def test_what_changes_ends_the_search_for_the_picture_of_a_full_run():
     with showing(lane=FastLane) as (screen, heard, make):
         first, second = make(run="shaped"), make()

@@ -1,7 +1,4 @@
-"""A server that is attacked: by other pages of the web, and by a page that has the token.
-
-The numbers S1 to S14 are those of the list in docs/reference/studio.md.
-"""
+"""A server that is attacked: by other pages of the web, and by a page that has the token."""
 
 import logging
 import socket

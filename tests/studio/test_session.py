@@ -60,19 +60,17 @@ NONSENSE = (
     *({"op": "edit", "edits": x} for x in EDITS[-3:]),
     {"op": "edit", "edits": [{**MOVE, "index": 1.5}], "gesture": [], "rev": "x"},
     *({"op": "select"}, {"op": "select", "run": "none"}, {"op": "select", "run": {"a": 1}}),
-    *({"op": "undo"}, {"op": "redo", "seq": "x"}, {"op": "unpin", "pin": [1]}),
-    *({"op": "swap", "pin": 1}, {"op": "compare", "with": 1}),
-    {"op": "compare", "with": {"run": ["fast"]}},
+    *({"op": "undo"}, {"op": "redo", "seq": "x"}, {"op": "pin"}, {"op": "compare", "with": None}),
     *({"op": "add_run", "name": "../x"}, {"op": "add_run", "name": "fast"}),
     {"op": "add_run", "name": "new", "like": ["fast"]},
-    *({"op": "remove_run", "name": "none"}, {"op": "pin_to_run", "pin": None, "name": "x"}),
+    {"op": "remove_run", "name": "none"},
     *({"op": "pose", "t": "1", "of": "planned"}, {"op": "pose", "t": 1, "of": "nothing"}),
     *({"op": "task", "id": "a", "task": "system"}, {"op": "task", "id": 1, "task": "check"}),
     {"op": "task", "id": "#1", "task": "check"},
     {"op": "task", "id": "a", "task": "check", "options": [1]},
     {"op": "restore_draft"},
     # Half of a character (a lone surrogate), which no frame could hold.
-    *({"op": "pin", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
+    *({"op": "add_run", "name": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
 )
 
 
@@ -85,7 +83,6 @@ def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
         assert "Traceback" not in capsys.readouterr().err, message
         assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False)), message
         session.leave(tab)
-    assert Tab(session).last("document")["pins"] == []
 
 
 def test_a_drawing_takes_the_place_of_the_path(session, tab):
@@ -231,54 +228,6 @@ def test_runs_are_shown_added_and_removed(session, tab):
     assert "only run" in sentence(tab.say("remove_run", name="fast"))
 
 
-def test_a_pin_is_compared_and_swapped(session, tab):
-    tab.say("pin", name="before")
-    (pin,) = tab.last("document")["pins"]
-    before = tab.last("picture")["duration"]
-    assert pin["name"] == "before" and pin["duration"] == before and pin["max"] > pin["rms"] > 0
-    tab.edit({"do": "set", "key": "limits.speed", "value": "60 mm/s"})
-    changed, after = session.document.text, tab.last("picture")["duration"]
-    heard = tab.say("compare", **{"with": {"pin": pin["pin"]}})
-    pairs = [(kind, of) for of in ("live", "compare") for kind in ("picture", "executed")]
-    assert [(x.kind, x.header.get("of")) for x in heard] == [("document", None), *pairs]
-    assert heard[3].header["duration"] == before and heard[1].header["duration"] == after
-    tab.say("swap", pin=pin["pin"])
-    assert session.document.text == JOB
-    assert tab.last("document")["pins"][0]["duration"] == after
-    tab.say("undo")
-    assert session.document.text == changed
-    tab.say("unpin", pin=pin["pin"])
-    assert tab.last("document")["pins"] == [] and tab.last("document")["compare"] is None
-
-
-def test_a_run_is_compared_while_the_path_moves(tab):
-    tab.say("compare", **{"with": {"run": "fast"}})
-    heard = tab.edit({**MOVE, "to": [0.4, 0.2]}, final=False)
-    assert [x.header["run"] for x in heard] == ["slow", "slow", "fast", "fast"]
-    tab.say("cancel_gesture")
-    heard = tab.say("remove_run", name="fast")
-    assert tab.last("document")["compare"] is None
-    assert kinds(heard) == ["document", "picture", "executed"]
-
-
-def test_a_pin_becomes_a_run_if_runs_can_differ_so(session, tab):
-    tab.edit({"do": "set", "key": "corners.tolerance", "value": "2 mm"})
-    tab.edit({"do": "set", "key": "limits.joint_acceleration", "value": "0.5 rad/s^2"}, gesture=1)
-    tab.say("pin")
-    pinned = tab.last("picture")["duration"]
-    tab.say("undo")
-    tab.say("undo")
-    tab.say("pin_to_run", pin=1, name="careful")
-    assert session.document.data["runs"]["careful"] == {
-        "limits": {"speed": "50 mm/s", "joint_acceleration": "0.5 rad/s^2"},
-        "corners": {"tolerance": "2 mm"},
-    }
-    tab.say("select", run="careful")
-    assert tab.last("picture")["duration"] == pytest.approx(pinned, rel=1e-12)
-    tab.edit(MOVE, gesture=2)
-    assert "differs in path" in sentence(tab.say("pin_to_run", pin=1, name="other"))
-
-
 def test_saving_and_what_others_have_changed(session, tab, file):
     tab.edit(MOVE)
     assert "-  points" in tab.say("diff")[0].header["text"]
@@ -373,7 +322,7 @@ class Listener:
 
     @property
     def heard(self):
-        return [(x.kind, x.header.get("of"), x.header["seq"]) for x in self.frames]
+        return [(x.kind, x.header["seq"]) for x in self.frames]
 
 
 def test_every_page_hears_the_number_of_its_own_message():
@@ -387,8 +336,8 @@ def test_every_page_hears_the_number_of_its_own_message():
     tabs.tell(Frame("notice", {"rev": 3}))
     tabs.tell(Frame("notice", {"rev": 3}), answers=before)
     tabs.tell(Frame("diff"), to=other)
-    assert one.heard == [("notice", None, 8), ("notice", None, 7)]
-    assert other.heard == [("notice", None, None)] * 2 + [("diff", None, None)]
+    assert one.heard == [("notice", 8), ("notice", 7)]
+    assert other.heard == [("notice", None)] * 2 + [("diff", None)]
     assert one.frames[0].header["rev"] == 3
     tabs.leave(one)
     tabs.tell(Frame("notice"))
@@ -397,21 +346,23 @@ def test_every_page_hears_the_number_of_its_own_message():
 
 def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
     tabs, page = Tabs(), Listener()
-    for of in ("live", "compare"):
-        for kind in ("picture", "executed"):
-            tabs.tell(Frame(kind, {"of": of}))
-    tabs.tell(Frame("notice"))
-    tabs.tell(Frame("picture", {"of": "live"}))
-    tabs.tell(Frame("refusal", {"of": "live", "dropped": True}))
+
+    def told():
+        tabs.join(later := Listener())
+        return [kind for kind, _ in later.heard]
+
     tabs.join(page)
-    assert [x[:2] for x in page.heard] == [
-        ("picture", "live"),
-        ("picture", "compare"),
-        ("executed", "compare"),
-    ]
-    tabs.tell(Frame("document", {"compare": None}))
-    tabs.join(later := Listener())
-    assert [x[:2] for x in later.heard] == [("picture", "live"), ("document", None)]
+    tabs.hear(page, {"seq": 1})
+    for kind in ("picture", "executed", "notice", "figures"):
+        tabs.tell(Frame(kind))
+    assert told() == ["picture", "executed", "figures"]
+    # At rest the exact picture comes after the figures of the same edit.
+    tabs.tell(Frame("picture"))
+    tabs.tell(Frame("refusal", {"dropped": True}))
+    assert told() == ["picture", "figures"]
+    tabs.hear(page, {"seq": 2})
+    tabs.tell(Frame("picture"))
+    assert told() == ["picture"]
 
 
 def test_the_newest_files_are_kept():

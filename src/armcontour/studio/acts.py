@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from armcontour._checks import LONGEST_NAME
 from armcontour._text import show
@@ -11,9 +10,9 @@ from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.display import Display
 from armcontour.studio.editor import Made
+from armcontour.studio.edits.runs import add_run, remove_run
 from armcontour.studio.gestures import Gestures
 from armcontour.studio.tabs import Said, Tab
-from armcontour.studio.variants import add_run, pin_to_run, remove_run
 from armcontour.studio.wire import Frame
 
 
@@ -42,13 +41,8 @@ class Acts:
             "discard_draft": self._discard,
             "diff": self._diff,
             "select": self._select,
-            "pin": self._pin,
-            "unpin": self._unpin,
-            "swap": self._swap,
-            "compare": self._compare,
             "add_run": self._add_run,
             "remove_run": self._remove_run,
-            "pin_to_run": self._pin_to_run,
             "pose": self._pose,
             "task": self._task,
             "cancel": self._cancel,
@@ -69,9 +63,9 @@ class Acts:
             raise InvalidInput(f"The Studio does not know {show(said.get('op'))}.")
         act(tab, said)
 
-    def _commit(self, made: Made, label: str, *, run: str | None = None) -> None:
+    def _commit(self, made: Made, label: str) -> None:
         """Change the document, and show it."""
-        self._editor.commit(made, label, run=run)
+        self._editor.commit(made, label)
         self._display.show_all()
 
     def _change(self, changes: Sequence[Change], label: str) -> None:
@@ -110,6 +104,8 @@ class Acts:
 
     def _reload(self, tab: Tab, said: Said) -> None:
         self._editor.reload()
+        # Files that the job names may have changed, too.
+        self._display.exact.forget()
         self._display.show_all()
 
     def _revert(self, tab: Tab, said: Said) -> None:
@@ -133,37 +129,10 @@ class Acts:
     def _diff(self, tab: Tab, said: Said) -> None:
         self._display.tell(Frame("diff", {"text": self._editor.document.diff()}), to=tab)
 
-    # Runs, pins, comparisons.
+    # Runs.
 
     def _select(self, tab: Tab, said: Said) -> None:
         self._editor.select(_word(said, "run"))
-        self._display.show_all()
-
-    def _pin(self, tab: Tab, said: Said) -> None:
-        name = said.get("name")
-        self._display.variants.pin(*self._state, name=name if isinstance(name, str) else None)
-        self._display.show_document()
-
-    def _unpin(self, tab: Tab, said: Said) -> None:
-        self._display.variants.unpin(said.get("pin"))
-        self._display.show_all()
-
-    def _swap(self, tab: Tab, said: Said) -> None:
-        """The document gets the text of a pin, and the pin that of the document."""
-        pin, before = self._display.variants.find(said.get("pin")), self._state
-        made = self._editor.of_text(pin.text)
-        self._editor.commit(made, f"swap with {pin.name}", run=pin.run)
-        self._display.variants.replace(pin, *before)
-        self._display.show_all()
-
-    @property
-    def _state(self) -> tuple[str, Mapping[str, Any], str, Mapping[str, Any]]:
-        """What a pin keeps: text, data, run and figures."""
-        editor = self._editor
-        return editor.document.text, editor.seen.data, editor.run, self._display.figures
-
-    def _compare(self, tab: Tab, said: Said) -> None:
-        self._display.variants.compare(said.get("with"), self._editor.seen.data)
         self._display.show_all()
 
     def _add_run(self, tab: Tab, said: Said) -> None:
@@ -172,14 +141,7 @@ class Acts:
 
     def _remove_run(self, tab: Tab, said: Said) -> None:
         name = _word(said, "name")
-        changes = remove_run(self._editor.seen.data, name)
-        run = "" if self._editor.run == name else None
-        self._commit(self._editor.with_changes(changes), f"remove the run {name}", run=run)
-
-    def _pin_to_run(self, tab: Tab, said: Said) -> None:
-        name, pin = _word(said, "name"), self._display.variants.find(said.get("pin"))
-        changes = pin_to_run(self._editor.seen.data, pin, name)
-        self._change(changes, f"make {pin.name} the run {name}")
+        self._change(remove_run(self._editor.seen.data, name), f"remove the run {name}")
 
     # Poses and tasks.
 

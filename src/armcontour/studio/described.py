@@ -13,7 +13,6 @@ from armcontour.jobs import Job
 from armcontour.studio.document import Document
 from armcontour.studio.handles import Handles, obstacles_of
 from armcontour.studio.sliders import sliders_of
-from armcontour.studio.variants import Variants
 from armcontour.studio.wire import Frame
 
 # What an edit is called in the list of what can be undone.
@@ -65,14 +64,13 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def describe(document: Document, seen: Seen, run: str, variants: Variants, *, draft: bool) -> Frame:
+def describe(document: Document, seen: Seen, run: str, *, draft: bool) -> Frame:
     """The frame that says what the document is.
 
     Args:
         document: The document.
         seen: What is seen of it.
         run: Name of the run that is shown.
-        variants: Pins, and what it is compared with.
         draft: Whether there is a draft of an earlier session.
     """
     data, handles = seen.data, seen.handles
@@ -91,7 +89,6 @@ def describe(document: Document, seen: Seen, run: str, variants: Variants, *, dr
         "redo_label": document.redo_label,
         "runs": runs_of(data),
         "run": run,
-        **variants.header,
         "path": _path(data, handles, seen),
         "waypoints": [] if handles is None else _waypoints(handles),
         "sliders": [] if seen.job is None else sliders_of(data, seen.job, run),

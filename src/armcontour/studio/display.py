@@ -19,14 +19,14 @@ from armcontour.studio.lanes import FastLane
 from armcontour.studio.preview import CONFIGURATION
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.tabs import Tab, Tabs
-from armcontour.studio.tasks.figures import SAME
-from armcontour.studio.variants import Variants
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
 # How often to look whether the first plan is drawn [s]: what computes exact figures would take the
 # processor from it.
 SOON = 0.05
+# Motions whose starts differ by more are in different configurations [rad].
+SAME = 0.01
 
 
 class Display:
@@ -41,7 +41,6 @@ class Display:
     Attributes:
         lock: Who changes the document holds it.
         tabs: The pages.
-        variants: Pins, and what the document is compared with.
         screen: Plans and executes what is shown.
         exact: Computes exact figures and tasks.
     """
@@ -55,7 +54,7 @@ class Display:
     ) -> None:
         self.editor = editor
         self.lock = RLock()
-        self.tabs, self.variants = Tabs(), Variants()
+        self.tabs = Tabs()
         # One timer waits for the rest of all edits: to begin a thread for each takes long.
         self._rest, self._due = rest, 0.0
         self._timer: Timer | None = None
@@ -74,9 +73,7 @@ class Display:
         self.screen.close()
 
     def show_all(self) -> None:
-        """Show the document, its run and what it is compared with, as they are now."""
-        self.variants.keep_to(self.editor.seen.data)
-        self.screen.compare(*self.variants.compared)
+        """Show the document and its run as they are now."""
         self.show_document()
         self.show()
 
@@ -88,13 +85,7 @@ class Display:
         """
         editor = self.editor
         self._on_disk = editor.document.on_disk()
-        frame = describe(
-            editor.document,
-            editor.seen,
-            editor.run,
-            self.variants,
-            draft=editor.draft is not None,
-        )
+        frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft is not None)
         self.tell(frame, to=to)
 
     def show(
@@ -131,7 +122,6 @@ class Display:
 
     def open(self) -> None:
         """Show another document, which the editor has opened."""
-        self.variants = Variants()
         # Of the document before; a document that cannot be shown has no rest.
         self._stop_waiting()
         self.screen.forget()
@@ -149,19 +139,6 @@ class Display:
             options: Options of the work.
         """
         return self.editor.request(self._made, options)
-
-    @property
-    def figures(self) -> Mapping[str, Any]:
-        """Duration and errors of what is shown, exact if they are known."""
-        exact = self.exact.latest
-        if exact is not None and exact.request == self.request({}):
-            return {name: exact.header.get(name) for name in ("duration", "rms", "max")}
-        planned, executed = self.screen.planned, self.screen.executed
-        return {
-            "duration": None if planned is None else planned.trajectory.duration,
-            "rms": None if executed is None else executed.errors.rms,
-            "max": None if executed is None else executed.errors.max,
-        }
 
     def tell(self, frame: Frame, to: Tab | None = None) -> None:
         """Tell something of the present document.
@@ -182,7 +159,7 @@ class Display:
         told = Frame(
             "refusal",
             {
-                **{"tier": 1, "run": self.editor.run, "of": "live", "sentence": str(error)},
+                **{"tier": 1, "run": self.editor.run, "sentence": str(error)},
                 **{"error": type(error).__name__, "exit": error.exit_code, "at": {}},
                 "dropped": dropped,
             },
@@ -232,7 +209,6 @@ class Display:
         if asked is None:
             self.tell(self._with_file(frame))
             return
-        self.variants.learn(asked.request, frame.header)
         if asked.rev == self.editor.rev:
             self.tabs.tell(frame.stamped(rev=asked.rev), answers=asked.answers)
             if frame.kind == "figures" and frame.header.get("start") is not None:

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._yaml import load
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.described import Seen, runs_of
@@ -104,31 +104,25 @@ class Editor:
         self.run = run
         self._renew()
 
-    def commit(self, made: Made, label: str, *, run: str | None = None) -> None:
+    def commit(self, made: Made, label: str) -> None:
         """Change the text, in one step of undo.
 
         Args:
             made: What edits make of the document.
             label: What they are called.
-            run: The run that is shown from then on; by default the same.
 
         Raises:
             InvalidInput: The data make no job, and those before did.
         """
-        before, self.run = self.run, self.run if run is None else run
-        try:
-            # Seen before anything is changed: what cannot be shown is not made.
-            seen = self._see(made.data)
-            if seen.error is not None and self.seen.job is not None:
-                raise seen.error
-            if made.changes is None:
-                assert made.text is not None
-                self.document.replace(made.text, label)
-            else:
-                self.document.apply(made.changes, label)
-        except ArmContourError:
-            self.run = before
-            raise
+        # Seen before anything is changed: what cannot be shown is not made.
+        seen = self._see(made.data)
+        if seen.error is not None and self.seen.job is not None:
+            raise seen.error
+        if made.changes is None:
+            assert made.text is not None
+            self.document.replace(made.text, label)
+        else:
+            self.document.apply(made.changes, label)
         self._changed(seen)
 
     def undo(self) -> None:

@@ -19,13 +19,12 @@ from armcontour.studio.wire import Frame
 MOST_SAMPLES = 4_000
 
 
-def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame:
+def executed_frame(executed: Executed, view: View) -> Frame:
     """The picture of an execution: how far the tool is from the path, and what the joints need.
 
     Args:
         executed: The execution.
         view: How points get on the screen.
-        of: As in `picture_frame`.
     """
     planned, execution, errors = executed.planned, executed.execution, executed.errors
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
@@ -41,18 +40,13 @@ def executed_frame(executed: Executed, view: View, *, of: str = "live") -> Frame
     )
     begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
     at = which[kept]
-    worst = int(np.argmax(distance))
     header = {
         "run": planned.run.name,
-        "of": of,
         "rms": errors.rms,
         "max": errors.max,
-        "max_at": {"uv": view.uv(base[worst]), "t": errors.t_max, "s": errors.s_max},
-        "period": executed.taught.period,
         "settled": executed.settled,
         "saturated": saturated_joints(execution),
         "demand": largest_demand(execution.demand_range, planned.run.limits),
-        "preview_period": executed.taught.period,
         "centre": view.centre,
         "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
     }

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 T = TypeVar("T")
-# Results that are kept of every step: those of a few runs and pins that are looked at by turns.
+# Results that are kept of every step: those of a few runs that are looked at by turns.
 KEPT = 4
 # Number of sampled results in the cache: 2, or 1 above 200,000 samples.
 LARGE_KEPT, MOST_SAMPLES = 2, 200_000

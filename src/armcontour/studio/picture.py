@@ -51,13 +51,12 @@ FLOOR_SAMPLES, FLOOR_MARGIN = 200, 5e-3
 BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
 
-def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
+def picture_frame(planned: Planned, view: View) -> Frame:
     """The picture of a plan.
 
     Args:
         planned: The plan.
         view: How points get on the screen.
-        of: "live", or "compare" for a plan to compare with.
     """
     line = Line.of(planned)
     limits = _limits(planned.explanation)
@@ -68,7 +67,6 @@ def picture_frame(planned: Planned, view: View, *, of: str = "live") -> Frame:
     kerfs, cut = _kerf(planned, view)
     header = {
         "run": planned.run.name,
-        "of": of,
         "duration": planned.trajectory.duration,
         **view.header,
         "contours": _contours(planned.path, line.ends, kept),
@@ -115,7 +113,6 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
     arrays = _thinned_outline(points, first, view)
     header = {
         "run": run,
-        "of": "live",
         "duration": None,
         **view.header,
         "contours": [],

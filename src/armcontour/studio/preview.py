@@ -141,7 +141,6 @@ class Previewer:
         data: Mapping[str, Any],
         run: str | None = None,
         *,
-        period: float | None = None,
         moving: bool = False,
         exact: bool = False,
         progress: Progress | None = None,
@@ -151,7 +150,6 @@ class Previewer:
         Args:
             data: The job file as parsed.
             run: Name of the run; by default the first one.
-            period: Command interval [s]; by default that of a preview.
             moving: Whether the next plan is wanted soon, so that a coarser grid is enough.
             exact: Whether to plan as `run` does, in whatever time that takes.
             progress: As of `run`.
@@ -163,7 +161,7 @@ class Previewer:
             job, path = self._job_and_path(data, run)
             (own,) = job.runs
             with locate_errors(f"Run {own.name}"):
-                this, differs = (own, ()) if exact else coarser_run(job, own, period, moving)
+                this, differs = (own, ()) if exact else coarser_run(job, own, moving)
                 # While a handle moves, the first place that is out of reach is enough.
                 with nullcontext() if moving else reach_told(job):
                     found = self._plan(job, path, this, exact, progress)

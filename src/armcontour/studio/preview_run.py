@@ -64,26 +64,21 @@ def _experiment_of(model: JobModel, run: str) -> ExperimentModel | None:
     return dataclasses.replace(found, runs=None)
 
 
-def coarser_run(
-    job: Job, own: Run, period: float | None, moving: bool
-) -> tuple[Run, tuple[str, ...]]:
+def coarser_run(job: Job, own: Run, moving: bool) -> tuple[Run, tuple[str, ...]]:
     """The run of a preview, and sentences on what is different in it.
 
     Args:
         job: The job.
         own: The run as the job has it.
-        period: Command interval [s]; None for that of a preview.
         moving: Whether the next plan is wanted soon.
     """
-    this, differs = own, []
-    if period is None:
-        period = max(own.period, PERIOD)
-        try:
-            for x in (job.servo, job.plant_servo):
-                x.refuse_too_fast(period)
-        except InvalidInput:
-            # Gains as large as these need short intervals.
-            period = own.period
+    this, differs, period = own, [], max(own.period, PERIOD)
+    try:
+        for x in (job.servo, job.plant_servo):
+            x.refuse_too_fast(period)
+    except InvalidInput:
+        # Gains as large as these need short intervals.
+        period = own.period
     if period != own.period:
         this = dataclasses.replace(this, period=period)
         differs.append(

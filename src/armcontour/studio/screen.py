@@ -1,4 +1,4 @@
-"""What the pages show of the newest edit: its plan, its execution, and what it is compared with."""
+"""What the pages show of the newest edit: its plan and its execution."""
 
 from __future__ import annotations
 
@@ -107,7 +107,6 @@ class Screen:
         self._tell = deliver
         self._lock = Lock()
         self._seen = _Seen()
-        self._compared: tuple[Mapping[str, Any] | None, str] | None = None
         self._shown: Shown | None = None
         self._working: Shown | None = None
         # Whether pages have the last frame, and an arm of any document.
@@ -153,15 +152,6 @@ class Screen:
         if waits:
             self._lane.submit(lambda stale: self._frames(shown, stale))
 
-    def compare(self, data: Mapping[str, Any] | None, run: str | None) -> None:
-        """Show another plan besides, from the next state on.
-
-        Args:
-            data: Its job; None for that of the state.
-            run: Its run; None for no comparison.
-        """
-        self._compared = None if run is None else (data, run)
-
     def pose(self, t: float, of: str) -> FloatArray:
         """Joint positions at a time.
 
@@ -182,7 +172,6 @@ class Screen:
 
     def forget(self) -> None:
         """Forget what is kept, as another document is opened."""
-        self._compared = None
         with self._lock:
             # What is at work for the other document goes on with what was seen of that.
             self._shown, self._seen = None, _Seen()
@@ -204,8 +193,6 @@ class Screen:
         """All frames of a state."""
         self._working = shown
         yield from self._live(shown, stale)
-        if self._compared is not None and not stale():
-            yield from self._beside(shown, stale, *self._compared)
         if shown.told is not None:
             yield shown.told
         self._done.set()
@@ -310,43 +297,15 @@ class Screen:
             shown.waits = not shown.rests
             return shown.waits
 
-    def _beside(
-        self, shown: Shown, stale: Stale, data: Mapping[str, Any] | None, run: str
-    ) -> Iterator[Frame]:
-        """The plan that it is compared with; what is refused there is not drawn.
 
-        At rest it is as exact as what it is compared with, so that differences are true.
-        """
-        try:
-            moving = data is None and shown.moving and not shown.rests
-            data = shown.data if data is None else data
-            planned = self.previewer.plan(data, run, moving=moving)
-            if self.previewer.may_be_exact(planned) and not self._may_wait(shown):
-                planned = self._plan_exactly(data, run, stale)
-            yield picture_frame(planned, shown.view, of="compare")
-            executed = self.previewer.execute(planned, moving=moving)
-            yield executed_frame(executed, shown.view, of="compare")
-        except Superseded:
-            pass
-        except ArmContourError as error:
-            yield _refusal(error, shown, None, run=run, of="compare")
-
-
-def _refusal(
-    error: ArmContourError,
-    shown: Shown,
-    planned: Planned | None,
-    *,
-    run: str | None = None,
-    of: str = "live",
-) -> Frame:
+def _refusal(error: ArmContourError, shown: Shown, planned: Planned | None) -> Frame:
     """What could not be planned or executed, and where."""
     header = refusal_header(
         error,
         shown.view,
         tier=1 if planned is None else 2,
-        run=run or shown.run,
+        run=shown.run,
         planned=planned,
         waypoints=shown.waypoints,
     )
-    return Frame("refusal", {**header, "of": of})
+    return Frame("refusal", header)

@@ -15,10 +15,7 @@ Said: TypeAlias = Mapping[str, Any]
 # Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
 MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
-NEWEST_ONLY = {
-    *("arm", "document", "executed", "figures"),
-    *("picture", "pose", "progress", "refusal"),
-}
+NEWEST_ONLY = {"arm", "document", "executed", "figures", "picture", "pose", "refusal"}
 
 
 class Tab(Protocol):
@@ -59,6 +56,8 @@ class Tabs:
         self._seqs: dict[int, int] = {}
         # Frames for pages to come, by what newer ones replace.
         self._last: dict[str, Frame] = {}
+        # What the newest figures answer.
+        self._figured: Mapping[int, int] = {}
 
     @property
     def answers(self) -> dict[int, int]:
@@ -100,12 +99,13 @@ class Tabs:
         """
         key = _key(frame)
         with self._lock:
+            answers = self.answers if answers is None else answers
             if to is None and key is not None and not frame.header.get("dropped"):
-                self._remember(key, frame)
+                self._remember(key, frame, answers)
             packed: dict[int | None, bytes] = {}
             for tab, number in self._numbers.items():
                 if to is None or tab is to:
-                    seq = (self._seqs if answers is None else answers).get(number)
+                    seq = answers.get(number)
                     if seq not in packed:
                         packed[seq] = frame.stamped(seq=seq).pack()
                     tab.send(packed[seq], key)
@@ -130,24 +130,22 @@ class Tabs:
         sizes = [len(x.data) for x in self.files.values()]
         return len(sizes) > 1 and sum(sizes) > MOST_BYTES
 
-    def _remember(self, key: str, frame: Frame) -> None:
-        """Keep a frame for pages to come; what it puts out of date goes."""
+    def _remember(self, key: str, frame: Frame, answers: Mapping[int, int]) -> None:
+        """Keep a frame for future pages, and discard the frames that it makes obsolete."""
+        if frame.kind == "figures":
+            self._figured = answers
         if frame.kind == "picture":
-            of = frame.header.get("of")
-            for kind in ("executed", "figures", "refusal"):
-                self._last.pop(f"{kind}/{of}", None)
-        if frame.kind == "document" and not frame.header.get("compare"):
-            for old in [x for x in self._last if x.endswith("/compare")]:
-                del self._last[old]
+            old = ["executed", "refusal"]
+            # At rest the exact picture may follow the figures of the same edit.
+            if any(seq > self._figured.get(number, -1) for number, seq in answers.items()):
+                old.append("figures")
+            for kind in old:
+                self._last.pop(kind, None)
         self._last[key] = frame
 
 
 def _key(frame: Frame) -> str | None:
-    """What a frame replaces; None if every one of its kind counts."""
-    header = frame.header
-    if frame.kind not in NEWEST_ONLY:
-        return None
-    # Others of these kinds answer other questions; documents and figures replace any older one.
-    asked = header.get("id") if frame.kind in ("pose", "progress") else None
-    parts = [frame.kind, header.get("of"), asked]
-    return "/".join(str(x) for x in parts if x is not None)
+    """Kind of a frame, with the task of its progress; None if every frame of the kind counts."""
+    if frame.kind == "progress":
+        return f"progress/{frame.header.get('id')}"
+    return frame.kind if frame.kind in NEWEST_ONLY else None

@@ -28,7 +28,6 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
         found += [f"{tab}: {x}" for x in faults(studio.page)]
     if width == 1400:
         studio.find("#viewbar").get_by_role("button", name="Both").click()
-        studio.find("#pin").click()
         studio.find("#help-open").click()
         found += [f"help: {x}" for x in faults(studio.page)]
     assert not found, "\n".join(found)

@@ -5,10 +5,8 @@ import re
 import subprocess
 import sys
 import time
-from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,7 +20,6 @@ import armcontour as ac
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
 EXACT = 1e-9
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 def press(studio, within, name):
@@ -99,33 +96,30 @@ def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
     assert "speed: 0.05 m/s" not in studio.text
 
 
-def test_j6_a_variant_is_pinned_compared_and_taken_back(studio, judge):
+def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
+    studio.tab("runs")
+    studio.find("#tab-runs").get_by_role("button", name="New run like this one").click()
+    studio.find("#question input").fill("lagging")
+    with studio.changing():
+        studio.find("#question").get_by_role("button", name="OK").click()
+    studio.choose_run("lagging")
+    studio.wait("#view2d", run="lagging")
     with studio.changing():
         studio.slider("compensation.method").locator("select").select_option("none")
-    pinned, text = judge(studio), studio.text
-    studio.find("#pin").click()
-    studio.tab("runs")
-    pin = studio.find("#tab-runs tbody tr").last
-    expect(pin).to_contain_text("pin of optimal")
-    with studio.changing():
-        studio.type("servo.kp", "12 1/s")
+    lagging = judge(studio, "lagging")
+    agree(studio, lagging)
+    studio.choose_run("optimal")
+    studio.wait("#view2d", run="optimal")
+    studio.rest()
     found = judge(studio)
     agree(studio, found)
-    old, new = (1e3 * x.evaluation.contour_error.rms for x in (pinned, found))
-    assert new > old + 1e-3
-    difference = studio.find("[data-figure=rms] .delta").inner_text()
-    assert float(difference) == pytest.approx(new - old, abs=1e-3)
-    pin.get_by_role("button", name="Compare").click()
-    expect(studio.find("#compare")).to_have_value("pin 1")
-    # The pin is of the shown run: its curve has the name of the pin.
-    studio.tab("charts")
-    expect(studio.find("[data-chart=error] .u-legend")).to_contain_text("Pin 1")
-    studio.tab("runs")
-    expect(pin).to_contain_text(f"{old:.3f}"[:5])
+    row = studio.find("#tab-runs tbody tr:has-text('lagging')")
+    rms = [1e3 * x.evaluation.contour_error.rms for x in (found, lagging)]
+    expect(row).to_contain_text(f"{rms[1]:.4f}")
+    expect(row).to_contain_text(f"+{rms[1] - rms[0]:.4f}")
     with studio.changing():
-        pin.get_by_role("button", name="Swap").click()
-    assert studio.text == text
-    agree(studio, pinned)
+        row.get_by_role("button", name="Remove").click()
+    assert "lagging" not in studio.text
 
 
 def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
@@ -333,93 +327,32 @@ def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_
     expect(steps).to_be_enabled()
 
 
-def take_picture(studio, kind):
-    """Save a picture by the key and the button; returns its name and content."""
-    studio.page.keyboard.press("i")
-    return studio.save_file(studio.find("#question").get_by_role("button", name=kind))
-
-
-def colours_of(studio, png):
-    """Width and height of a picture [px], and how often each colour is in it."""
-    page = studio.page.context.browser.new_page()
-    found = page.evaluate(
-        """async (bytes) => {
-            const blob = new Blob([new Uint8Array(bytes)], { type: "image/png" });
-            const image = await createImageBitmap(blob);
-            const canvas = new OffscreenCanvas(image.width, image.height);
-            const context = canvas.getContext("2d");
-            context.drawImage(image, 0, 0);
-            const data = context.getImageData(0, 0, image.width, image.height).data;
-            const all = {};
-            for (let i = 0; i < data.length; i += 4) {
-                const name = data.subarray(i, i + 3).join();
-                all[name] = (all[name] ?? 0) + 1;
-            }
-            return [[image.width, image.height], all];
-        }""",
-        list(png),
+def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):
+    studio = pages()
+    studio.page.add_init_script(
+        """
+        const get = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+            return kind.startsWith("webgl") ? null : get.call(this, kind, ...rest);
+        };
+        """
     )
-    page.close()
-    return found[0], Counter(found[1])
-
-
-def test_j17_pictures_are_taken_of_the_drawing_and_of_the_arm(studio):
-    # The executed tool is drawn, and the legend follows a little later.
-    studio.wait("#view2d", tier="2")
-    times = f"×{studio.told('#view2d', 'magnify')}"
-    expect(studio.find("#legend")).to_contain_text(f"executed tool, error {times}")
-    legend = {x.strip() for x in studio.find("#legend > span").all_inner_texts()}
-    binding = {"assigned speed reached", "joint acceleration", "corner"}
-    binding.add("nothing binds, or another limit")
-    assert binding < legend
-    # A question right after others is answered.
-    for _ in range(3):
-        studio.page.keyboard.press("i")
-        studio.page.keyboard.press("Escape")
-    name, content = take_picture(studio, "Drawing as SVG")
-    assert name == "paper-optimal.svg"
-    svg = ElementTree.fromstring(content)
-    # No script, no style sheet, nothing from elsewhere.
-    assert not re.search(rb"href|style=|script|\son\w+=|@import", content)
-    assert re.findall(rb"\w+://[^\"]+", content) == [b"http://www.w3.org/2000/svg"]
-    said = [x.text.replace("\xa0", " ") for x in svg.iter(f"{SVG}text")]
-    assert "cycle time 5.326 s" in said[1] and "(exact)" in said[1]
-    # The picture's legend is the page's, and its path has a stroke for each limit that is named.
-    assert legend <= set(said) and any(x.endswith(times) for x in said)
-    widths = Counter(x.get("stroke-width") for x in svg.iter(f"{SVG}path"))
-    assert widths["3.2"] == len(binding)
-    size = [round(float(svg.get(x))) for x in ("width", "height")]
-    box = studio.find("#view2d").bounding_box()
-    assert size[0] == round(box["width"]) and size[1] > box["height"]
-    name, content = take_picture(studio, "Drawing as PNG")
-    assert name == "paper-optimal.png"
-    found, colours = colours_of(studio, content)
-    assert found == [2 * x for x in size]
-    # The ground, and the colours of what binds and of the executed tool.
-    assert colours["255,255,255"] > 0.5 * found[0] * found[1]
-    assert min(colours[x] for x in ("0,158,115", "213,94,0", "0,114,178")) > 100
-    # On a dark page it is dark, or light where that is wished.
-    studio.find("#theme").click()
-    _, dark = colours_of(studio, take_picture(studio, "Drawing as PNG")[1])
-    assert dark["20,23,26"] == max(dark.values()) and "213,94,0" not in dark
-    studio.page.keyboard.press("i")
-    studio.find("#question").get_by_label("in light colours").check()
-    button = studio.find("#question").get_by_role("button", name="Drawing as PNG")
-    assert colours_of(studio, studio.save_file(button)[1])[1] == colours
-    assert studio.told("html", "theme") == "dark"
-    press(studio, "#viewbar", "3D")
-    studio.wait_for("#view3d[data-frames]")
-    studio.find("#picture").click()
-    expect(studio.find("#question").get_by_role("button", name="Drawing as SVG")).to_have_count(0)
-    studio.page.keyboard.press("Escape")
-    name, content = take_picture(studio, "Arm as PNG")
-    assert name == "paper-optimal-arm.png"
-    box = studio.find(".arm-box").bounding_box()
-    found, colours = colours_of(studio, content)
-    assert found[0] == 2 * round(box["width"]) and found[1] > 2 * box["height"]
-    # The arm is shaded, so that it is of many colours.
-    assert len(colours) > 100
-    assert max(colours.values()) < 0.8 * found[0] * found[1]
+    studio.page.reload()
+    studio.begin()
+    studio.open(job)
+    studio.choose_run("optimal")
+    studio.wait("#view2d", run="optimal")
+    press(studio, "#viewbar", "Both")
+    expect(studio.find("#view3d .arm-note")).to_contain_text("needs WebGL")
+    studio.rest()
+    agree(studio, judge(studio))
+    before = studio.figure("duration")
+    with studio.changing():
+        studio.drag(studio.handle("corner", 1), (8, 0))
+    assert studio.figure("duration") < before
+    # The posture is shown as numbers.
+    studio.find("#playback .scrub").press("ArrowRight")
+    expect(studio.find("#view3d .readout summary")).to_contain_text("tool at")
 
 
 def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
@@ -504,13 +437,6 @@ def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_pat
         expect(studio.handle("waypoint", 0)).to_be_in_viewport()
 
 
-def test_j20_there_is_no_picture_of_a_path_that_was_never_shown(pages, tmp_path):
-    with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
-        studio.find("#picture").click()
-        expect(studio.find("#messages")).to_contain_text("nothing to take a picture of yet")
-        expect(studio.find("#question")).to_be_hidden()
-
-
 def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
     with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
         # Sentences do not go by themselves.
@@ -521,10 +447,8 @@ def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
         studio.page.reload()
         studio.wait("body", refused="true", regions="all")
         early = studio.find("#messages .message.alarm:not(.refusal)")
-        for button in ("#picture", "#add-obstacle"):
-            studio.find(button).click()
-        expect(early).to_have_count(2)
-        expect(early.last).to_contain_text("No obstacle can be added yet")
+        studio.find("#add-obstacle").click()
+        expect(early).to_contain_text("No obstacle can be added yet")
         apply(studio, studio.text.replace("arm: none", "arm: pmk3s"))
         studio.wait_for("#view2d[data-tier]")
         expect(early).to_have_count(0)
@@ -552,15 +476,12 @@ def test_j20_handles_do_not_jump_while_the_page_begins(studio):
 
 @pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
 def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
-    # The page that was opened first has made the job exact; the legend is longest with a pin.
-    studio.find("#pin").click()
-    studio.find("#compare").select_option(index=1)
+    # The page that was opened first has made the job exact.
     page = pages(size=(wide, 800), colours=colours)
     page.rest()
     page.wait("#view2d", tier="2")
     legend = page.find("#legend")
     expect(legend).to_contain_text("executed tool")
-    expect(legend).to_contain_text("compared")
     # Its entries are made again now and then, so that all are read at once.
     (right, bottom), *entries = legend.evaluate(
         "e => [e, ...e.children].map(x => x.getBoundingClientRect()).map(b => [b.right, b.bottom])"
@@ -569,31 +490,9 @@ def test_j21_all_of_the_legend_is_seen(studio, pages, wide, colours):
     assert all(x <= right and y <= bottom + 1 for x, y in entries), entries
     before = legend.bounding_box()
     # With fewer entries it keeps its lines, so that the drawing keeps its size.
-    studio.find("#compare").select_option(index=0)
-    expect(legend).not_to_contain_text("compared")
+    page.find("#viewbar").get_by_role("button", name="Speed").click()
+    expect(legend).to_contain_text("speed 0")
     assert legend.bounding_box() == before
-
-
-def test_j22_a_variant_does_not_differ_from_itself(pages, tmp_path, judge):
-    # Set-points are closer than those of a preview, and errors with them are others.
-    job = write_job(
-        tmp_path / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.5 ms")]
-    )
-    with serving(job, folder=tmp_path) as server:
-        studio = pages(server)
-        studio.rest()
-        studio.find("#pin").click()
-        studio.find("#compare").select_option(index=1)
-        expect(studio.find("#legend")).to_contain_text("compared")
-        # Both are previews first, which do not differ either.
-        studio.rest()
-        # The page tells all that it is compared with, exactly.
-        for name in ("duration", "rms", "max"):
-            delta = studio.find(f"[data-figure={name}] .delta")
-            expect(delta).to_have_text(re.compile(r"^0\.0+$"))
-        demand = judge(studio).evaluation.demand_ratio.max()
-        assert studio.figure("demand") == pytest.approx(demand, rel=1e-9)
-        studio.close()
 
 
 def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(pages):
@@ -605,19 +504,19 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
     studio.wait_for("body[data-rev][data-regions=first]")
     studio.wait_for("#view2d[data-tier]")
     studio.tab("tasks")
-    studio.find("#picture").click()
+    studio.find("#add-obstacle").click()
     expect(studio.find("#tab-button-tasks")).to_have_attribute("aria-selected", "true")
-    expect(studio.find("#question")).to_be_hidden()
-    assert len(held) == 1
+    assert len(held) == 1 and studio.find("g.handle.obstacle").count() == 0
     held[0].continue_()
     studio.begin()
-    expect(studio.find("#question")).to_be_visible()
+    expect(studio.find("g.handle.obstacle")).to_be_visible()
     expect(studio.find("#tasks form").first).to_be_visible()
     # What was there before is shown as well.
     assert float(studio.find("#playback .scrub").get_attribute("max")) > 1
-    studio.page.keyboard.press("Escape")
     studio.tab("waypoints")
     expect(studio.find("#tab-waypoints tbody tr").first).to_be_visible()
+    with studio.renewing():
+        studio.find("#undo").click()
 
 
 def test_j24_regions_that_cannot_be_loaded_are_told(pages):

@@ -1,6 +1,7 @@
 // What the results of tasks say: sentences, tables and charts, from the headers and arrays of the server.
 
 import { RUN_COLOURS, themed } from "./colours.js";
+import { withGaps } from "./chart.js";
 import { mm, NONE, percent, seconds, short } from "./format.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
@@ -64,7 +65,7 @@ function clearanceAnswer({ head, arrays }) {
   const nearest = head.nearest ?? [];
   const curves = head.kinds.map((/** @type {string} */ kind, /** @type {number} */ k) => ({
     label: KINDS[kind] ?? kind, colour: RUN_COLOURS[k % RUN_COLOURS.length], dash: [[], [9, 3], [3, 3]][k % 3],
-    y: inUnit(arrays[kind], 1000),
+    y: withGaps(arrays[kind], 1000),
   }));
   const least = nearest[0];
   const summary = least ? `Least: ${mm(least.least, 1)} mm at ${seconds(least.t)} s, ${least.pair.join(" and ")}.` : "";
@@ -100,29 +101,20 @@ function sweepAnswer({ head, arrays }, store) {
     graphs: [
       {
         name: "sweep-duration", time: false, axes: { ...axes, title: "Cycle time", y: "Cycle time", unit: "s" },
-        content: { x, curves: [{ label: "cycle time", colour, y: inUnit(arrays.duration, 1) }], summary: `over ${label}` },
+        content: { x, curves: [{ label: "cycle time", colour, y: withGaps(arrays.duration, 1) }], summary: `over ${label}` },
       },
       {
         name: "sweep-error", time: false, axes: { ...axes, title: "Contour error", y: "Error", unit: "mm" },
         content: {
           x, range: [0, 0], summary: `over ${label}`,
           curves: [
-            { label: "RMS", colour, y: inUnit(arrays.rms, 1000) },
-            { label: "largest", colour: themed("--ink"), dash: [4, 3], y: inUnit(arrays.max, 1000) },
+            { label: "RMS", colour, y: withGaps(arrays.rms, 1000) },
+            { label: "largest", colour: themed("--ink"), dash: [4, 3], y: withGaps(arrays.max, 1000) },
           ],
         },
       },
     ],
   };
-}
-
-/**
- * @param {ArrayLike<number>} values
- * @param {number} factor
- * @returns {(number | null)[]}
- */
-function inUnit(values, factor) {
-  return Array.from(values, (x) => (Number.isFinite(x) ? factor * x : null));
 }
 
 /** @param {number | null} x SI @param {string} unit @returns {string} */

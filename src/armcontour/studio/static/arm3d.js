@@ -1,49 +1,42 @@
-// The arm in its cell: shows the posture at the cursor, in WebGL, or as lines where there is none.
+// The arm in its cell at the posture of the cursor, drawn by WebGL.
 
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
 import { PAINTS, cellOf, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
-import { seconds } from "./format.js";
 import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
-import { Rate } from "./rate.js";
 import { Readout } from "./readout.js";
 import { oncePerFrame } from "./state.js";
-import { Stick2D } from "./stick2d.js";
 import { passed, trailOf } from "./trail.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./motion.js").Motion} Motion */
-/** @typedef {import("./scene3d.js").Scene3D} Scene3D */
 
 /** Times closer than this are the same [s]. */
 const SAME_TIME = 1e-9;
 /** Starts that differ by more are in different configurations [rad]. */
 const SAME_POSTURE = 0.01;
-/** So long after the last change the view rests [ms]. */
-const REST = 600;
 /** Numbers change so often at most [ms]. */
 const READING = 80;
+/** So long after the last change the view rests [ms]. */
+const REST = 600;
+/** Programs that compute WebGL on the processor. */
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
+const NO_WEBGL = "The arm in space needs WebGL, which this browser does not provide.";
+const NOT_LOADED = "The arm could not be loaded: load the page again.";
 
-/**
- * Fill the region of the 3D view.
- * @param {Store} store
- * @param {Link} _link
- * @returns {ArmView}
- */
-export function init(store, _link) {
+/** @param {Store} store */
+export function init(store) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
   for (const event of ["cursor", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
-  return view;
 }
 
 /** The 3D view. Nothing is drawn while it is hidden, or while nothing changes. */
-export class ArmView {
+class ArmView {
   /**
    * @param {HTMLElement} region
    * @param {Store} store
@@ -52,11 +45,11 @@ export class ArmView {
     this.region = region;
     this.store = store;
     this.camera = new Camera();
-    /** @type {Scene3D | Stick2D | null} */
+    /** Null until it is loaded, and without WebGL. @type {import("./scene3d.js").Scene3D | null} */
     this.scene = null;
-    /** What draws by WebGL is most of the page's code, and is loaded when the view is first seen. @type {typeof import("./scene3d.js").Scene3D | null} */
-    this.Scene3D = null;
     this.isLoading = false;
+    /** Why there is no scene. */
+    this.problem = "";
     /** @type {Cell | null} */
     this.cell = null;
     /** @type {import("./trail.js").Trail | null} */
@@ -65,14 +58,12 @@ export class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
-    /** Of a picture, while it is taken. @type {"light" | "dark" | null} */
-    this.theme = null;
     /** Which motion was asked for. */
     this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
     this.time = 0;
-    this.frames = new Rate();
+    this.frames = 0;
     /** @type {import("./readout.js").Posture | null} */
     this.told = null;
     /** @type {number | undefined} */
@@ -88,7 +79,8 @@ export class ArmView {
     this.readout = new Readout();
     this.readout.element.addEventListener("toggle", this.draw);
     this.region.append(this.box, this.readout.element);
-    this.hold(this.canvas);
+    steer(this.canvas, this.camera, this.draw);
+    this.canvas.addEventListener("webglcontextrestored", this.draw);
     new ResizeObserver(this.draw).observe(this.box);
   }
 
@@ -101,56 +93,17 @@ export class ArmView {
     return make("div", { class: "arm-bar", role: "toolbar", "aria-label": "View of the arm" }, buttons);
   }
 
-  /** @param {HTMLCanvasElement} canvas */
-  hold(canvas) {
-    steer(canvas, this.camera, this.draw);
-    canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault();
-      this.replaceScene();
-    });
-  }
-
-  /** Load what draws by WebGL; without it there are lines. */
+  /** Make the scene when the view is first seen: its code is most of the page's. */
   async load() {
     if (this.isLoading) return;
     this.isLoading = true;
+    const renderer = rendererName();
     try {
-      ({ Scene3D: this.Scene3D } = await import("./scene3d.js"));
+      if (renderer === null) this.problem = NO_WEBGL;
+      else this.scene = new (await import("./scene3d.js")).Scene3D(this.canvas, SOFTWARE.test(renderer));
     } catch {
-      this.region.dataset.renderer = "stick";
+      this.problem = NOT_LOADED;
     }
-    this.draw();
-  }
-
-  /** The scene: made when the view is first seen; null while what it needs is being loaded. */
-  ensureScene() {
-    if (this.Scene3D || this.region.dataset.renderer === "stick") this.scene ??= this.makeScene();
-    else this.load();
-    return this.scene;
-  }
-
-  /** A scene by WebGL, or by lines. @returns {Scene3D | Stick2D} */
-  makeScene() {
-    let scene;
-    try {
-      if (!this.Scene3D || this.region.dataset.renderer === "stick") throw new Error("There is no WebGL.");
-      scene = new this.Scene3D(this.canvas);
-    } catch {
-      // A canvas that was asked for WebGL may give no other context.
-      const plain = /** @type {HTMLCanvasElement} */ (this.canvas.cloneNode());
-      this.canvas.replaceWith(plain);
-      this.canvas = plain;
-      this.hold(plain);
-      scene = new Stick2D(plain);
-    }
-    this.region.dataset.renderer = scene.kind;
-    return scene;
-  }
-
-  /** WebGL was taken away: go on with lines. */
-  replaceScene() {
-    this.scene = null;
-    this.region.dataset.renderer = "stick";
     this.outdate("arm");
   }
 
@@ -197,75 +150,46 @@ export class ArmView {
     if (!shown || !frame) return;
     const { clientWidth: width, clientHeight: height } = this.box;
     if (width < 2 || height < 2) return;
-    const scene = this.ensureScene();
-    if (!scene) return;
-    this.read(scene, frame);
-    this.pose(scene, width / height);
-    scene.render(this.camera, width, height, rests);
-    if (!rests && scene.software) this.drawAtRest();
+    this.load();
+    this.read(frame);
+    this.pose(width / height);
     for (const x of this.bar.querySelectorAll("[data-view]")) {
       x.setAttribute("aria-pressed", String(x.getAttribute("data-view") === this.camera.view));
     }
-    if (!rests) this.frames.count();
-    this.region.dataset.frames = String(this.frames.all);
-    this.region.dataset.frameRate = this.frames.rate.toFixed(1);
-  }
-
-  /**
-   * The arm as it is seen now, drawn once more for a picture.
-   * @param {"light" | "dark"} theme
-   * @param {number} ratio pixels of the image per px of the page
-   * @returns {{image: HTMLCanvasElement, width: number, height: number, scale: number, posture: string} | null} the image is
-   *   there until the browser draws again; `scale` in px per m; null while nothing is seen
-   */
-  still(theme, ratio) {
-    this.theme = theme;
-    this.stale.add("theme");
-    this.drawNow(true);
-    const { clientWidth: width, clientHeight: height } = this.box;
-    // Before the motion begins, all of its path is of interest.
-    if (this.told?.t === 0 && this.cell) {
-      const links = this.cell.chain.links(this.told.q);
-      this.scene?.pose(links, this.told.at, this.trail?.times.length ?? 0);
-    }
-    this.scene?.render(this.camera, width, height, true, ratio);
-    this.theme = null;
-    this.stale.add("theme");
-    this.draw();
-    if (!this.scene || !this.told) return null;
-    const posture = `the arm at ${seconds(this.told.t)} s of the ${this.told.of} motion`;
-    return { image: this.canvas, width, height, scale: height / 2 / this.camera.reach, posture };
+    if (!this.scene) return;
+    this.scene.render(this.camera, width, height, rests);
+    if (this.scene.software && !rests) this.drawAtRest();
+    this.frames += 1;
+    this.region.dataset.frames = String(this.frames);
   }
 
   /**
    * Read what is new of the frames.
-   * @param {Scene3D | Stick2D} scene
-   * @param {import("./state.js").Frame} frame
+   * @param {Frame} frame
    */
-  read(scene, frame) {
+  read(frame) {
     const { stale, store } = this;
     if (stale.has("arm") || stale.has("theme")) {
       this.cell = cellOf(frame);
-      scene.setCell(this.cell, PAINTS[this.theme ?? store.theme]);
+      this.scene?.setCell(this.cell, PAINTS[store.theme]);
     }
     const which = store.options.time;
     if (stale.size > 0 || this.asked !== which) {
       this.asked = which;
       const picture = store.latest("picture");
       this.motion = motionOf(store, which) ?? motionOf(store, "planned");
-      this.trail = this.motion && picture ? trailOf(this.motion, picture, this.theme ?? store.theme) : null;
-      scene.setTrail(this.trail?.ends ?? new Float32Array(), this.trail?.colours ?? new Float32Array());
+      this.trail = this.motion && picture ? trailOf(this.motion, picture, store.theme) : null;
+      this.scene?.setTrail(this.trail?.ends ?? new Float32Array(), this.trail?.colours ?? new Float32Array());
     }
     stale.clear();
   }
 
   /**
    * Show the posture at the cursor.
-   * @param {Scene3D | Stick2D} scene
    * @param {number} aspect width by height
    */
-  pose(scene, aspect) {
-    const { cell, motion, trail, store, region } = this;
+  pose(aspect) {
+    const { cell, motion, scene, trail, store, region } = this;
     if (!cell) return;
     // Without a cursor the arm stays where it was.
     this.time = store.cursor?.t ?? this.time;
@@ -274,9 +198,9 @@ export class ArmView {
     const q = exact ?? (motion ? jointsAt(motion, t) : cell.chain.joints.map(() => 0));
     const links = cell.chain.links(q);
     const at = cell.chain.toolOf(links);
-    scene.pose(links, at, trail ? passed(trail, t) : 0);
+    scene?.pose(links, at, trail ? passed(trail, t) : 0);
     const refused = store.refusal?.head.at?.xyz;
-    scene.mark(refused ? place(cell.work, refused) : null);
+    scene?.mark(refused ? place(cell.work, refused) : null);
     this.fitOnce(cell, links, aspect);
     this.told = { cell, t, q, at, of: motion?.of ?? "planned" };
     this.tellSoon();
@@ -327,6 +251,7 @@ export class ArmView {
    * @returns {string}
    */
   noteText(motion) {
+    if (this.problem) return this.problem;
     // Beside the drawing, the sentence is there or in the messages.
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     if (!motion) return "No motion yet: the arm is at zero.";
@@ -334,9 +259,18 @@ export class ArmView {
     if (isElsewhere(motion, this.store.latest("figures")?.head.start)) {
       return "The full run has the arm in another configuration than this preview.";
     }
-    if (this.scene?.kind === "stick") return "This browser has no WebGL: the arm is drawn as lines.";
     return "";
   }
+}
+
+/** Name of what computes WebGL; null without WebGL. @returns {string | null} */
+function rendererName() {
+  const gl = make("canvas").getContext("webgl2");
+  if (!gl) return null;
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
 /**

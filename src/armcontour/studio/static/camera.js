@@ -89,21 +89,6 @@ export class Camera {
     return { across: [-sa, ca, 0], over: [-se * ca, -se * sa, ce], eye: [ce * ca, ce * sa, se] };
   }
 
-  /**
-   * Where points are in a picture, for drawing without WebGL.
-   * @param {number} width [px]
-   * @param {number} height [px]
-   * @returns {(p: ArrayLike<number>) => [number, number]} to pixels from the upper left
-   */
-  projection(width, height) {
-    const { across, over } = this.axes();
-    const scale = height / 2 / this.reach;
-    const [ox, oy] = [dot(this.target, across), dot(this.target, over)];
-    return (p) => [
-      width / 2 + scale * (dot(p, across) - ox),
-      height / 2 - scale * (dot(p, over) - oy),
-    ];
-  }
 }
 
 /** @param {number[]} values @returns {{middle: number, half: number}} */

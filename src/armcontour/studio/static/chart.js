@@ -248,3 +248,13 @@ export function number(x) {
   const digits = x === 0 ? 0 : Math.max(0, 3 - Math.floor(Math.log10(Math.abs(x))));
   return x.toFixed(Math.min(6, digits)).replace("-", "−");
 }
+
+/**
+ * Values times a factor; null where there is none, which uPlot leaves out.
+ * @param {ArrayLike<number>} values
+ * @param {number} factor
+ * @returns {(number | null)[]}
+ */
+export function withGaps(values, factor) {
+  return Array.from(values, (x) => (Number.isFinite(x) ? factor * x : null));
+}

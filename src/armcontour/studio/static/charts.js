@@ -1,10 +1,11 @@
 // The charts: tool speed along the path, what the joints do, and the contour error.
 
-import { Chart, number } from "./chart.js";
+import { Chart, number, withGaps } from "./chart.js";
 import { RUN_COLOURS, styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
 import { errorsOf } from "./motion.js";
 import { drawStrip, stripOf } from "./strip.js";
+import { largest } from "./strokes.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -38,9 +39,7 @@ const DEMANDS = /** @type {const} */ ([
  */
 export function init(store, _link) {
   const charts = new Charts(find("#charts"), store);
-  for (const event of ["picture", "executed", "compare", "arm"]) store.on(event, () => charts.renew());
-  // Another name of what is compared may come after its curves.
-  store.on("document", () => store.document?.compare && charts.renew());
+  for (const event of ["picture", "executed", "arm"]) store.on(event, () => charts.renew());
   store.on("cursor", () => charts.pointSoon());
   store.on("theme", () => charts.repaint());
   store.on("refusal", () => charts.grey());
@@ -106,7 +105,7 @@ class Charts {
     const picture = this.store.latest("picture");
     // A long drawing comes without a plan first.
     this.speed.element.hidden = !picture?.arrays.path_s.length;
-    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.latest("picture", "compare"), comparedName(this.store), this.store.theme));
+    if (picture?.arrays.path_s.length) this.speed.show(speedContent(picture, this.store.theme));
   }
 
   /** @param {number} k */
@@ -124,7 +123,7 @@ class Charts {
   fillError() {
     const executed = this.store.latest("executed");
     this.error.element.hidden = !executed;
-    if (executed) this.error.show(errorContent(executed, this.store.latest("executed", "compare"), comparedName(this.store)));
+    if (executed) this.error.show(errorContent(executed));
   }
 
   /** Values at the cursor are text, which costs more than a line: not in every frame. */
@@ -152,21 +151,15 @@ class Charts {
 
 /**
  * @param {Frame} picture
- * @param {Frame | null} compared
- * @param {string} name of what is compared
  * @param {"light" | "dark"} theme
  * @returns {Content}
  */
-function speedContent(picture, compared, name, theme) {
+function speedContent(picture, theme) {
   const { path_s: places, binding } = picture.arrays;
   const s = refined(places);
   const [speed, assigned] = [picture.arrays.speed, picture.arrays.assigned].map((y) => resampled(places, y, s, 1000));
   const x = s.map((y) => 1000 * y);
   const curves = /** @type {Curve[]} */ ([]);
-  if (compared) {
-    const { path_s: otherS, speed: other } = compared.arrays;
-    curves.push({ label: name, colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherS, other, s, 1000) });
-  }
   if (assigned.some((y) => y !== null)) curves.push({ label: "assigned", colour: themed("--ink"), dash: [2, 3], width: 1.2, y: assigned });
   curves.push({ label: "tool", colour: RUN_COLOURS[1], width: 1.8, y: speed });
   // A plan without an explanation has no limits to tell.
@@ -174,7 +167,7 @@ function speedContent(picture, compared, name, theme) {
   const kinds = [...new Set(strip.map((part) => part.kind))].map((kind) => styleOf(kind, theme).label);
   return {
     x, curves, range: [0, 0],
-    summary: `At most ${number(largestOf(speed))} mm/s.${kinds.length ? ` Strip: ${kinds.join(", ")}.` : ""}`,
+    summary: `At most ${number(largest(speed))} mm/s.${kinds.length ? ` Strip: ${kinds.join(", ")}.` : ""}`,
     over: (u) => drawStrip(u, strip, theme),
   };
 }
@@ -193,7 +186,7 @@ function demandContent(picture, usage, names, what) {
   const curves = Array.from({ length: dof }, (_, j) => {
     const y = new Float64Array(t.length);
     for (let k = 0; k < t.length; k += 1) y[k] = 100 * usage[k * dof + j];
-    const share = largestOf(y.map(Math.abs));
+    const share = largest(y.map(Math.abs));
     if (share > most.share) Object.assign(most, { share, joint: j });
     const name = names[j] ?? `joint ${j + 1}`;
     return { label: name, colour: RUN_COLOURS[j % RUN_COLOURS.length], dash: DASHES[j % DASHES.length], y: [...y].some(Number.isNaN) ? withGaps(y, 1) : y };
@@ -205,41 +198,16 @@ function demandContent(picture, usage, names, what) {
   };
 }
 
-/**
- * @param {Frame} executed
- * @param {Frame | null} compared
- * @param {string} name of what is compared
- * @returns {Content}
- */
-function errorContent(executed, compared, name) {
+/** @param {Frame} executed @returns {Content} */
+function errorContent(executed) {
   const { t, error } = errorsOf(executed);
   const { max, rms } = executed.head;
   const [factor, unit] = max >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
-  const curves = /** @type {Curve[]} */ ([]);
-  if (compared) {
-    const { t: otherT, error: other } = errorsOf(compared);
-    curves.push({ label: name, colour: themed("--quiet"), dash: [6, 3], width: 1.4, y: resampled(otherT, other, t, factor) });
-  }
-  curves.push({ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) });
   return {
-    x: t, curves, range: [0, 0], yUnit: unit,
+    x: t, range: [0, 0], yUnit: unit,
+    curves: [{ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) }],
     summary: `At most ${number(factor * max)} ${unit}, root mean square ${number(factor * rms)} ${unit}.`,
   };
-}
-
-/** Name of the pin or run that is compared: a pin of the shown run is not called like it. @param {Store} store @returns {string} */
-function comparedName(store) {
-  return store.comparedPin?.name ?? store.document?.compare?.run ?? "compared";
-}
-
-/**
- * Values times a factor; null where there is none, which uPlot leaves out.
- * @param {Numbers} values
- * @param {number} factor
- * @returns {(number | null)[]}
- */
-function withGaps(values, factor) {
-  return Array.from(values, (x) => (Number.isFinite(x) ? factor * x : null));
 }
 
 /**
@@ -274,11 +242,4 @@ function resampled(from, values, at, factor) {
     found.push(inside && Number.isFinite(y) ? factor * y : null);
   }
   return found;
-}
-
-/** @param {Iterable<number | null>} values @returns {number} */
-function largestOf(values) {
-  let most = 0;
-  for (const x of values) if (x !== null && x > most) most = x;
-  return most;
 }

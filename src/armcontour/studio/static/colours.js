@@ -61,21 +61,11 @@ export function heat(share, theme) {
 /** Colours of the style sheet by theme and name: reading one makes the browser compute all styles. @type {Map<string, string>} */
 const READ = new Map();
 
-/** A colour of the style sheet, such as "--ink". @param {string} name @param {string} [theme] without: the one that is shown @returns {string} */
-export function themed(name, theme = document.documentElement.dataset.theme) {
-  const key = `${theme} ${name}`;
-  let found = READ.get(key);
-  if (!found) READ.set(key, (found = read(name, theme)));
-  return found;
-}
-
-/** @param {string} name @param {string | undefined} theme @returns {string} */
-function read(name, theme) {
+/** A colour of the style sheet in the shown theme, such as "--ink". @param {string} name @returns {string} */
+export function themed(name) {
   const root = document.documentElement;
-  const shown = root.dataset.theme;
-  // Another theme is set only while it is read: nothing of it is painted.
-  if (theme !== shown) root.dataset.theme = theme;
-  const found = getComputedStyle(root).getPropertyValue(name).trim();
-  if (theme !== shown) root.dataset.theme = shown;
+  const key = `${root.dataset.theme} ${name}`;
+  let found = READ.get(key);
+  if (!found) READ.set(key, (found = getComputedStyle(root).getPropertyValue(name).trim()));
   return found;
 }

@@ -1,14 +1,11 @@
-// The figures on top: cycle time, errors, saturation, clearance; each with its difference to what is compared.
+// The figures on top: cycle time, errors, saturation, clearance.
 
 import { find, make, mark, say } from "./dom.js";
-import { ERROR_DIGITS, mm, NONE, percent, seconds, signed } from "./format.js";
+import { ERROR_DIGITS, mm, NONE, percent, seconds } from "./format.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/**
- * @typedef {{value: number | null, text: string, exact: boolean, other?: number | null, factor?: number, digits?: number,
- *   alarm?: boolean, title?: string}} Shown
- */
+/** @typedef {{value: number | null, text: string, exact: boolean, alarm?: boolean, title?: string}} Shown */
 
 const SPOKEN_EVERY = 1000; // ms
 /** Figures by name: label, unit, explanation. @type {Record<string, [string, string, string]>} */
@@ -27,13 +24,13 @@ class Figures {
   constructor(store) {
     this.store = store;
     this.region = find("#figures");
-    /** @type {Record<string, {box: HTMLElement, value: HTMLElement, delta: HTMLElement}>} */
+    /** @type {Record<string, {box: HTMLElement, value: HTMLElement}>} */
     this.boxes = Object.fromEntries(Object.entries(FIGURES).map(([name, told]) => [name, this.box(name, ...told)]));
     this.state = make("span", { class: "exactness" });
     find(".label", this.boxes.duration.box).append(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
-    for (const event of ["figures", "refusal", "compare", "document", "link"]) store.on(event, update);
+    for (const event of ["figures", "refusal", "document", "link"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
     store.on("executed", others);
     store.on("picture", () => {
@@ -46,14 +43,12 @@ class Figures {
   /** @param {string} name @param {string} label @param {string} unit @param {string} title */
   box(name, label, unit, title) {
     const value = make("span", { class: "value", text: NONE });
-    const delta = make("span", { class: "delta", text: "" });
     const box = make("div", { class: "figure", "data-figure": name, title }, [
       make("span", { class: "label", text: label }),
       make("span", { class: "number" }, [value, make("span", { class: "unit", text: unit })]),
-      delta,
     ]);
     this.region.append(box);
-    return { box, value, delta };
+    return { box, value };
   }
 
   update() {
@@ -80,15 +75,11 @@ class Figures {
   /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
   values() {
     const { exact, executed, ...errors } = knownOf(this.store);
-    const other = this.compared();
-    const error = (/** @type {"rms" | "max"} */ name) => {
-      const value = errors[name];
-      return { value, text: mm(value, ERROR_DIGITS), exact: Boolean(exact), other: other?.[name], factor: 1000, digits: ERROR_DIGITS };
-    };
+    const error = (/** @type {number | null} */ value) => ({ value, text: mm(value, ERROR_DIGITS), exact: Boolean(exact) });
     return {
       duration: this.duration(),
-      rms: error("rms"),
-      max: error("max"),
+      rms: error(errors.rms),
+      max: error(errors.max),
       ...this.others(exact, executed),
     };
   }
@@ -96,7 +87,7 @@ class Figures {
   /** @returns {Shown} */
   duration() {
     const { exact, duration } = knownOf(this.store);
-    return { value: duration, text: seconds(duration), exact: Boolean(exact), other: this.compared()?.duration, digits: 3 };
+    return { value: duration, text: seconds(duration), exact: Boolean(exact) };
   }
 
   /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
@@ -121,31 +112,14 @@ class Figures {
     };
   }
 
-  /** Figures of what is compared. @returns {any} */
-  compared() {
-    const { store } = this;
-    const figures = ["picture", "executed", "figures"].map((kind) => store.latest(kind, "compare")?.head ?? {});
-    const { compare, pins = [] } = store.document ?? {};
-    if (!compare || !store.latest("picture", "compare")) return pins.at(-1) ?? null;
-    const found = Object.assign({}, ...figures);
-    // Exact figures are compared with those that the pin has of a full run, if there are any.
-    const pin = store.comparedPin;
-    if (!pin || !store.isCurrent(store.latest("figures"))) return found;
-    const known = Object.entries(pin).filter(([, value]) => value !== null);
-    return { ...found, ...Object.fromEntries(known) };
-  }
-
   /** @param {string} name @param {Shown} shown */
-  show(name, { value, text, exact, other, factor = 1, digits = 3, alarm = false, title }) {
-    const { box, value: place, delta } = this.boxes[name];
+  show(name, { value, text, exact, alarm = false, title }) {
+    const { box, value: place } = this.boxes[name];
     box.classList.toggle("alarm", alarm);
     mark(box, "data-value", value === null ? "" : String(value));
     mark(box, "data-exact", String(exact && !this.store.isOffline));
     say(place, text);
     if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
-    const known = typeof other === "number" && typeof value === "number";
-    say(delta, known ? signed(factor * (value - other), digits) : "");
-    mark(delta, "data-better", known && Number(delta.textContent?.replace("−", "-")) !== 0 ? String(value < other) : "");
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */

@@ -1,4 +1,4 @@
-// The bar on top: name and state of the file, undo, the shown run, pins and what is compared.
+// The bar on top: name and state of the file, undo, the shown run.
 
 import { find, make, say } from "./dom.js";
 
@@ -15,7 +15,7 @@ const ON_DISK = /** @type {Record<string, string>} */ ({
  * Set the choices of a list, only where they differ.
  * @param {HTMLSelectElement} select @param {[string, string][]} choices value and text @param {string} chosen
  */
-export function choose(select, choices, chosen) {
+function choose(select, choices, chosen) {
   const old = [...select.options].map((o) => [o.value, o.text]);
   if (JSON.stringify(old) !== JSON.stringify(choices))
     select.replaceChildren(...choices.map(([value, text]) => make("option", { value, text })));
@@ -31,17 +31,6 @@ function stateOf(head) {
   return states.filter(Boolean).join(", ");
 }
 
-/** What is compared, as a value of the list. @param {any} compare @returns {string} */
-const valueOf = (compare) =>
-  !compare ? "" : compare.pin !== undefined && compare.pin !== null ? `pin ${compare.pin}` : `run ${compare.run}`;
-
-/** @param {string} value @returns {any} */
-function compareOf(value) {
-  if (!value) return null;
-  const name = value.slice(4);
-  return value.startsWith("pin ") ? { pin: Number(name) } : { run: name };
-}
-
 /** Which button has the focus when one can do nothing any more: else the focus is lost. @type {Record<string, string[]>} */
 const HEIRS = { undo: ["redo", "save"], redo: ["undo", "save"], diff: ["save"] };
 
@@ -55,15 +44,12 @@ function disable(buttons, dead) {
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
-  const compare = /** @type {HTMLSelectElement} */ (find("#compare"));
   const buttons = Object.fromEntries(
-    ["undo", "redo", "save", "diff", "pin"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]),
+    ["undo", "redo", "save", "diff"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]),
   );
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
-  compare.addEventListener("change", () => link.send({ op: "compare", with: compareOf(compare.value) }));
   buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
   buttons.redo.addEventListener("click", () => link.send({ op: "redo" }));
-  buttons.pin.addEventListener("click", () => link.send({ op: "pin" }));
   store.on("document", (/** @type {any} */ { head }) => {
     say(find("#name"), head.name || "untitled");
     find("#name").title = head.file ?? head.title ?? "";
@@ -79,10 +65,5 @@ export function init(store, link) {
       head.runs.map((/** @type {any} */ r) => [r.name, r.name]),
       head.run,
     );
-    const pins = head.pins.map((/** @type {any} */ p) => [`pin ${p.pin}`, p.name]);
-    const others = head.runs
-      .filter((/** @type {any} */ r) => r.name !== head.run)
-      .map((/** @type {any} */ r) => [`run ${r.name}`, `run ${r.name}`]);
-    choose(compare, [["", "nothing"], ...pins, ...others], valueOf(head.compare));
   });
 }

@@ -24,7 +24,6 @@ const HELP = [
       ["E", "show the executed tool"],
       ["1, 2, 3", "colour by limit, speed, error"],
       ["V", "2D, both, 3D"],
-      ["I", "save what is shown as a picture"],
     ],
   ],
   [
@@ -34,8 +33,6 @@ const HELP = [
       ["Ctrl+S", "save"],
       ["Ctrl+Shift+D", "what saving would change"],
       ["Ctrl+O", "open a file; or drop it on the page"],
-      ["P", "pin this variant, to compare with"],
-      ["C", "compare with the last pin, or no longer"],
       ["[ and ]", "the run before, the next run"],
       ["Ctrl+Enter", "apply the text of the job file"],
     ],
@@ -104,10 +101,7 @@ function actions(store, link, view) {
     2: () => store.setView({ colour: "speed" }),
     3: () => store.setView({ colour: "error" }),
     v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
-    i: click("picture"),
     d: () => store.setView({ dock: !store.options.dock }),
-    p: click("pin"),
-    c: () => compareLastPin(store, link),
     "[": run(-1),
     "]": run(1),
     "?": click("help-open"),
@@ -121,13 +115,6 @@ function actions(store, link, view) {
       ]),
     ),
   };
-}
-
-/** @param {Store} store @param {Link} link */
-function compareLastPin(store, link) {
-  const { compare, pins } = store.document;
-  const last = pins.at(-1);
-  link.send({ op: "compare", with: compare || !last ? null : { pin: last.pin } });
 }
 
 /** @param {Store} store @param {Link} link @param {View2d} view */

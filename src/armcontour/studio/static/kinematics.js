@@ -58,7 +58,7 @@ export function place(pose, p) {
  * @param {number} q position [rad]
  * @returns {Pose}
  */
-export function jointMotion(joint, q) {
+function jointMotion(joint, q) {
   const [x, y, z] = joint.axis;
   const [s, c] = [Math.sin(q), 1 - Math.cos(q)];
   return Float64Array.of(

@@ -8,22 +8,17 @@ import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, stroke
 // Points of each rapid in a picture.
 export const OF_RAPID = 16;
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-// The magnified error should be about this large on the screen; the factor changes outside of the range.
+// Shorter pieces of lines are not seen.
 const SHORTEST = 0.7; // px
+// The magnified error should be about this large on the screen; the factor changes outside of the range.
 const WISHED = 34; // px
 const TOO_SMALL = 13;
 const TOO_LARGE = 70;
 
 export class Layers {
-  /**
-   * @param {Store} store
-   * @param {import("./strokes.js").Way} [Way] what lines are made of
-   * @param {number} [shortest] shorter pieces of lines are not seen [px]
-   */
-  constructor(store, Way = Path2D, shortest = SHORTEST) {
+  /** @param {Store} store */
+  constructor(store) {
     this.store = store;
-    this.Way = Way;
-    this.shortest = shortest;
     /** @type {Map<string, {keys: any[], value: any}>} */
     this.kept = new Map();
     this.factor = 1;
@@ -33,7 +28,7 @@ export class Layers {
 
   /** The view shows so many px per m; lines are made again where that doubles. @param {number} scale */
   setScale(scale) {
-    this.least = this.shortest / 2 ** Math.ceil(Math.log2(scale));
+    this.least = SHORTEST / 2 ** Math.ceil(Math.log2(scale));
   }
 
   /**
@@ -52,26 +47,26 @@ export class Layers {
   /** @param {Frame} picture @returns {Path2D} */
   objective(picture) {
     const { objective, objective_breaks: breaks } = picture.arrays;
-    return this.keep(`objective ${picture.head.of}`, [picture, this.least], () =>
-      polyline(objective, breaks, this.least, this.Way),
+    return this.keep("objective", [picture, this.least], () =>
+      polyline(objective, breaks, this.least),
     );
   }
 
   /** Contours with a kerf as they are drawn. @param {Frame} picture @returns {Path2D} */
   drawn(picture) {
     const { drawn = new Float32Array(0), drawn_breaks: breaks } = picture.arrays;
-    return this.keep(`drawn ${picture.head.of}`, [picture, this.least], () =>
-      polyline(drawn, breaks, this.least, this.Way),
+    return this.keep("drawn", [picture, this.least], () =>
+      polyline(drawn, breaks, this.least),
     );
   }
 
   /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
   cuts(picture) {
     const { cut, cut_breaks: breaks } = picture.arrays;
-    return this.keep(`cuts ${picture.head.of}`, [picture, this.least], () =>
+    return this.keep("cuts", [picture, this.least], () =>
       picture.head.kerfs.map((/** @type {number} */ kerf, /** @type {number} */ k) => ({
         kerf,
-        path: polyline(cut.subarray(2 * breaks[k], 2 * breaks[k + 1]), [], this.least, this.Way),
+        path: polyline(cut.subarray(2 * breaks[k], 2 * breaks[k + 1]), [], this.least),
       })),
     );
   }
@@ -89,7 +84,6 @@ export class Layers {
           theme,
           this.least,
           new Set(errors.arrays.breaks),
-          this.Way,
         );
       if (options.colour === "speed")
         return strokesByHeat(
@@ -99,24 +93,16 @@ export class Layers {
           theme,
           this.least,
           startsOf(picture),
-          this.Way,
         );
-      return strokesByLimit(picture, theme, this.least, this.Way);
+      return strokesByLimit(picture, theme, this.least);
     });
-  }
-
-  /** @param {Frame} picture @returns {Path2D} */
-  plain(picture) {
-    return this.keep(`plain ${picture.head.of}`, [picture, this.least], () =>
-      polyline(picture.arrays.path, startsOf(picture), this.least, this.Way),
-    );
   }
 
   /** Ways between contours. @param {Frame} picture @returns {Path2D} */
   rapids(picture) {
     const rapid = picture.arrays.rapid ?? new Float32Array(0);
     const starts = Array.from({ length: rapid.length / 2 / OF_RAPID }, (_, k) => k * OF_RAPID);
-    return this.keep("rapids", [picture], () => polyline(rapid, starts, 0, this.Way));
+    return this.keep("rapids", [picture], () => polyline(rapid, starts, 0));
   }
 
   /** @param {Frame} picture */
@@ -126,8 +112,8 @@ export class Layers {
 
   /** @param {Frame} executed @param {number} factor */
   executed(executed, factor) {
-    return this.keep(`executed ${executed.head.of}`, [executed, factor, this.least], () =>
-      magnified(executed, factor, this.least, this.Way),
+    return this.keep("executed", [executed, factor, this.least], () =>
+      magnified(executed, factor, this.least),
     );
   }
 
@@ -148,8 +134,7 @@ export class Layers {
   magnification(executed, scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const compared = this.store.latest("executed", "compare");
-    const most = Math.max(this.mostError(executed), compared ? largest(compared.arrays.error) : 0) * scale;
+    const most = this.mostError(executed) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

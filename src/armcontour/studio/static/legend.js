@@ -1,9 +1,9 @@
-// What the lines of the drawing mean, and its scales: for the page, and for files of the drawing.
+// What the lines of the drawing mean, and its scales.
 
 import { heat, styleOf, themed } from "./colours.js";
 import { mm, short } from "./format.js";
 import { SLOW, slowPlaces } from "./marks.js";
-import { bandOf, kindAt } from "./strokes.js";
+import { kindAt } from "./strokes.js";
 import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -22,7 +22,7 @@ const SHADES = 24;
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
 
 /** Kinds of limits on the path. @param {Frame} picture @param {"light" | "dark"} theme @returns {Sample[]} */
-export function kindsOf(picture, theme) {
+function kindsOf(picture, theme) {
   const kinds = new Set();
   for (let i = 0; i < picture.arrays.binding.length; i++) kinds.add(kindAt(picture, i));
   return [...kinds].map((kind) => {
@@ -52,39 +52,27 @@ function colouringOf(store, layers, picture) {
  * @returns {(Sample | Shades)[]}
  */
 export function legendOf(store, layers, picture, magnify) {
-  const ink = (/** @type {string} */ name) => themed(`--${name}`, store.theme);
   const found = colouringOf(store, layers, picture);
-  if (magnify) found.push(sample(ink("executed"), [], 1.5, `executed tool, error ×${magnify}`));
-  if (store.latest("picture", "compare")) found.push(sample(ink("compared"), [8, 4], 1.6, "compared"));
-  found.push(sample(ink("faint"), [5, 4], 1, "objective"));
+  if (magnify) found.push(sample(themed("--executed"), [], 1.5, `executed tool, error ×${magnify}`));
+  found.push(sample(themed("--faint"), [5, 4], 1, "objective"));
   if (picture.head.kerfs.length) {
-    found.push(sample(ink("ink"), [2, 2], 1, "as drawn"), sample(ink("kerf"), [], 8, "kerf"));
+    found.push(sample(themed("--ink"), [2, 2], 1, "as drawn"), sample(themed("--kerf"), [], 8, "kerf"));
   }
-  if (picture.arrays.rapid?.length) found.push(sample(ink("faint"), [1.5, 4], 1, "rapid"));
-  if (slowPlaces(picture).length) found.push({ ...sample(ink("alarm"), [], 1, "slow place", 10), corners: SLOW });
+  if (picture.arrays.rapid?.length) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
+  if (slowPlaces(picture).length) found.push({ ...sample(themed("--alarm"), [], 1, "slow place", 10), corners: SLOW });
   return found;
-}
-
-/**
- * What corners may be off, which the page tells at their handles, and pictures by a word.
- * @param {Frame} picture @param {"light" | "dark"} theme @param {number} scale px per m @returns {Sample[]}
- */
-export function bandsOf(picture, theme, scale) {
-  if (bandOf(picture) * scale <= 1) return [];
-  return [sample(themed("--band", theme), [], 8, "corner tolerance")];
 }
 
 /**
  * Lengths on the screen: of the drawing, and of magnified errors.
  * @param {number} scale px per m @param {number} magnify factor of errors; 0: they are not drawn
- * @param {"light" | "dark"} theme
  * @returns {Sample[]}
  */
-export function scalesOf(scale, magnify, theme) {
+export function scalesOf(scale, magnify) {
   const { length, pixels } = scaleBar(scale);
-  const found = [sample(themed("--quiet", theme), [], 2, `${short(1000 * length)} mm`, pixels)];
+  const found = [sample(themed("--quiet"), [], 2, `${short(1000 * length)} mm`, pixels)];
   if (magnify <= 1) return found;
   const error = scaleBar(scale * magnify, 60);
-  found.push(sample(themed("--executed", theme), [], 2, `${short(1000 * error.length)} mm of error`, error.pixels));
+  found.push(sample(themed("--executed"), [], 2, `${short(1000 * error.length)} mm of error`, error.pixels));
   return found;
 }

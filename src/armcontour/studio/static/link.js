@@ -22,7 +22,7 @@ const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
 
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
-export function takeToken() {
+function takeToken() {
   const given = location.hash.slice(1);
   if (given) {
     sessionStorage.setItem(KEPT_AS, given);
@@ -172,8 +172,7 @@ export class Link {
   answered(frame) {
     if (frame.seq === null || !(this.inFlight[0] <= frame.seq)) return;
     // The server executes the plan while the next edit is on its way.
-    const drawn = frame.kind === "picture" && frame.head.of !== "compare";
-    if (drawn || ["refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land(frame.seq);
+    if (["picture", "refusal", "executed", "failed", "notice"].includes(frame.kind)) this.land(frame.seq);
   }
 
   /** @param {CloseEvent} event */

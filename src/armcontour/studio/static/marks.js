@@ -17,7 +17,7 @@ const MOST_MARKS = 60;
 const BESIDE = 0.002; // m
 /** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
 export const SLOW = [[0, -5], [5, 4], [-5, 4]];
-export const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
+const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
 
 class Marks {
   /** @param {Store} store @param {View2d} view */
@@ -188,7 +188,7 @@ export function pointOf(picture, { t, s }) {
 }
 
 /** Place on the path [m]. @param {Frame} picture @param {number} s @returns {[number, number]} */
-export function pointAt(picture, s) {
+function pointAt(picture, s) {
   return along(picture.arrays.path_s, picture.arrays.path, s);
 }
 
@@ -196,7 +196,7 @@ export function pointAt(picture, s) {
  * What happens at a point of the path: where, when, how fast, and why not faster.
  * @param {Frame} picture @param {number} i @returns {string}
  */
-export function sentenceAt(picture, i) {
+function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const limit = picture.head.limits[binding[i]];
   const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";

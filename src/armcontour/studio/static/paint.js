@@ -1,5 +1,4 @@
-// Draws the layers on a canvas, in the order in which they lie over each other. Files of the drawing are
-// made by the same code, so that they show what the screen shows.
+// Draws the layers on a canvas, in the order in which they lie over each other.
 
 import { themed } from "./colours.js";
 import { besideHandles, beyond, handledOf } from "./corner.js";
@@ -15,17 +14,6 @@ const SHORTEST_LABELLED = 46; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
 const LONG = 12_000;
 
-const NAMES = ["ink", "quiet", "faint", "ground", "grid", "line", "band", "kerf", "executed", "compared", "refusal", "alarm"];
-/** Colours by theme. @type {Map<string, Record<string, string>>} */
-const INKS = new Map();
-
-/** Colours of the style sheet that the canvas needs. @param {"light" | "dark"} theme @returns {Record<string, string>} */
-export function inksOf(theme) {
-  let found = INKS.get(theme);
-  if (!found) INKS.set(theme, (found = Object.fromEntries(NAMES.map((name) => [name, themed(`--${name}`, theme)]))));
-  return found;
-}
-
 export class Painter {
   /** @param {Store} store @param {Layers} layers */
   constructor(store, layers) {
@@ -33,13 +21,9 @@ export class Painter {
     this.layers = layers;
   }
 
-  get inks() {
-    return inksOf(this.store.theme);
-  }
-
   /** Draw everything. @param {Context} context in px of the view @param {Viewport} view */
   paint(context, view) {
-    context.fillStyle = this.inks.ground;
+    context.fillStyle = themed("--ground");
     context.fillRect(0, 0, view.width, view.height);
     const picture = this.store.latest("picture");
     if (!picture) return;
@@ -68,20 +52,19 @@ export class Painter {
 
   /** @param {Context} context @param {Viewport} view @param {Frame} picture */
   lines(context, view, picture) {
-    const { layers, store, inks } = this;
+    const { layers, store } = this;
     const px = 1 / view.scale;
     layers.setScale(view.scale);
     const executed = store.refusal ? null : store.latest("executed");
     const band = bandOf(picture);
     const objective = layers.objective(picture);
-    if (band * view.scale > 1) stroke(context, objective, inks.band, 2 * band);
-    for (const { kerf, path } of layers.cuts(picture)) stroke(context, path, inks.kerf, kerf);
-    stroke(context, layers.drawn(picture), inks.ink, px, [2 * px, 2 * px]);
+    if (band * view.scale > 1) stroke(context, objective, themed("--band"), 2 * band);
+    for (const { kerf, path } of layers.cuts(picture)) stroke(context, path, themed("--kerf"), kerf);
+    stroke(context, layers.drawn(picture), themed("--ink"), px, [2 * px, 2 * px]);
     const count = picture.arrays.path.length;
     const dashed = count > 0 && count < LONG;
-    stroke(context, objective, count ? inks.faint : inks.ink, px, dashed ? [5 * px, 4 * px] : []);
-    stroke(context, layers.rapids(picture), inks.faint, 1 * px, [1.5 * px, 4 * px]);
-    this.compared(context, view);
+    stroke(context, objective, count ? themed("--faint") : themed("--ink"), px, dashed ? [5 * px, 4 * px] : []);
+    stroke(context, layers.rapids(picture), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(
         context,
@@ -91,32 +74,13 @@ export class Painter {
         dash.map((d) => d * px),
       );
     }
-    if (executed && store.options.executed) this.executed(context, view, executed, inks.executed);
+    if (executed && store.options.executed) this.executed(context, view, executed);
   }
 
-  /** @param {Context} context @param {Viewport} view */
-  compared(context, view) {
-    const picture = this.store.latest("picture", "compare");
-    if (!picture) return;
-    const px = 1 / view.scale;
-    context.save();
-    this.shift(context, picture);
-    stroke(context, this.layers.plain(picture), this.inks.compared, 1.6 * px, [8 * px, 4 * px]);
-    const executed = this.store.latest("executed", "compare");
-    if (executed && this.store.options.executed) this.executed(context, view, executed, this.inks.compared);
-    context.restore();
-  }
-
-  /** Arrays are relative to their own picture's centre. @param {Context} context @param {Frame} picture */
-  shift(context, picture) {
-    const mine = this.store.latest("picture")?.head.centre ?? [0, 0];
-    context.translate(picture.head.centre[0] - mine[0], picture.head.centre[1] - mine[1]);
-  }
-
-  /** @param {Context} context @param {Viewport} view @param {Frame} executed @param {string} colour */
-  executed(context, view, executed, colour) {
-    const live = this.store.latest("executed") ?? executed;
-    const factor = this.layers.magnification(live, view.scale);
+  /** @param {Context} context @param {Viewport} view @param {Frame} executed */
+  executed(context, view, executed) {
+    const colour = themed("--executed");
+    const factor = this.layers.magnification(executed, view.scale);
     const px = 1 / view.scale;
     const { tool, errors } = this.layers.executed(executed, factor);
     const alpha = context.globalAlpha;
@@ -132,7 +96,7 @@ export class Painter {
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
-    context.fillStyle = this.inks.ink;
+    context.fillStyle = themed("--ink");
     const [u, v] = picture.head.centre;
     const screen = (/** @type {[number, number]} */ at) => view.toScreen([at[0] - u, at[1] - v]);
     const taken = handledOf(picture).flatMap((x) => [beyond(x, screen(x.apex)), screen(x.corner)]);
@@ -148,7 +112,7 @@ export class Painter {
     const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
     const [left, top] = view.toPlane([0, 0]);
     const [right, bottom] = view.toPlane([view.width, view.height]);
-    context.strokeStyle = this.inks.grid;
+    context.strokeStyle = themed("--grid");
     context.lineWidth = 1;
     context.beginPath();
     for (let k = Math.ceil((left + centre[0]) / step); k * step <= right + centre[0]; k++) {
@@ -166,7 +130,7 @@ export class Painter {
 }
 
 /** Distance of grid lines: round, about 60 px or more. @param {number} scale px per m @returns {number} m */
-export function gridStep(scale) {
+function gridStep(scale) {
   const power = 10 ** Math.floor(Math.log10(60 / scale));
   return power * ([1, 2, 5, 10].find((f) => f * power * scale >= 60) ?? 10);
 }

@@ -169,10 +169,6 @@ export class PlacementMap {
     return this.shown.checked && this.element.isConnected && this.cells.length > 0 && this.moved !== null;
   }
 
-  caption() {
-    return this.isDrawn ? `Places of the part: ${this.words}` : "";
-  }
-
   /**
    * Draw the map under the drawing.
    * @param {CanvasRenderingContext2D} context in px

@@ -4,7 +4,6 @@ import { init as arm3d } from "./arm3d.js";
 import { init as charts } from "./charts.js";
 import { init as notes } from "./notes.js";
 import { init as obstacles } from "./obstacles.js";
-import { init as picture } from "./picture.js";
 import { init as place } from "./place.js";
 import { init as playback } from "./playback.js";
 import { init as runs } from "./runs.js";
@@ -29,7 +28,7 @@ export const regionsOf = (store, link, view, handles) => [
   () => runs(store, link),
   () => textpane(store, link),
   () => notes(store),
-  () => picture(store, view, arm3d(store, link)),
+  () => arm3d(store),
   () => charts(store, link),
   () => playback(store, link),
   () => tasks(store, link),

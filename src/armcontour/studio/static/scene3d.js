@@ -1,11 +1,9 @@
 // The arm, its cell and the tool's trail in three.js. Drawn only when asked to.
 
 import {
-  AxesHelper, Color, CylinderGeometry, DoubleSide, EdgesGeometry, FrontSide, GridHelper, Group, LineBasicMaterial, LineSegments,
-  Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
+  AxesHelper, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DoubleSide, FrontSide, GridHelper, Group,
+  LineBasicMaterial, LineMaterial, LineSegments, LineSegments2, LineSegmentsGeometry, Matrix4, Mesh, MeshBasicMaterial, OrthographicCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
-import { Ribbon } from "./ribbon.js";
-import { solidOf } from "./solid.js";
 
 /** @typedef {import("./kinematics.js").Pose} Pose */
 /** @typedef {import("./camera.js").Camera} Camera */
@@ -20,29 +18,33 @@ const AWAY = 60;
 export class Scene3D {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @throws {Error} without WebGL
+   * @param {boolean} software whether the processor computes WebGL: smooth edges then cost three times as much
    */
-  constructor(canvas) {
-    const name = rendererName();
-    if (name === null) throw new Error("There is no WebGL.");
-    this.software = /swiftshader|llvmpipe|software|basic render/i.test(name);
-    // Smooth edges cost the processor three times as much: there they are drawn at rest only.
-    this.renderer = new WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "low-power" });
-    this.kind = this.software ? "webgl-software" : "webgl";
+  constructor(canvas, software) {
+    this.software = software;
+    this.renderer = new WebGLRenderer({ canvas, antialias: !software, powerPreference: "low-power" });
     this.size = [1, 1, 0];
     this.scene = new Scene();
     this.eye = new OrthographicCamera(-1, 1, 1, -1, 0.01, 2 * AWAY);
     this.eye.matrixAutoUpdate = false;
     this.still = new Group();
-    /** @type {Pose | null} */
-    this.work = null;
     /** @type {Group[]} one per link, the base first */
     this.links = [];
     this.tip = dot();
     this.alarm = dot();
     this.alarm.visible = false;
-    this.ribbon = new Ribbon();
-    this.scene.add(this.still, this.ribbon.thin, this.ribbon.thick, this.tip, this.alarm);
+    // The part ahead of the tool is also seen through the arm.
+    this.ahead = new LineSegments(
+      new BufferGeometry(),
+      new LineBasicMaterial({ vertexColors: true, depthTest: false, transparent: true, opacity: 0.55 }),
+    );
+    this.ahead.renderOrder = 1;
+    this.passed = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth: 4 }));
+    for (const x of [this.ahead, this.passed]) x.frustumCulled = false;
+    this.trail = new Group();
+    this.trail.matrixAutoUpdate = false;
+    this.trail.add(this.ahead, this.passed);
+    this.scene.add(this.still, this.trail, this.tip, this.alarm);
     /** @type {Map<string, MeshBasicMaterial>} */
     this.materials = new Map();
   }
@@ -62,7 +64,7 @@ export class Scene3D {
     this.scene.add(...this.links);
     for (const body of cell.bodies) this.links[body.link].add(this.solid(body, paint));
     if (cell.sticks) addSticks(cell, this.links, this.material("link", paint));
-    this.work = cell.work;
+    setMatrix(this.trail, cell.work);
     this.addFloor(cell, paint);
     const size = cell.size;
     this.tip.scale.setScalar(size * 0.008);
@@ -87,7 +89,11 @@ export class Scene3D {
    * @param {Float32Array} colours of these ends, (n, 6)
    */
   setTrail(ends, colours) {
-    if (this.work) this.ribbon.set(ends, colours, this.work);
+    this.ahead.geometry.dispose();
+    this.ahead.geometry.setAttribute("position", new BufferAttribute(ends, 3));
+    this.ahead.geometry.setAttribute("color", new BufferAttribute(colours, 3));
+    this.passed.geometry.dispose();
+    this.passed.geometry.setPositions(ends).setColors(colours);
   }
 
   /**
@@ -99,7 +105,7 @@ export class Scene3D {
   pose(links, at, done) {
     links.forEach((x, k) => setMatrix(this.links[k], x));
     this.tip.position.set(at[3], at[7], at[11]);
-    this.ribbon.reach(done);
+    this.passed.geometry.instanceCount = done;
   }
 
   /**
@@ -117,11 +123,9 @@ export class Scene3D {
    * @param {number} width [px]
    * @param {number} height [px]
    * @param {boolean} rests whether nothing moves, so that time does not matter
-   * @param {number} [ratio] pixels per px, without: as many as the screen is worth
    */
-  render(camera, width, height, rests, ratio) {
-    this.resize(width, height, ratio ?? this.ratioOf(rests));
-    this.ribbon.face(camera, height);
+  render(camera, width, height, rests) {
+    this.resize(width, height, this.software ? (rests ? 2 : 1) : Math.min(2, devicePixelRatio));
     const { across, over, eye } = camera.axes();
     const reach = camera.reach;
     const wide = (reach * width) / height;
@@ -138,11 +142,6 @@ export class Scene3D {
     this.renderer.render(this.scene, this.eye);
   }
 
-  /** @param {boolean} rests @returns {number} */
-  ratioOf(rests) {
-    return this.software ? (rests ? 2 : 1) : Math.min(2, window.devicePixelRatio);
-  }
-
   /**
    * @param {number} width [px]
    * @param {number} height [px]
@@ -155,25 +154,17 @@ export class Scene3D {
     this.renderer.setSize(width, height, false);
   }
 
-  /** Give its memory back. */
-  close() {
-    for (const x of [...this.links, this.still, this.ribbon.thin, this.ribbon.thick]) dispose(x);
-    this.renderer.dispose();
-  }
-
   /**
-   * A body from its triangles. A table fills the picture, which costs the processor as much as all else
-   * together: there it is an outline.
+   * A body from its triangles.
    * @param {Body} body
    * @param {Paint} paint
-   * @returns {Mesh | LineSegments}
+   * @returns {Mesh}
    */
   solid(body, paint) {
-    const shape = solidOf(body.triangles);
-    const outlined = this.software && body.colour === "table";
-    const found = outlined
-      ? new LineSegments(new EdgesGeometry(shape), new LineBasicMaterial({ color: paint.axis }))
-      : new Mesh(shape, this.material(body.colour, paint));
+    const shape = new BufferGeometry();
+    shape.setAttribute("position", new BufferAttribute(body.triangles, 3));
+    shape.computeVertexNormals();
+    const found = new Mesh(shape, this.material(body.colour, paint));
     found.matrixAutoUpdate = false;
     setMatrix(found, body.at);
     return found;
@@ -210,19 +201,6 @@ export class Scene3D {
     setMatrix(part, cell.work);
     this.still.add(grid, base, part);
   }
-}
-
-/**
- * Who computes WebGL; SwiftShader and llvmpipe are programs for the processor. Null without WebGL.
- * @returns {string | null}
- */
-function rendererName() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) return null;
-  const known = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = known ? String(gl.getParameter(known.UNMASKED_RENDERER_WEBGL)) : "";
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return name;
 }
 
 /**

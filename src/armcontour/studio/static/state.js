@@ -5,7 +5,6 @@
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
-//   compare                 a frame of the compared variant came or went: listener(frame | null)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
@@ -16,7 +15,7 @@
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
-//   reset                   another job or drawing is opened; picture, executed, figures and compare are told null
+//   reset                   another job or drawing is opened; picture, executed and figures are told null
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -43,10 +42,8 @@
  */
 /** @typedef {{kind: string, index: number} | null} Selection */
 /**
- * Something under the path: it is painted in px of the view; its caption is for those who see the drawing without
- * the page, and is "" while nothing is painted.
- * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void,
- *   caption: () => string}} Underlay
+ * Something under the path: it is painted in px of the view.
+ * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void}} Underlay
  */
 
 /** While answers come one after the other, texts change so often at most [ms]. */
@@ -69,7 +66,7 @@ export class Store {
   constructor() {
     /** @type {Map<string, Set<Function>>} */
     this.listeners = new Map();
-    /** @type {Map<string, Frame>} newest frame by kind, or by "kind/compare" */
+    /** @type {Map<string, Frame>} newest frame by kind */
     this.frames = new Map();
     /** @type {Frame | null} refusal of the newest edit */
     this.refusal = null;
@@ -110,7 +107,7 @@ export class Store {
     const tell = (/** @type {string} */ event, /** @type {any} */ detail) => {
       for (const listener of this.listeners.get(event) ?? []) if (!before.get(event)?.has(listener)) listener(detail);
     };
-    for (const [name, frame] of this.frames) tell(frame.head.of === "compare" ? "compare" : name, frame);
+    for (const [kind, frame] of this.frames) tell(kind, frame);
     if (this.refusal) tell("refusal", this.refusal);
     if (this.cursor) tell("cursor", this.cursor);
     if (this.selection) tell("selection", this.selection);
@@ -124,17 +121,10 @@ export class Store {
 
   /**
    * The newest frame of a kind, or null.
-   * @param {string} kind @param {"live" | "compare"} [of]
-   * @returns {Frame | null}
+   * @param {string} kind @returns {Frame | null}
    */
-  latest(kind, of = "live") {
-    return this.frames.get(of === "compare" ? `${kind}/compare` : kind) ?? null;
-  }
-
-  /** The pin that is compared, or null. @returns {any} */
-  get comparedPin() {
-    const { compare, pins = [] } = this.document ?? {};
-    return pins.find((/** @type {any} */ x) => x.pin === compare?.pin) ?? null;
+  latest(kind) {
+    return this.frames.get(kind) ?? null;
   }
 
   /** Header of the document, or null before the first. @returns {any} */
@@ -145,11 +135,6 @@ export class Store {
   /** Take a frame of the server; one that is older than what is shown is dropped. @param {Frame} frame */
   put(frame) {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
-    if (frame.head.of === "compare") {
-      this.frames.set(`${frame.kind}/compare`, frame);
-      this.tell("compare", frame);
-      return;
-    }
     if (OF_A_RUN.has(frame.kind) || frame.kind === "refusal" || frame.kind === "document") {
       if (this.isOld(frame)) return;
       this.advance(frame);
@@ -162,10 +147,7 @@ export class Store {
       return this.setRefusal(frame);
     }
     if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
-    if (frame.kind === "document") {
-      if (this.document && this.document.id !== frame.head.id) this.reset();
-      this.forgetCompared(frame);
-    }
+    if (frame.kind === "document" && this.document && this.document.id !== frame.head.id) this.reset();
     this.frames.set(frame.kind, frame);
     this.tell(frame.kind, frame);
   }
@@ -184,10 +166,10 @@ export class Store {
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
-    for (const name of this.frames.keys()) if (OF_A_RUN.has(name.split("/")[0])) this.frames.delete(name);
+    for (const kind of OF_A_RUN) this.frames.delete(kind);
     this.setCursor({ source: "document" });
     this.setRefusal(null);
-    for (const event of ["picture", "executed", "figures", "compare", "reset"]) this.tell(event, null);
+    for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
   }
 
   /** The connection is new: frames may count from the start again. */
@@ -200,14 +182,6 @@ export class Store {
     if (refusal === null && this.refusal === null) return;
     this.refusal = refusal;
     this.tell("refusal", refusal);
-  }
-
-  /** Without a compared variant its frames go. @param {Frame} frame the new document */
-  forgetCompared(frame) {
-    if (frame.head.compare) return;
-    const had = this.frames.has("picture/compare");
-    for (const kind of [...OF_A_RUN, "refusal"]) this.frames.delete(`${kind}/compare`);
-    if (had) this.tell("compare", null);
   }
 
   /**
@@ -285,7 +259,7 @@ export function indexAt(increasing, value) {
  * Linear interpolation in a table.
  * @param {Numbers} xs increasing @param {Numbers} ys @param {number} x @returns {number}
  */
-export function interpolate(xs, ys, x) {
+function interpolate(xs, ys, x) {
   const i = indexAt(xs, x);
   if (i + 1 >= xs.length || x <= xs[0]) return ys[i];
   const span = xs[i + 1] - xs[i];

@@ -6,7 +6,6 @@ import { heat, styleOf } from "./colours.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
-/** What takes the pieces of a line: the browser's, or one that can be read again. @typedef {typeof Path2D} Way */
 /** @typedef {{at: [number, number], normal: [number, number], text: string, length: number}} Label */
 
 const SHADES = 16;
@@ -22,21 +21,20 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 /**
  * Lines through points; a new one starts at every break. Points nearer than `least` to the last one are left out.
  * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {number} [least] m
- * @param {Way} [Way]
  * @returns {Path2D}
  */
-export function polyline(points, breaks = [], least = 0, Way = Path2D) {
+export function polyline(points, breaks = [], least = 0) {
   const starts = new Set([0, ...breaks]);
-  return buckets(points, () => 0, starts, least, Way).get(0) ?? new Way();
+  return buckets(points, () => 0, starts, least).get(0) ?? new Path2D();
 }
 
 /**
  * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
- * @param {Set<number>} starts first points of lines @param {number} least m @param {Way} Way
+ * @param {Set<number>} starts first points of lines @param {number} least m
  * @returns {Map<number, Path2D>}
  */
-function buckets(points, bucketOf, starts, least, Way) {
+function buckets(points, bucketOf, starts, least) {
   /** @type {Map<number, Path2D>} */
   const all = new Map();
   const count = points.length / 2;
@@ -46,7 +44,7 @@ function buckets(points, bucketOf, starts, least, Way) {
     const bucket = starts.has(i + 1) ? -1 : bucketOf(i);
     if (bucket >= 0) {
       let path = all.get(bucket);
-      if (!path) all.set(bucket, (path = new Way()));
+      if (!path) all.set(bucket, (path = new Path2D()));
       if (bucket !== last) path.moveTo((u = points[2 * i]), (v = points[2 * i + 1]));
       const [x, y] = [points[2 * i + 2], points[2 * i + 3]];
       const ends = i + 2 >= count || starts.has(i + 2) || bucketOf(i + 1) !== bucket;
@@ -76,8 +74,8 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
 }
 
-/** @param {Frame} picture @param {Theme} theme @param {number} least m @param {Way} [Way] @returns {Stroke[]} */
-export function strokesByLimit(picture, theme, least, Way = Path2D) {
+/** @param {Frame} picture @param {Theme} theme @param {number} least m @returns {Stroke[]} */
+export function strokesByLimit(picture, theme, least) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
   const found = buckets(
@@ -89,7 +87,6 @@ export function strokesByLimit(picture, theme, least, Way = Path2D) {
     },
     startsOf(picture),
     least,
-    Way,
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
@@ -99,10 +96,10 @@ export function strokesByLimit(picture, theme, least, Way = Path2D) {
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
- * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines @param {Way} [Way]
+ * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, least, starts = new Set(), Way = Path2D) {
+export function strokesByHeat(points, values, most, theme, least, starts = new Set()) {
   const found = buckets(
     points,
     (i) => {
@@ -111,7 +108,6 @@ export function strokesByHeat(points, values, most, theme, least, starts = new S
     },
     starts,
     least,
-    Way,
   );
   return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
 }
@@ -152,26 +148,26 @@ function besides(points, i) {
 
 /**
  * The executed tool with its error magnified, and lines from the path to it.
- * @param {Frame} executed @param {number} magnify @param {number} least m @param {Way} [Way]
+ * @param {Frame} executed @param {number} magnify @param {number} least m
  * @returns {{tool: Path2D, errors: Path2D, points: Float32Array}}
  */
-export function magnified(executed, magnify, least, Way = Path2D) {
+export function magnified(executed, magnify, least) {
   const { base, offset } = executed.arrays;
   const points = new Float32Array(base.length);
   for (let i = 0; i < base.length; i++) points[i] = base[i] + magnify * offset[i];
-  const errors = new Way();
+  const errors = new Path2D();
   const step = Math.max(1, Math.round(base.length / 2 / 240));
   for (let i = 0; 2 * i < base.length; i += step) {
     errors.moveTo(base[2 * i], base[2 * i + 1]);
     errors.lineTo(points[2 * i], points[2 * i + 1]);
   }
   const breaks = /** @type {Uint32Array} */ (executed.arrays.breaks ?? []);
-  return { tool: polyline(points, breaks, least, Way), errors, points };
+  return { tool: polyline(points, breaks, least), errors, points };
 }
 
-/** Largest number of an array. @param {Numbers} values @returns {number} */
+/** Largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */
 export function largest(values) {
   let most = 0;
-  for (const x of values) if (x > most) most = x;
+  for (const x of values) if (x !== null && x > most) most = x;
   return most;
 }

@@ -10,7 +10,7 @@ import { kindAt } from "./strokes.js";
 /**
  * @typedef {object} Trail
  * @property {Float32Array} ends of its pieces in the work frame [m], (n, 6)
- * @property {Float32Array} colours of these ends, red green blue from 0 to 1, (n, 6)
+ * @property {Float32Array} colours of these ends, red green blue from 0 to 1 and linear, as WebGL mixes them, (n, 6)
  * @property {Float64Array} times when the tool is at the end of each piece [s], (n,)
  */
 
@@ -125,5 +125,6 @@ export function passed({ times }, t) {
  * @returns {number[]} 0 to 1
  */
 function channels(hex) {
-  return [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
+  const linear = (/** @type {number} */ x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+  return [1, 3, 5].map((k) => linear(parseInt(hex.slice(k, k + 2), 16) / 255));
 }

@@ -1,5 +1,6 @@
 // The drawing: a canvas for what is long, an SVG over it for what is grabbed; pan, zoom, fit.
 
+import { themed } from "./colours.js";
 import { draw, find, make, mark } from "./dom.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./paint.js";
@@ -62,7 +63,7 @@ export class View2d {
       this.follow();
     });
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["compare", "refusal", "theme", "view", "underlay"]) store.on(event, () => this.rest());
+    for (const event of ["refusal", "theme", "view", "underlay"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -209,7 +210,7 @@ export class View2d {
     const factor = view.scale / scale;
     const [x, y] = view.toScreen([u, v]);
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    context.fillStyle = this.painter.inks.ground;
+    context.fillStyle = themed("--ground");
     context.fillRect(0, 0, view.width, view.height);
     const [wide, high] = [view.width * factor, view.height * factor];
     context.drawImage(image, x - wide / 2, y - high / 2, wide, high);

@@ -30,7 +30,7 @@ class Viewbar {
     this.timer = 0;
     this.build();
     const update = oncePerFrame(() => this.updateNow());
-    for (const event of ["view", "theme", "compare"]) store.on(event, update);
+    for (const event of ["view", "theme"]) store.on(event, update);
     const follow = nowAndThen(READING, () => this.updateNow());
     for (const event of ["picture", "executed"]) store.on(event, follow);
     view.followers.add(follow);
@@ -82,13 +82,6 @@ class Viewbar {
         button("Fit", "Show all (F)", () => view.fit()),
       ]),
       this.stages.element,
-      make("button", {
-        type: "button",
-        id: "picture",
-        "data-later": true,
-        text: "Picture",
-        title: "Save what is shown as a picture, for a report or a mail (I)",
-      }),
     );
   }
 
@@ -154,7 +147,7 @@ class Viewbar {
     const magnify = this.store.options.executed ? Number(region.dataset.magnify) : 0;
     const { scale } = this.view.view;
     const entries = legendOf(this.store, layers, picture, magnify);
-    const scales = scalesOf(scale, magnify, this.store.theme);
+    const scales = scalesOf(scale, magnify);
     const shown = JSON.stringify([entries, scales]);
     if (shown === this.shown) return;
     this.shown = shown;

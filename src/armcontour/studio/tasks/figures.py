@@ -1,25 +1,16 @@
-"""What a full run gives: its figures, or what it refuses and where, and the picture of its plan."""
+"""Figures of a full run, or what the run refuses and where."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
-# Motions whose starts differ by more are in different configurations [rad].
-SAME = 0.01
-OTHER_CONFIGURATION = "The full run starts in another configuration of the arm than the preview."
-
 
 def figures(x: Request) -> Frame:
-    """The figures of a full run, or what it refuses and where.
-
-    Options: `start`, joint positions at the start of the preview, to say where they differ.
-    """
+    """Figures of a full run, or what the run refuses and where."""
     from armcontour.studio.demand import saturated_joints
     from armcontour.studio.refusals import refusal_header
 
@@ -31,38 +22,20 @@ def figures(x: Request) -> Frame:
         except InvalidInput:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
-        return Frame("refusal", {**told, "of": "live"})
+        return Frame("refusal", told)
     judged = result.experiment or result
-    e, near, start = judged.evaluation, result.clearance, result.trajectory(0.0)
+    e, near = judged.evaluation, result.clearance
     least = None if near is None else near.least
-    off = e.objective_error
     header: dict[str, Any] = {
-        **{"run": result.run.name, "of": "live", "duration": e.duration, "settled": e.settled},
-        **{"rms": e.contour_error.rms, "max": e.contour_error.max, "t_max": e.contour_error.t_max},
-        "objective_max": None if off is None else off.max,
-        "missed": e.missed.max,
+        **{"run": result.run.name, "duration": e.duration, "settled": e.settled},
+        **{"rms": e.contour_error.rms, "max": e.contour_error.max},
         "saturated": saturated_joints(judged.execution),
         "demand": e.demand_ratio,
-        "limit_use": e.limit_ratios,
         "clearance": None
         if least is None
         else {"least": least.high, "pair": [least.first, least.second], "t": least.t},
-        "start": start,
+        "start": result.trajectory(0.0),
         "warnings": result.warnings,
-        "notes": [
-            *result.remarks,
-            *x.job.arm.notes,
-        ],
+        "notes": [*result.remarks, *x.job.arm.notes],
     }
-    preview = x.options.get("start")
-    if preview is not None and np.abs(start - preview).max() > SAME:
-        header["notes"].append(OTHER_CONFIGURATION)
     return Frame("figures", header)
-
-
-def plan(x: Request) -> Frame:
-    """The picture of the plan as a full run has it, in whatever time that takes."""
-    from armcontour.studio.picture import picture_frame
-
-    planned = x.previewer.plan(x.data, x.run, exact=True, progress=x.progress)
-    return picture_frame(planned, x.view)

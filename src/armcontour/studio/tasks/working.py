@@ -14,7 +14,7 @@ from armcontour import _process
 from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour.errors import ArmContourError, InvalidInput
-from armcontour.studio.tasks.figures import figures, plan
+from armcontour.studio.tasks.figures import figures
 from armcontour.studio.tasks.files import certify, export, learn, report
 from armcontour.studio.tasks.judging import check, clearance
 from armcontour.studio.tasks.request import Request
@@ -37,7 +37,6 @@ runs: {one: {}}
 """
 TASKS: dict[str, Callable[[Request], Frame]] = {
     "figures": figures,
-    "plan": plan,
     "check": check,
     "certify": certify,
     "sweep": sweep,
