@@ -39,8 +39,6 @@ CURVATURE_JUMPS = "curvature jumps"
 # A contour is slow if it takes this multiple of the time of a straight line of its length, with the
 # largest mean acceleration that its ends show beyond this share of its length.
 SLOW, ENDS = 2.0, 1e-3
-# Samples of a contour's motion, and the share of the assigned velocity that reaches it.
-SAMPLES, REACHED = 401, 0.99
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -177,7 +175,7 @@ def _missed_speed(path: Path, motion: Trajectory, this: Run) -> tuple[float, flo
     ideal = float(np.sum(path.lengths / speeds))
     if not np.isfinite(ideal) or not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
         return None
-    t = np.linspace(0.0, motion.duration, SAMPLES)
+    t = motion.breaks
     s, v = motion.s(t), motion.s(t, 1)
     gone = np.minimum(s, path.length - s)
     inside = gone > ENDS * path.length
