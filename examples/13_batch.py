@@ -28,12 +28,11 @@ with tempfile.TemporaryDirectory() as name:
         "over": OVER,
         "columns": ["duration", "contour_error.max"],
     }
-    # In this process; `armcontour batch` takes all processors, or a cluster, and can be stopped.
+    # `armcontour batch` uses all processors, or a cluster, and can be interrupted.
     found = ac.batch(plan, folder / "out", workers=0)
-    rows = list(found.rows())
 
 print(f"{found.counts['done']} of {len(found.plan)} jobs done")
-for row in rows:
+for row in found.rows:
     print(
         f"{row['limits.speed'] * 1e3:3.0f} mm/s, {row['runs.only.compensation.method']:14s} "
         f"{row['duration']:.3f} s, {row['contour_error.max'] * 1e3:.4f} mm at most"

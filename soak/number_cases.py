@@ -495,7 +495,7 @@ TEXTS = {
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
-    "--predict", "--run", "--scene", "--shard", "--skip", "--taught", "--texts",
+    "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
     "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

@@ -144,10 +144,11 @@ def studied():
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
         own=Verdict(refusal="reach"),
     )  # fmt: skip
-    counts, errors = {"done": 300, "refused": 80}, {"Unreachable": 80}
-    batch = ac.Batch(plan=Jobs(range(400)), folder=FilePath("out"), counts=counts, errors=errors)
+    results = [*[{"status": "done", "error": None}] * 300]
+    results += [{"status": "refused", "error": "Unreachable"}] * 80
+    batch = ac.Batch(plan=Jobs(range(380)), folder=FilePath("out"), rows=results)
     tally = ac.Tally(
-        total=400, done=300, before=100, seconds=20.0, workers="2 processes",
+        total=400, done=300, before=100, seconds=20.0,
         statuses={"done": 190, "refused": 10}, errors={"Unreachable": 10},
     )  # fmt: skip
     n, two = np.arange(1.0, 101.0), np.zeros((100, 2))
@@ -158,7 +159,7 @@ def studied():
     )  # fmt: skip
     return [
         (placement, "best place x 10 mm, yaw 90°: 1.5000 s", "refused 1 by reach"),
-        (batch, "done 300", "refused 80", "without a result 20", "error Unreachable 80"),
+        (batch, "done 300", "refused 80", "error Unreachable 80"),
         (tally, "rate 10 jobs/s, 10 s left", "results 190 done, 10 refused"),
         (spread, "contour error 0.1 mm largest of all", "in 95 % of them at most 0.096 mm",
          "worst robot kp of joint 1 +0.1, payload -0.1"),

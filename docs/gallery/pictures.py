@@ -218,7 +218,7 @@ def draw_13(names: Names) -> Figure:
     """Error over cycle time, a line for each compensation."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
-    rows, key = names["rows"], "runs.only.compensation.method"
+    rows, key = names["found"].rows, "runs.only.compensation.method"
     for method, marker in zip(dict.fromkeys(x[key] for x in rows), "os^", strict=True):
         mine = [x for x in rows if x[key] == method]
         error = [1e3 * x["contour_error.max"] for x in mine]

@@ -1,40 +1,111 @@
-"""Other processes that do one piece of work after the other, and one that can be ended."""
+"""One engine for work on many items: threads, other processes, a cluster, or this process."""
 
 from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
-from functools import partial
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+)
+from concurrent.futures import wait as wait_for
+from contextlib import contextmanager, nullcontext, suppress
+from functools import lru_cache, partial
+from importlib import import_module
+from importlib.util import find_spec
 from queue import SimpleQueue
 from threading import Lock, Thread
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from armcontour._process import (
+    Packed,
     ProcessEnded,
     can_start,
     end,
+    is_other,
+    pack,
     processors,
     receive,
     send,
     start,
+    unpack,
+    working_for_another,
 )
+from armcontour.errors import ArmContourError, ExecutionError, InvalidInput
 
 T = TypeVar("T")
 R = TypeVar("R")
-# So many processes of a pool may end one after the other before they are ready for work.
-STARTS = 5
+# Largest number of threads that share compiled work; their results are put together in one.
+MOST_THREADS = 8
+# Starting a process takes as long as some items, so that fewer of them are not given away.
+FEWEST = 12
+# Time that starting a process costs, about [s]: work is shared if twice as much is left for each.
+START = 1.0
+# Largest number of processes that plan moves; each takes about as much memory as this one.
+MOST_PROCESSES = 8
+# Least number of parts of the items that an executor gets, each with the work.
+PARTS = 32
+# How long a scheduler may take to answer [s].
+PATIENCE = "20s"
+# Longest time between two looks at what is done [s]: an interrupt is heard then everywhere.
+PULSE = 1.0
+# What executors raise for work whose process is gone; Dask's are named, as it may be missing.
+LOST = (ProcessEnded, BrokenExecutor, CancelledError, MemoryError)
+LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
+
+
+def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Do compiled work on all items, in threads: it lets other threads of this process go on.
+
+    Calls should take a millisecond or more: between them a thread waits for the others.
+
+    Args:
+        work: The work, nearly all of it in few calls of compiled functions.
+        items: The items, in whose order the results are.
+    """
+    count = 1 if is_other() else min(processors(), MOST_THREADS, len(items))
+    if count < 2:
+        return [work(x) for x in items]
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(work, items))
+
+
+def split_evenly(count: int, parts: int) -> list[slice]:
+    """Slices of so many parts, about equally long, that make up a sequence.
+
+    Args:
+        count: Length of the sequence.
+        parts: Largest number of parts.
+    """
+    few = max(1, min(parts, count))
+    return [slice(count * k // few, count * (k + 1) // few) for k in range(few)]
+
+
+class InProcess(Executor):
+    """Does all work in this process, when it is given."""
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Call a function."""
+        future: Future[R] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
 
 class ProcessPool(Executor):
     """Other processes that do one piece of work after the other.
 
-    A process that ends costs what it was working on: that raises `ProcessEnded`, and another
-    process takes its place. Work with a method `prepare`, which is called in each process before
-    its first piece, is not lost if the process ends in that: another one is started, up to STARTS
-    times. Other errors of the work come as a RuntimeError with their text. Where no process can be
-    started, threads of this one work.
+    Scripts that use it need no guard against being imported. A process that ends costs what it was
+    working on: that raises `ProcessEnded`, and another process takes its place. Other errors of
+    the work come as a RuntimeError with their text. Where no process can be started, threads of
+    this one work.
 
     Args:
         processes: Number of processes; by default that of processors.
@@ -42,8 +113,8 @@ class ProcessPool(Executor):
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
-        self._given = SimpleQueue[tuple[Future[Any], partial[Any]] | None]()
-        self._lock, self._open, self._ended = Lock(), True, False
+        self._given = SimpleQueue[tuple[Future[Any], partial[Any], Callable[[Any], None]] | None]()
+        self._lock, self._open, self._ended, self._kills = Lock(), True, False, 0
         self._children = set[subprocess.Popen[bytes]]()
         # A program may end without these threads, and then their processes end too.
         self._threads = [
@@ -54,11 +125,15 @@ class ProcessPool(Executor):
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Have a process call a function; function, arguments and result can be pickled."""
+        return self.submit_heard(lambda told: None, partial(fn, *args, **kwargs))
+
+    def submit_heard(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
+        """Have a process do some work, and hear what that tells by `tell` before its result."""
         future: Future[R] = Future()
         with self._lock:
             if not self._open:
                 raise RuntimeError("The pool is shut down, and takes no more work.")
-            self._given.put((future, partial(fn, *args, **kwargs)))
+            self._given.put((future, work, heard))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -76,13 +151,19 @@ class ProcessPool(Executor):
             for x in self._threads:
                 x.join()
 
+    def kill(self) -> None:
+        """End what the processes are at; others take their place."""
+        with self._lock:
+            self._kills += 1
+            for child in self._children:
+                child.kill()
+
     def end(self) -> None:
         """End the processes at once, whatever they are at; work that is not done is lost."""
         self.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             self._ended = True
-            for child in self._children:
-                child.kill()
+        self.kill()
         if can_start():
             for x in self._threads:
                 x.join()
@@ -91,52 +172,35 @@ class ProcessPool(Executor):
         """Give work to one process, and to another if it ends."""
         child: subprocess.Popen[bytes] | None = None
         while (given := self._given.get()) is not None:
-            future, work = given
+            future, work, heard = given
+            kills = self._kills
             if not future.set_running_or_notify_cancel():
                 continue
-            begin = time.monotonic()
             try:
                 if not can_start():
                     future.set_result(work())
                     continue
-                if child is None:
-                    child = self._prepared(work.func)
-                    begin = time.monotonic()
+                child = child or self._start(kills)
                 assert child.stdin is not None and child.stdout is not None
                 send(child.stdin, work)
-                future.set_result(receive(child.stdout))
+                future.set_result(receive(child.stdout, heard))
             except BaseException as error:
                 if isinstance(error, ProcessEnded) and child is not None:
-                    error.after = time.monotonic() - begin
                     self._end(child)
                     child = None
                 future.set_exception(error)
         if child is not None:
             self._end(child)
 
-    def _prepared(self, work: Callable[..., Any]) -> subprocess.Popen[bytes]:
-        """A process that is ready for some work.
-
-        Raises:
-            ProcessEnded: So many processes have ended before they were ready, or the pool is ended.
-        """
-        for left in reversed(range(STARTS)):
-            with self._lock:
-                if self._ended:
-                    raise ProcessEnded("The pool is ended.")
-                child = start()
-                self._children.add(child)
-            assert child.stdin is not None and child.stdout is not None
-            try:
-                send(child.stdin, _call)
-                send(child.stdin, getattr(work, "prepare", _nothing))
-                receive(child.stdout)
-            except BaseException as error:
-                self._end(child)
-                if not isinstance(error, ProcessEnded) or not left:
-                    raise
-            else:
-                break
+    def _start(self, kills: int) -> subprocess.Popen[bytes]:
+        """Start a process, unless its work was killed meanwhile."""
+        with self._lock:
+            if self._ended or self._kills > kills:
+                raise ProcessEnded("The work was ended before its process was started.")
+            child = start()
+            self._children.add(child)
+        assert child.stdin is not None
+        send(child.stdin, _call)
         return child
 
     def _end(self, child: subprocess.Popen[bytes]) -> None:
@@ -147,52 +211,295 @@ class ProcessPool(Executor):
         end(child)
 
 
-class Worker(Generic[T, R]):
-    """Another process that does one piece of work at a time, tells of it, and can be ended.
-
-    Args:
-        work: The work; it can be pickled, as items and results can.
-    """
-
-    def __init__(self, work: Callable[[T], R]) -> None:
-        self._child = start()
-        self._work = work
-        self._begun = False
-
-    def do(self, item: T, heard: Callable[[Any], None]) -> R:
-        """Do the work on an item.
-
-        Args:
-            item: The item.
-            heard: Called with what the work tells by `tell` meanwhile.
-
-        Raises:
-            ProcessEnded: The process has ended, or was ended.
-            RuntimeError: An error of the work, as text.
-        """
-        stdin, stdout = self._child.stdin, self._child.stdout
-        assert stdin is not None and stdout is not None
-        if not self._begun:
-            send(stdin, self._work)
-            self._begun = True
-        send(stdin, item)
-        found: R = receive(stdout, heard)
-        return found
-
-    def end(self) -> None:
-        """End the process, whatever it is doing; another thread may wait for its answer."""
-        self._child.kill()
-
-    def close(self) -> None:
-        """End the process, and close its pipes."""
-        self.end()
-        end(self._child)
-
-
-def _nothing() -> None:
-    """What work without a method `prepare` does before its first piece."""
-
-
 def _call(work: Callable[[], Any]) -> Any:
     """Do a piece of work of a pool."""
     return work()
+
+
+@contextmanager
+def open_executor(
+    workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
+) -> Iterator[Executor]:
+    """Open an executor, and close it at the end; that of the caller stays open.
+
+    Args:
+        workers: Number of processes on this machine; by default one a processor. 0 works in this
+            process.
+        cluster: Address of a Dask scheduler, such as `tcp://10.0.0.1:8786`.
+        executor: An executor of the caller.
+
+    Raises:
+        InvalidInput: Options that do not go together, or Dask is not installed.
+        ExecutionError: Nobody answers at the address, or the cluster has no workers.
+    """
+    if workers is not None and workers < 0:
+        raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
+    if sum(x is not None for x in (workers, cluster, executor)) > 1:
+        raise InvalidInput(
+            "A cluster or an executor has its own workers: give one of workers, cluster and "
+            "executor."
+        )
+    if executor is not None:
+        yield executor
+    elif cluster is not None:
+        with _dask(cluster) as opened:
+            yield opened
+    elif workers == 0:
+        yield InProcess()
+    else:
+        pool = ProcessPool(workers)
+        try:
+            yield pool
+        finally:
+            # Nobody waits for what is under way now: all is done, nobody needs it, or an error ends
+            # the work.
+            pool.end()
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[Executor]:
+    """The executor of a Dask cluster."""
+    if find_spec("distributed") is None:
+        raise InvalidInput(
+            "A cluster needs the library distributed: pip install 'armcontour[cluster]'."
+        )
+    distributed: Any = import_module("distributed")
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ExecutionError(
+            f"No Dask scheduler answers at {address} ({error}): start one with `dask scheduler`, "
+            "and workers with `dask worker ADDRESS --nthreads 1`."
+        ) from None
+    try:
+        if not client.ncores():
+            raise ExecutionError(
+                f"The Dask cluster at {address} has no workers: start some with `dask worker "
+                f"{address} --nthreads 1`."
+            )
+        # Work has no side effects, but Dask would take equal calls for one.
+        yield client.get_executor(pure=False)
+    finally:
+        client.close()
+
+
+def workers_of(executor: Executor) -> int:
+    """Number of workers of an executor; that of processors where it does not tell."""
+    if isinstance(executor, InProcess):
+        return 1
+    if isinstance(executor, ProcessPool):
+        return executor.processes
+    cores = getattr(getattr(executor, "_client", None), "ncores", dict)
+    # A client of Dask that is closed says so when it is given work.
+    with suppress(Exception):
+        if count := sum(cores().values()):
+            return int(count)
+    return getattr(executor, "_max_workers", None) or processors()
+
+
+class Crew(Generic[T, R]):
+    """An executor that works on items, which come back as they are done.
+
+    As a context it takes back at its end what nobody works on yet.
+
+    Args:
+        work: The work; it can be pickled, as items and results can.
+        executor: The executor; `InProcess` works when an item is given.
+        lost: The result of an item whose worker ended; by default that is an error.
+    """
+
+    def __init__(
+        self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
+    ) -> None:
+        self.workers = workers_of(executor)
+        # A subclass may do otherwise.
+        self._alone = type(executor) is InProcess
+        self._work, self._executor, self._lost = work, executor, lost
+        self._call = None if self._alone else partial(_on, _frozen(pack(work)))
+        self._done: list[tuple[T, R]] = []
+        self._away: dict[Future[Packed], T] = {}
+
+    def __enter__(self) -> Crew[T, R]:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for x in self._away:
+            x.cancel()
+
+    def __len__(self) -> int:
+        """Number of items that are given and not taken."""
+        return len(self._done) + len(self._away)
+
+    @property
+    def ahead(self) -> int:
+        """So many items are enough that no worker waits for one."""
+        return 1 if self._alone else self.workers + self.workers // 4 + 1
+
+    def give(self, item: T) -> None:
+        """Have an item worked on.
+
+        Raises:
+            ExecutionError: The executor takes no work.
+        """
+        if self._call is None:
+            self._done.append((item, self._work(item)))
+            return
+        try:
+            self._away[self._executor.submit(self._call, pack(item))] = item
+        except Exception as error:
+            raise ExecutionError(
+                f"The executor takes no work ({type(error).__name__}: {error}): give one that is "
+                "open, and whose workers have not ended."
+            ) from None
+
+    def take(self) -> list[tuple[T, R]]:
+        """The items that are done, after a while, and their results; none if none is away.
+
+        Raises:
+            ExecutionError: A worker has ended, or cannot do the work.
+            ArmContourError: As the work raises.
+        """
+        while self._away and not self._done:
+            wait_for(self._away, timeout=PULSE, return_when=FIRST_COMPLETED)
+            # That does not wait for what its executor has cancelled.
+            for x in [x for x in self._away if x.done()]:
+                self._done.append((self._away.pop(x), self._result(x)))
+        found, self._done = self._done, []
+        return found
+
+    def _result(self, future: Future[Packed]) -> R:
+        """What came of an item."""
+        try:
+            found = unpack(future.result())
+        except (Exception, CancelledError) as error:
+            name = type(error).__name__
+            if isinstance(error, ProcessEnded) or name == "KilledWorker":
+                if self._lost is not None:
+                    return self._lost()
+                if isinstance(error, ProcessEnded):
+                    raise
+            if isinstance(error, LOST) or name in LOST_NAMES:
+                raise ExecutionError(
+                    f"A worker of the executor has ended before it gave an answer ({name}), as "
+                    "when memory runs out: take fewer workers, or give each more memory."
+                ) from None
+            if isinstance(self._executor, ProcessPool):
+                raise
+            raise ExecutionError(
+                f"The workers of the executor cannot do the work ({name}: {error}): they need the "
+                "same version of armcontour as this process."
+            ) from None
+        if isinstance(found, ArmContourError):
+            raise found
+        return cast(R, found)
+
+
+def _frozen(packed: Packed) -> tuple[bytes, tuple[bytes, ...]]:
+    """Packed work as a key of a cache."""
+    return packed[0], tuple(packed[1])
+
+
+def _on(work: tuple[bytes, tuple[bytes, ...]], item: Packed) -> Packed:
+    """Do packed work on an item; arrays are read-only as in this package's own processes.
+
+    An error of this package is a result, which keeps its kind on every way.
+    """
+    try:
+        with working_for_another():
+            return pack(_unpacked(work)(unpack(item)))
+    except ArmContourError as error:
+        return pack(error)
+
+
+@lru_cache(maxsize=2)
+def _unpacked(work: tuple[bytes, tuple[bytes, ...]]) -> Callable[[Any], Any]:
+    """The work, which is made once in each process."""
+    return cast(Callable[[Any], Any], unpack((work[0], list(work[1]))))
+
+
+def map_in_processes(
+    work: Callable[[T], R],
+    items: Sequence[T],
+    *,
+    processes: int | None = None,
+    executor: Executor | None = None,
+    done: Callable[[int], None] | None = None,
+) -> list[R]:
+    """Do some work on all items; results are in the order of the items.
+
+    Args:
+        work: The work; it can be pickled, as items and results can.
+        items: The items.
+        processes: Number of processes; by default that of processors. 1 works in this process, and
+            so does one of the other processes itself.
+        executor: An executor that does the work in place of these processes.
+        done: Called with the number of items that are done, from time to time.
+
+    Raises:
+        ExecutionError: The executor takes no work, or a worker has ended or cannot do it.
+        Exception: As the work raises, or a RuntimeError with its text from another process.
+    """
+    tell = done or (lambda number: None)
+    count = min(processes or processors(), len(items))
+    here = count < 2 or len(items) < FEWEST or is_other() or not can_start()
+    if executor is None and here:
+        executor = InProcess()
+    with nullcontext(executor) if executor else open_executor(count) as opened:
+        several = partial(_several, work)
+        with Crew[tuple[int, Sequence[T]], list[R]](several, opened) as crew:
+            step = max(1, len(items) // max(PARTS, 4 * crew.workers))
+            parts = iter([(k, items[k : k + step]) for k in range(0, len(items), step)])
+            found: dict[int, list[R]] = {}
+            number, part = 0, next(parts, None)
+            while part or len(crew):
+                while part and len(crew) < crew.ahead:
+                    crew.give(part)
+                    part = next(parts, None)
+                tell(number)
+                for (k, _), results in crew.take():
+                    found[k] = results
+                    number += len(results)
+    return [x for k in sorted(found) for x in found[k]]
+
+
+def _several(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
+    """Do some work on several items."""
+    return [work(x) for x in numbered[1]]
+
+
+def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
+    """The results of all items, each when it is asked for; other processes work if it saves time.
+
+    What another process fails at is done again here, so that an error is raised in the place of its
+    item.
+
+    Args:
+        work: The work; if it, an item or a result cannot be pickled, this process does all.
+        items: The items.
+    """
+    begin, count = time.thread_time(), 0
+    for k, item in enumerate(items):
+        count = _worth(time.thread_time() - begin, k / len(items)) if k else 0
+        if count > 1:
+            break
+        yield work(item)
+    if count < 2:
+        return
+    step = max(1, (len(items) - k) // (8 * count))
+    parts = [items[i : i + step] for i in range(k, len(items), step)]
+    with open_executor(count) as pool:
+        futures = [pool.submit(_several, work, (0, x)) for x in parts]
+        for part, future in zip(parts, futures, strict=True):
+            try:
+                found = future.result()
+            except Exception:  # Also what pickle raises, which is anything.
+                yield from map(work, part)
+            else:
+                yield from found
+
+
+def _worth(spent: float, share: float) -> int:
+    """Number of processes that are worth their start, after a share of some work [s]."""
+    if spent < START / 4 or is_other() or not can_start():
+        return 0
+    return min(processors(), MOST_PROCESSES, int(spent * (1 / share - 1) / (2 * START)))

@@ -70,7 +70,6 @@ Frequency = Annotated[float, Quantity("1/s", "2 Hz", "positive")]
 Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
 Mass = Annotated[float, Quantity("kg", "2 kg")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
-Memory = Annotated[float, Quantity("byte", "4 GB", "positive")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 

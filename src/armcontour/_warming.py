@@ -21,8 +21,8 @@ from typing import Any, Literal, TypeAlias
 
 from armcontour import _kernel_files, _kernels, _signatures
 from armcontour._kernels import KERNELS, compiled, waiting
+from armcontour._pool import Crew, open_executor
 from armcontour._process import can_start, is_other, processors
-from armcontour._processes import share_work
 from armcontour._progress import COMPILING, Progress, Step, tell_compiling, under
 from armcontour.errors import ArmContourError
 
@@ -105,7 +105,7 @@ def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
     compiled = 0
     if not _is_warm(which):
         order = _order(listed, progress)
-        share_work(compile_kernel, order, processes=_processes())
+        _share(order)
         compiled = order.compiled
         stamp.set()
     return Warmed(len(listed), compiled, stamp.folder)
@@ -139,7 +139,7 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         yield
         return
     order = _order(read_list(which), tell, always=False)
-    helpers = Thread(target=_share, args=(order,), name="compiling")
+    helpers = Thread(target=_share_quietly, args=(order,), name="compiling")
     helpers.start()
     try:
         with waiting(order.wait):
@@ -178,12 +178,29 @@ def _order(kernels: Sequence[Kernel], progress: Progress | None, *, always: bool
 
 
 def _share(order: Order) -> None:
-    """Compile functions in other processes, as far as they come."""
+    """Compile functions in other processes.
+
+    Raises:
+        ExecutionError: A process ended before its work did.
+    """
     try:
-        with suppress(*FAILURES):
-            share_work(compile_kernel, order, processes=_processes())
+        workers = _processes() if can_start() else 0
+        with open_executor(workers) as pool, Crew[Kernel, int](compile_kernel, pool) as crew:
+            while True:
+                while len(crew) < crew.workers and (kernel := order.take()) is not None:
+                    crew.give(kernel)
+                if not len(crew):
+                    return
+                for kernel, compiled in crew.take():
+                    order.finish(kernel, compiled)
     finally:
         order.give_up()
+
+
+def _share_quietly(order: Order) -> None:
+    """Compile functions in other processes, as far as they come."""
+    with suppress(*FAILURES):
+        _share(order)
 
 
 def compile_kernel(kernel: Kernel) -> int:
@@ -235,17 +252,15 @@ class Order:
         return self._done == self._whole
 
     def take(self) -> Kernel | None:
-        """The next function, as soon as there is one; None at the end."""
+        """The next function; None where all others wait for functions that are not done."""
         with self._news:
-            while self._left:
-                undone = self._left.keys() | self._away
-                ready = [x for x in self._left if not self._needs[x] & undone]
-                if ready:
-                    key = max(ready, key=lambda x: (x in self._wanted, self._rank[x]))
-                    self._away.add(key)
-                    return self._left.pop(key)
-                self._news.wait()
-        return None
+            undone = self._left.keys() | self._away
+            ready = [x for x in self._left if not self._needs[x] & undone]
+            if not ready:
+                return None
+            key = max(ready, key=lambda x: (x in self._wanted, self._rank[x]))
+            self._away.add(key)
+            return self._left.pop(key)
 
     def finish(self, item: Kernel, result: int) -> None:
         """Count a function that is done, and how often it was compiled."""

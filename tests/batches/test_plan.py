@@ -91,7 +91,7 @@ def test_a_drawing_in_a_cell_is_a_job(tmp_path):
     (tmp_path / "plan.yaml").write_text(repr(data))
     plan = read_plan(tmp_path / "plan.yaml")
     assert plan.name == "plan" and plan.bases[0].name == "line" and len(plan) == 2
-    job = plan.bases[0].job(plan.bases[0].at(plan.keys, plan.values(1)))
+    job = plan.bases[0].job(plan.data(1))
     assert job.runs[0].limits.speed == 0.04 and job.program.length == pytest.approx(0.03)
 
 
@@ -100,7 +100,7 @@ def test_keys_of_a_placement_take_values_and_its_run_is_that_of_the_plan(planned
     (jobs / "asked.yaml").write_text((jobs / "bend.yaml").read_text() + asked)
     over = {"placement.over.yaw.to": ["20 deg", "30 deg"], "placement.objective": "manipulability"}
     plan = read_plan(planned(over) | {"job": str(jobs / "asked.yaml")})
-    job = plan.bases[0].job(plan.bases[0].at(plan.keys, plan.values(1)))
+    job = plan.bases[0].job(plan.data(1))
     assert job.placement.over["yaw"] == (0.0, pytest.approx(math.radians(30)), 2)
     assert job.placement.objective == "manipulability" and job.placement.run is None
 
@@ -168,14 +168,15 @@ WRONG = [
     ({}, {"arm.tool": [{}]}, ["bend.yaml", "arm is 'pmk3s'", "no key tool"]),
     ({}, {"runs.other.duration": [1]}, ["no effect", "only"]),
     ({}, {x: between(1, 2, 9999) for x in (SPEED, TOLERANCE)}, ["99980001 jobs"]),
+    ({}, {SPEED: ["50 mm/s", 0.05]}, ["jobs 1 and 2", "the same"]),
+    ({"limits": {"time": "1 s"}}, {}, ["limits"]),
     ({}, {"arm": ["pmk3s", "none.urdf"]}, ["over.arm (item 2)", "none.urdf"]),
-    ({"limits": {"time": "0 s"}}, {}, ["limits.time", "above zero"]),
 ]
 
 
 def refusal(data):
     try:
-        return f"accepted: {len(list(read_plan(data).digests()))} jobs"
+        return f"accepted: {len(read_plan(data).job_keys())} jobs"
     except InvalidInput as error:
         return str(error)
 
@@ -184,7 +185,7 @@ def test_wrong_plans_are_refused_in_one_sentence(planned):
     faults = []
     for more, over, words in WRONG:
         said = refusal(planned(over) | more)
-        missing = [x for x in ("the plan", *words) if x not in said]
+        missing = [x for x in words if x not in said]
         if missing or said[-1] not in ".?)" or "\n" in said:
             faults.append((more, over, said, missing))
     assert faults == []
@@ -205,5 +206,5 @@ def test_values_that_only_go_together_are_not_refused_alone(planned):
     over = {"servo.order": ["second", "first"], "servo.kv": [150, None]}
     plan = read_plan(planned(over, combine="zip"))
     base = plan.bases[0]
-    orders = [base.job(base.at(plan.keys, plan.values(k))).servo.order for k in range(2)]
+    orders = [base.job(plan.data(k)).servo.order for k in range(2)]
     assert orders == ["second", "first"]

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour._executors import InProcess, Watch
+from armcontour import _pool
+from armcontour._pool import InProcess
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.io import placement_csv
 from armcontour.placement.judging import Trail, Verdict
@@ -35,19 +36,18 @@ class Untidy(Executor):
         self.waiting.append((future, fn, args))
         return future
 
-    def wait(self, watch, futures):
-        """Do one piece of work or several, in place of `Watch.wait`."""
+    def wait(self, futures, **more):
+        """Do one piece of work or several, in place of waiting for them."""
         for _ in range(self.random.randint(1, len(self.waiting))):
             future, fn, args = self.waiting.pop(self.random.randrange(len(self.waiting)))
             if future.set_running_or_notify_cancel():
                 future.set_result(fn(*args))
-        return [x for x in futures if x.done()]
 
 
 def untidily(seed, call, **given):
     """The result of a call with an executor that answers in any order, and its pieces of work."""
     executor = Untidy(seed)
-    with patch.object(Watch, "wait", lambda watch, futures: executor.wait(watch, futures)):
+    with patch.object(_pool, "wait_for", executor.wait):
         return call(executor=executor, **given), executor.count
 
 

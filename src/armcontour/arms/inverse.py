@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._threads import map_in_threads, split_evenly
+from armcontour._pool import map_in_threads, split_evenly
 from armcontour.arms import _newton
 from armcontour.arms.serial import SerialArm
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
@@ -14,13 +14,12 @@ from pydantic import Field
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._files import read_text
-from armcontour._quantities import AtLeast, Choice, Interval, Memory
+from armcontour._quantities import AtLeast, Choice
 from armcontour._yaml import load
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.batches.resolving import (
     Base,
-    Identity,
     named_files,
     read_base,
     refuse_unplaced,
@@ -30,10 +29,8 @@ from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.keys import Keys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
-# Largest number of jobs of a plan: their keys take 0.1 kB each.
-MOST_JOBS = 10_000_000
-# A job that takes longer is ended, unless the plan says otherwise [s].
-LONGEST = 3600.0
+# Largest number of jobs of a plan: their rows take about 1 kB each.
+MOST_JOBS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,19 +60,6 @@ class SamplesModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundsModel:
-    """What one job may take at most.
-
-    Args:
-        time: Time of a job [s]; null for no bound.
-        memory: Memory that a job adds to its process [bytes]; by default its share of the machine.
-    """
-
-    time: Interval | None = LONGEST
-    memory: Memory | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlanModel:
     """A plan of many jobs.
 
@@ -91,7 +75,6 @@ class PlanModel:
         combine: How the values are combined: `product` is each with each other, `zip` the first
             of all, the second of all and so on; or samples of ranges.
         columns: Figures of each job that are kept; the guide lists them.
-        limits: What one job may take at most.
     """
 
     name: str | None = None
@@ -102,7 +85,6 @@ class PlanModel:
     over: dict[str, Any] = field(default_factory=dict)
     combine: Literal["product", "zip"] | SamplesModel = "product"
     columns: list[str] | None = None
-    limits: BoundsModel = BoundsModel()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,8 +99,6 @@ class Plan:
         columns: Names of the figures that are kept.
         combine: "product" or "zip"; samples are combined already.
         samples: Values of the parameters that are sampled, (n, sampled); None without samples.
-        time: Longest time of one job [s]; None without a bound.
-        memory: Memory that one job may add to its process [bytes]; None is its share.
         trust_xacro: Whether arms may be .xacro files.
     """
 
@@ -129,8 +109,6 @@ class Plan:
     columns: tuple[str, ...]
     combine: str = PRODUCT
     samples: FloatArray | None = None
-    time: float | None = LONGEST
-    memory: float | None = None
     trust_xacro: bool = False
 
     @property
@@ -182,17 +160,31 @@ class Plan:
             found.append(x.values[k])
         return tuple(reversed(found))
 
-    def digests(self) -> Iterator[bytes]:
-        """What identifies each job, in order.
+    def data(self, index: int) -> dict[str, Any]:
+        """The data of the job file of a job, in SI units.
+
+        Args:
+            index: Index of the job, from 0.
+        """
+        return self.bases[self.base(index)].at(self.keys, self.values(index))
+
+    def job_keys(self) -> list[str]:
+        """The key of each job: a digest of all that its row depends on.
 
         Raises:
-            InvalidInput: A file that a job names is missing.
+            InvalidInput: A file that a job names is missing, or two jobs are the same.
         """
-        asked = (f"do {self.work}", *(f"column {x}" for x in self.columns))
-        for k, base in enumerate(self.bases):
-            identity = Identity(base, self.keys, asked)
-            for index in range(k * self.each, (k + 1) * self.each):
-                yield identity.of(self.values(index))
+        asked = [self.work, *self.columns]
+        found = dict[str, int]()
+        for index in range(len(self)):
+            key = self.bases[self.base(index)].key(self.data(index), asked)
+            first = found.setdefault(key, index)
+            if first != index:
+                raise InvalidInput(
+                    f"The jobs {first + 1} and {index + 1} of the plan are the same: leave out one "
+                    "of the values, or files, that stand there twice."
+                )
+        return list(found)
 
 
 def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = False) -> Plan:
@@ -249,8 +241,6 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         columns=columns,
         combine=PRODUCT if isinstance(model.combine, SamplesModel) else model.combine,
         samples=_samples(model.combine, parameters),
-        time=model.limits.time,
-        memory=model.limits.memory,
         trust_xacro=trust_xacro,
     )
     _refuse_uneven(found)

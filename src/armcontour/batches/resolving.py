@@ -20,7 +20,6 @@ from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.cell import cell_data
 from armcontour.io.job_arm import ARM_FILES
-from armcontour.io.job_edits import meet
 from armcontour.io.job_file import job_on, job_text, parts_of, read_model
 from armcontour.io.job_model import JobModel
 from armcontour.io.keys import Keys, read_keys
@@ -32,8 +31,6 @@ from armcontour.scene import Scene
 # Keys of a job that read files, and keys inside of these that name them.
 WITH_FILES = ("arm", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
-# A leaf of data: the keys that lead there, and its value as text.
-Leaf = tuple[tuple[str, ...], str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +94,23 @@ class Base:
         with locate_errors(self.source):
             text = _text([data.get(x) for x in WITH_FILES])
             return job_on(model, *_made(text, _Made(model, self.folder, trust_xacro)))
+
+    def key(self, data: Mapping[str, Any], asked: Sequence[str]) -> str:
+        """A digest of all that the results of a job depend on.
+
+        That are its data, the files that it reads, what is done, and the version of the package.
+
+        Args:
+            data: The data.
+            asked: What is done, and the columns.
+
+        Raises:
+            InvalidInput: A file that a key names is missing.
+        """
+        with locate_errors(self.source):
+            named = [_digest_of(self.folder / x) for x in named_files(data)]
+        text = _text([__version__, asked, data, named, self.files])
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def heard(self, data: Mapping[str, Any], *, trust_xacro: bool) -> Base:
         """The same with its arm's dimension, and digests of files that arm, path and scene read.
@@ -295,83 +309,26 @@ def _files_in(data: Any) -> Iterator[str]:
             yield from _files_in(x)
 
 
-def flatten(data: Any, parts: tuple[str, ...] = ()) -> Iterator[Leaf]:
-    """The leaves of data: values that are no mappings, and empty mappings."""
-    if isinstance(data, Mapping) and data:
-        for key, x in data.items():
-            yield from flatten(x, (*parts, str(key)))
-    else:
-        yield parts, _text(data)
-
-
 def _text(value: Any) -> str:
     """A value as JSON, the same for the same value."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 
 
-class Identity:
-    """What identifies the jobs of a base: a digest of all that their results depend on.
+def _digest_of(file: FilePath) -> str:
+    """The digest of a file.
 
-    That are the values of its job, in SI units, the files that it reads, what is done, the columns
-    and the version of the package.
-
-    Args:
-        base: The base.
-        keys: The keys that lead to the values of the parameters.
-        asked: What is done, and the columns.
+    Raises:
+        InvalidInput: It cannot be read.
     """
-
-    def __init__(self, base: Base, keys: Sequence[tuple[str, ...]], asked: Sequence[str]) -> None:
-        self._base, self._keys = base, tuple(keys)
-        self._digests: dict[str, str] = {}
-        self._own = [k for k, parts in enumerate(keys) if parts[0] in WITH_FILES]
-        self._known: dict[str, str] = {}
-        self._order = sorted(range(len(keys)), key=lambda k: keys[k])
-        fixed = sorted(x for x in flatten(base.data) if not any(meet(x[0], y) for y in keys))
-        head = [f"armcontour {__version__}", *asked, *(f"file {x}" for x in base.files)]
-        # Between the values of two parameters stand the leaves between their keys.
-        ends = [sum(x[0] < keys[k] for x in fixed) for k in self._order]
-        parts = [fixed[a:b] for a, b in zip([0, *ends], [*ends, len(fixed)], strict=True)]
-        lines = [["".join(map(_line, x))] for x in parts]
-        lines[0].insert(0, "".join(f"{x}\n" for x in head))
-        self._fixed = ["".join(x).encode() for x in lines]
-
-    def of(self, values: Sequence[Any]) -> bytes:
-        """The digest of a job.
-
-        Args:
-            values: The values of the parameters.
-
-        Raises:
-            InvalidInput: A file that a value names is missing.
-        """
-        digest = hashlib.sha256(self._fixed[0])
-        for k, after in zip(self._order, self._fixed[1:], strict=True):
-            leaves = sorted(flatten(values[k], self._keys[k]))
-            digest.update("".join(map(_line, leaves)).encode())
-            digest.update(after)
-        digest.update(self._files(values).encode())
-        return digest.digest()
-
-    def _files(self, values: Sequence[Any]) -> str:
-        """Digests of the files that keys name."""
-        chosen = [values[k] for k in self._own]
-        text = _text(chosen)
-        if text not in self._known:
-            data = self._base.at([self._keys[k] for k in self._own], chosen)
-            files = sorted(map(self._digest, named_files(data)))
-            self._known[text] = "".join(f"file {x}\n" for x in files)
-        return self._known[text]
-
-    def _digest(self, name: str) -> str:
-        """The digest of a file."""
-        if name not in self._digests:
-            with locate_errors(self._base.source):
-                content = _files.read_bytes(self._base.folder / name, "file", most=_files.LARGE)
-            self._digests[name] = hashlib.sha256(content).hexdigest()
-        return self._digests[name]
+    try:
+        state = file.stat()
+    except OSError:
+        # Reading says what is wrong.
+        return _digest(file, (0, 0))
+    return _digest(file, (state.st_size, state.st_mtime_ns))
 
 
-def _line(leaf: Leaf) -> str:
-    """A leaf as a line."""
-    return f"{_text(leaf[0])} {leaf[1]}\n"
+@lru_cache(maxsize=10_000)
+def _digest(file: FilePath, state: tuple[int, int]) -> str:
+    """The digest of a file of a size and time."""
+    return hashlib.sha256(_files.read_bytes(file, "file", most=_files.LARGE)).hexdigest()

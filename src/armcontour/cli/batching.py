@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from armcontour.batches import Batch, Tally
     from armcontour.cli.options import BatchOptions
 
-SHARD = re.compile(r"\s*([0-9]{1,6})\s*/\s*([0-9]{1,6})\s*")
 # Time between two lines of JSON [s].
 EVERY = 1.0
 
@@ -32,21 +30,19 @@ def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
         x: Options of the command.
 
     Returns:
-        The exit code: 1 if some jobs have no answer of their own.
+        The exit code: 1 if some jobs failed.
 
     Raises:
         ArmContourError: A wrong plan, or an executor that takes no work.
     """
     from armcontour.batches import batch
 
-    shard = _read_shard(x.shard)
     with _shown(x.as_json) as (progress, compiling):
         found = batch(
             plan,
             out,
             workers=x.workers,
             cluster=x.cluster,
-            shard=shard,
             retry=x.retry,
             trust_xacro=x.trust_xacro,
             progress=progress,
@@ -59,25 +55,7 @@ def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
         _print(found, report)
     if x.open_report and report.exists():
         open_page(report)
-    return int(any(name not in ("done", "refused") for name in found.counts))
-
-
-def _read_shard(text: str | None) -> tuple[int, int] | None:
-    """Number of a shard and number of all, from text such as 3/64.
-
-    Raises:
-        InvalidInput: Text of another form.
-    """
-    if text is None:
-        return None
-    from armcontour.errors import InvalidInput
-
-    found = SHARD.fullmatch(text)
-    if found is None:
-        raise InvalidInput(
-            f"--shard takes a number and how many there are, such as 3/64, not {text!r}."
-        )
-    return int(found[1]), int(found[2])
+    return int("failed" in found.counts)
 
 
 @contextmanager
@@ -117,7 +95,6 @@ def _end(found: Batch) -> dict[str, object]:
     return {
         "batch": found.plan.name,
         "folder": str(found.folder),
-        "complete": found.complete,
         "statuses": dict(found.counts),
         "errors": dict(found.errors),
     }
@@ -136,11 +113,4 @@ def _print(found: Batch, report: FilePath) -> None:
     console.show_table(["jobs", "number"], rows, title=f"{found.plan.name}: {len(found.plan)} jobs")
     for name, n in found.errors.items():
         console.say(f"{name}: {n}")
-    if not found.complete:
-        missing = len(found.plan) - sum(found.counts.values())
-        console.say(
-            f"Note: {missing} jobs have no result yet; when the last shard ends, or the same "
-            f"command without --shard, all results are in one file in {found.folder}."
-        )
-        return
     console.say(f"Report: {report.as_uri()}")

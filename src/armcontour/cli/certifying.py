@@ -40,10 +40,10 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     Raises:
         ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
+    from armcontour._pool import open_executor
     from armcontour._quantities import Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
-    from armcontour.cli.sharing import open_executor
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, certificate_json
 

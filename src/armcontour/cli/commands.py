@@ -242,8 +242,7 @@ def batch(
 ) -> None:
     """Work on many jobs: a job file over values of its keys; an interrupted batch goes on.
 
-    Exit codes: 0 every job has a result, which may be a refusal; 1 some were killed, timed out, ran
-    out of memory or failed; 2 a wrong plan.
+    Exit codes: 0 every job is done or refused; 1 some failed; 2 a wrong plan.
     """
     from armcontour.cli.batching import batch_file
 

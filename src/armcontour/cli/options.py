@@ -28,7 +28,7 @@ TOPICS = {
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
                                     "tool_motion", "call"),
-    "Processes": ("workers", "cluster", "shard"),
+    "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
 # Words for types that typer names as Python does.
@@ -744,19 +744,7 @@ class BatchOptions:
 
     workers: Workers = None
     cluster: Cluster = None
-    shard: Annotated[
-        str | None,
-        typer.Option(
-            "--shard", help="Only this part of the jobs, such as 3/64; all write to one folder."
-        ),
-    ] = None
-    retry: Annotated[
-        bool,
-        typer.Option(
-            "--retry",
-            help="Try jobs again that are neither done nor refused, but killed or failed.",
-        ),
-    ] = False
+    retry: Annotated[bool, typer.Option("--retry", help="Try jobs again that failed.")] = False
     trust_xacro: TrustXacro = False
     open_report: Open = False
     as_json: Annotated[

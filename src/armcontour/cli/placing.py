@@ -36,9 +36,9 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     Raises:
         ArmContourError: An invalid job, or no feasible place; then nothing is written.
     """
+    from armcontour._pool import open_executor
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import share_progress
-    from armcontour.cli.sharing import open_executor
     from armcontour.errors import InvalidInput, locate_errors
     from armcontour.io import ResultFolder, placement_csv, placement_json
     from armcontour.io.job_model import PlacementModel

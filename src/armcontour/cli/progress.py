@@ -94,7 +94,7 @@ def describe_tally(tally: Tally) -> str:
     several = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
     kinds = [f"{n} {name}" for name, n in tally.errors.items()]
     shown = f"; {', '.join(several)} ({', '.join(kinds)})" if several else ""
-    return f"{tally.rate:.3g} jobs/s on {tally.workers}{left}{shown}"
+    return f"{tally.rate:.3g} jobs/s{left}{shown}"
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._threads import map_in_threads, split_evenly
+from armcontour._pool import map_in_threads, split_evenly
 from armcontour.identification import _joint
 from armcontour.identification.fitting import Data, State, fit
 

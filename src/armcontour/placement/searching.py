@@ -10,14 +10,13 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
 from functools import partial
 from typing import TypeAlias, cast
 
 import numpy as np
 
-from armcontour._executors import Crew, open_engine
-from armcontour._process import is_other, processors
+from armcontour._pool import Crew, open_executor
+from armcontour._process import is_other
 from armcontour._progress import Progress, Step
 from armcontour.jobs.place_search import CYCLE
 from armcontour.placement.judging import Judge, Trail, Verdict
@@ -59,12 +58,11 @@ def search(
     Raises:
         ExecutionError: The executor takes no work, or has lost a worker.
     """
-    if processes is None:
-        processes = processors() if len(places) >= FEWEST_PLACES and not is_other() else 1
-    alone = executor is not None or processes == 1
-    with nullcontext() if alone else open_engine(workers=processes) as engine:
-        work = partial(_work, judge, tuple(places))
-        with Crew[Task, Answer](work, executor if engine is None else engine.executor) as crew:
+    if processes is None and (len(places) < FEWEST_PLACES or is_other()):
+        processes = 1
+    workers = None if executor else 0 if processes == 1 else processes
+    with open_executor(workers, executor=executor) as opened:
+        with Crew[Task, Answer](partial(_work, judge, tuple(places)), opened) as crew:
             return _Search(judge, len(places), every, progress).run(crew)
 
 

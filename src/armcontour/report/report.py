@@ -91,15 +91,14 @@ def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str
     return _page(placement.job, [sections.placement(placement, compared)], source=source)
 
 
-def render_batch(view: BatchView, *, refresh: int | None = None) -> str:
+def render_batch(view: BatchView) -> str:
     """Render the results of a batch as one HTML page without other files.
 
     Args:
         view: What is shown of it.
-        refresh: Time after which browsers load the page again [s]; None never.
     """
     section = sections.batch(view)
-    return _page(None, [section], title=view.name, about=view.about, refresh=refresh)
+    return _page(None, [section], title=view.name, about=view.about)
 
 
 def render_learning(study: LearningStudy) -> str:
@@ -119,7 +118,6 @@ def _page(
     title: str | None = None,
     about: str = "",
     source: str = OF_SIMULATION,
-    refresh: int | None = None,
 ) -> str:
     """Render sections as one HTML page, of a job or with another title."""
     return render_page(
@@ -129,7 +127,6 @@ def _page(
         about=about,
         source="" if job is None else source,
         sections=found,
-        refresh=refresh,
     )
 
 

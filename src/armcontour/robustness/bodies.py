@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._executors import map_on
-from armcontour._processes import map_in_processes
+from armcontour._pool import map_in_processes
 from armcontour.arms import Limits
 from armcontour.errors import ExecutionError
 from armcontour.evaluation.following import follow_path
@@ -102,10 +101,7 @@ def spread_on_bodies(
     """
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
-    if executor is None:
-        found = map_in_processes(runs, rows, processes=processes, done=done)
-    else:
-        found = map_on(executor, runs, rows, done=done)
+    found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     for row, result in zip(rows, found, strict=True):
         if isinstance(result, str):
             robot = describe(unknowns, row) if row.any() else "no errors"

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future
+from contextlib import suppress
+from functools import partial
 from threading import Condition, Thread
 from typing import Any, TypeAlias
 
-from armcontour._pool import Worker
-from armcontour._process import ProcessEnded, can_start
+from armcontour._pool import ProcessPool
+from armcontour._process import ProcessEnded
 from armcontour.errors import ArmContourError
 from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
@@ -87,7 +90,8 @@ class SlowLane:
         self._news = Condition()
         self._waiting: deque[Given] = deque()
         self._running: Given | None = None
-        self._worker: Worker[Given, bytes] | None = None
+        self._doing: Future[bytes] | None = None
+        self._pool: ProcessPool | None = None
         self._open = True
         # Frames on their way, in order; who delivers them holds no lock.
         self._said: deque[Frame] = deque()
@@ -117,8 +121,9 @@ class SlowLane:
             self._waiting = deque(x for x in self._waiting if x.id != id)
             if running:
                 self._running = None
-                if self._worker is not None:
-                    self._worker.end()
+                assert self._pool is not None and self._doing is not None
+                if not self._doing.cancel():
+                    self._pool.kill()
             self._said.append(Frame("cancelled", {"id": id}))
         self._deliver_all()
 
@@ -127,54 +132,36 @@ class SlowLane:
         with self._news:
             self._waiting.clear()
             self._running, self._open = None, False
-            if self._worker is not None:
-                self._worker.end()
             self._news.notify()
+        # Without the lock, for which the thread of the process may wait.
+        if self._pool is not None:
+            self._pool.end()
         self._thread.join()
 
     def _run(self) -> None:
-        """Start a process and give it one task after the other, until it ends; then the next."""
-        with self._news:
-            self._news.wait_for(lambda: self._waiting or not self._open)
-        while self._open:
-            worker = Worker(work) if can_start() else None
-            with self._news:
-                self._worker = worker
-                if not self._open and worker is not None:
-                    worker.end()
-            ready = False
+        """Have a process do one task after the other."""
+        while (doing := self._next()) is not None:
+            assert self._pool is not None
             try:
-                self._do(WARM)
-                ready = True
-                while (given := self._next()) is not None:
-                    self._do(given)
-            except (ProcessEnded, RuntimeError) as error:
-                if not ready:
-                    # What cannot start is tried again for the next task only.
-                    self._next()
+                self._end(Frame.unpack(doing.result()))
+            except (ProcessEnded, RuntimeError, CancelledError) as error:
                 self._end(Frame("failed", {"sentence": str(error)}))
-            finally:
-                if worker is not None:
-                    worker.close()
+                # Another process gets ready for the next task.
+                with suppress(RuntimeError):
+                    self._pool.submit(work, WARM)
 
-    def _next(self) -> Given | None:
-        """The next task, after a while; None at the end."""
+    def _next(self) -> Future[bytes] | None:
+        """Begin the next task, after a while; None at the end."""
         with self._news:
             self._news.wait_for(lambda: self._waiting or not self._open)
             if not self._open:
                 return None
-            self._running = self._waiting.popleft()
-            return self._running
-
-    def _do(self, given: Given) -> None:
-        """Have the process do a task, and deliver what it says."""
-        worker = self._worker
-        if worker is None:
-            found = work(given, self._hear)
-        else:
-            found = worker.do(given, self._hear)
-        if given != WARM:
-            self._end(Frame.unpack(found))
+            if self._pool is None:
+                self._pool = ProcessPool(1)
+                self._pool.submit(work, WARM)
+            self._running = given = self._waiting.popleft()
+            self._doing = self._pool.submit_heard(self._hear, partial(work, given))
+            return self._doing
 
     def _hear(self, data: bytes) -> None:
         """Deliver progress, unless the task was cancelled."""

@@ -33,8 +33,8 @@ from armcontour.timing.methods import (
     Timing,
     refuse_unkept_jerk,
 )
-from armcontour.timing.program_tracing import AddMove, TracedMove, Tracing, trace_program
-from armcontour.timing.programs import time_program, trace_and_time
+from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
+from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
 # Options that apply to one path only: a program has many paths, and rests between them.
@@ -299,22 +299,19 @@ def _plan(
         timing = replace(timing, options=_fit_options(program, method, options))
     moves: MoveTiming = Smoothed(timing, windows) if windows else timing
 
-    def trace(add: AddMove) -> Tracing:
-        assert isinstance(program, Program)
-        found = trace_program(
-            program, arm, bounds, branch=branch, start=start, fits=fits, progress=tracing, add=add
-        )
-        if tracing is not None:
-            tracing(Step(("timing",)))
-        return found
-
     traced: Tracing | JointPath
     if isinstance(known, JointPath):
         traced, found = known, moves.contour(known)
-    elif isinstance(known, Tracing):
-        traced, found = known, time_program(known, moves, progress)
     else:
-        traced, found = trace_and_time(trace, known, moves, progress)
+        if isinstance(known, Program):
+            traced = trace_program(
+                known, arm, bounds, branch=branch, start=start, fits=fits, progress=tracing
+            )
+            if tracing is not None:
+                tracing(Step(("timing",)))
+        else:
+            traced = known
+        found = time_program(traced, moves, progress)
     if duration is not None:
         found = slow_down(found, duration, traced, timing)
     return traced, _refuse_endless_motion(found)

@@ -48,9 +48,6 @@ class TracedMove:
         return locate_errors(self.called) if self.called else nullcontext()
 
 
-AddMove = Callable[[TracedMove, float], None]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracing:
     """A program with its joint paths; plans that differ only in timing share it.
@@ -85,7 +82,6 @@ def trace_program(
     start: npt.ArrayLike | None = None,
     fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
-    add: AddMove | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
 
@@ -105,18 +101,13 @@ def trace_program(
         fits: Whether a contour may be followed along a joint path, asked where a configuration is
             chosen: one that does not fit is only taken if none does.
         progress: Called after every contour with the step "tracing" and the share that is done.
-        add: Called after each move with the move and the approximate share done.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     tracer = _Tracer.of(program, arm, limits, branch, start, fits)
     for i, move in enumerate(program.moves):
-        known = len(tracer.steps)
         tracer.follow(i, move)
-        if add is not None:
-            for x in tracer.steps[known:]:
-                add(x, (i + 1) / len(program.moves))
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
     return Tracing(program=program, steps=tuple(tracer.steps), passed_over=tracer.passed_over)

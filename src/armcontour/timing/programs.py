@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +11,10 @@ from armcontour._progress import Progress, Step
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, Law, Span, TimedEvent, Trajectory, stand_still
-from armcontour.program import Contour, Dwell, Event, Program
-from armcontour.timing.ahead import planned_ahead
+from armcontour.program import Contour, Dwell, Event
 from armcontour.timing.methods import MoveTiming
-from armcontour.timing.program_tracing import AddMove, TracedMove, Tracing, ends_of
+from armcontour.timing.planned_moves import planned_in_processes
+from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
 # Events nearer in time than this are at once [s].
 SAME_TIME = 1e-9
@@ -36,50 +35,21 @@ def time_program(
     Raises:
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
-    with planned_ahead(traced.program, timing) as (ahead, add):
-        for i, x in enumerate(traced.steps):
-            add(x, (i + 1) / len(traced.steps))
-        return _time(traced, ahead, progress)
-
-
-def trace_and_time(
-    trace: Callable[[AddMove], Tracing],
-    program: Program,
-    timing: MoveTiming,
-    progress: Progress | None = None,
-) -> tuple[Tracing, Trajectory]:
-    """Trace a program and time it as `time_program`; moves may be timed before all are traced.
-
-    Args:
-        trace: Traces the program, as `trace_program`.
-        program: The program.
-        timing: How contours and rapids are timed.
-        progress: As of `time_program`.
-
-    Raises:
-        ArmContourError: A move cannot be traced, or planned where all are traced.
-    """
-    with planned_ahead(program, timing) as (ahead, add):
-        traced = trace(add)
-        return traced, _time(traced, ahead, progress)
-
-
-def _time(traced: Tracing, timing: MoveTiming, progress: Progress | None) -> Trajectory:
-    """Time all moves of a program, one after the other."""
     number, count = 0, len(traced.program.contours)
-    chain = _Chain(traced, timing)
-    for step in traced.steps:
-        move = None if step.move is None else traced.program.moves[step.move]
-        if isinstance(move, Contour):
-            chain.add_contour(step, move)
-            number += 1
-            if progress is not None:
-                progress(Step(("timing",), number / count))
-        elif isinstance(move, Event | Dwell):
-            chain.add_still(step, move)
-        else:
-            chain.add_rapid(step)
-    return chain.trajectory()
+    with planned_in_processes(traced, timing) as planned:
+        chain = _Chain(traced, planned)
+        for step in traced.steps:
+            move = None if step.move is None else traced.program.moves[step.move]
+            if isinstance(move, Contour):
+                chain.add_contour(step, move)
+                number += 1
+                if progress is not None:
+                    progress(Step(("timing",), number / count))
+            elif isinstance(move, Event | Dwell):
+                chain.add_still(step, move)
+            else:
+                chain.add_rapid(step)
+        return chain.trajectory()
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour._threads import map_in_threads, split_evenly
+from armcontour._pool import map_in_threads, split_evenly
 from armcontour.arms import SerialArm, _newton
 from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.inverse import configurations, out_of_reach, seeds

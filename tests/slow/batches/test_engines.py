@@ -1,5 +1,6 @@
 """Batches in processes and on a cluster, with real limits, and killed."""
 
+import importlib
 import json
 import os
 import signal
@@ -36,7 +37,7 @@ def small(tmp_path):
 def rows(found):
     """The rows without columns that may differ."""
     hidden = "(not reproducible)"
-    return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows()]
+    return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows]
 
 
 @pytest.mark.parametrize("work", ["teach", "place"])
@@ -55,19 +56,25 @@ def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
     assert rows(found) == want
 
 
-def test_bounds_of_time_and_memory_cost_a_job_only(small, tmp_path):
-    quick = small | {"limits": {"time": "10 us"}, "over": {"limits.speed": [0.02, 0.1]}}
-    found = ac.batch(quick, tmp_path / "time", workers=0)
-    assert found.counts == {"timed out": 2}
-    row = next(found.rows())
-    assert row["tries (not reproducible)"] == 3 and "limits.time" in row["sentence"]
-    # A job that was tried in vain has a result, unless it is to be tried again.
-    assert ac.batch(quick, tmp_path / "time", workers=0).counts == {"timed out": 2}
-    longer = quick | {"limits": {"time": "60 s"}}
-    assert ac.batch(longer, tmp_path / "time", workers=0).counts == {"timed out": 2}
-    assert ac.batch(longer, tmp_path / "time", workers=0, retry=True).counts == {"done": 2}
-    tight = small | {"limits": {"memory": "1 MB"}, "over": {"command_interval": "10 us"}}
-    assert ac.batch(tight, tmp_path / "memory", workers=1).counts == {"out of memory": 1}
+ENDING = """
+import os
+from armcontour.batches.working import Work
+
+class Ending(Work):
+    def __call__(self, index):
+        return os._exit(3) if index == 1 else super().__call__(index)
+"""
+
+
+def test_a_job_that_ends_its_process_costs_itself_only(small, tmp_path, monkeypatch):
+    (tmp_path / "ending.py").write_text(ENDING)
+    monkeypatch.syspath_prepend(tmp_path)
+    ending = importlib.import_module("ending")
+    monkeypatch.setattr("armcontour.batches.batching.Work", ending.Ending)
+    one = small | {"over": {"limits.speed": SPEEDS}}
+    found = ac.batch(one, tmp_path / "out", workers=2)
+    assert [x["status"] for x in found.rows] == ["done", "failed", *["done"] * 4]
+    assert found.errors == {"ProcessEnded": 1}
 
 
 def test_a_killed_batch_continues(small, tmp_path):
@@ -77,7 +84,7 @@ def test_a_killed_batch_continues(small, tmp_path):
     own = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)}
     line += ["--out", "out", "--workers", "1"]
     with subprocess.Popen(line, cwd=tmp_path, env=os.environ | own) as process:
-        while process.poll() is None and not (tmp_path / "out/plan.json").exists():
+        while process.poll() is None and not (tmp_path / "out/results.jsonl").exists():
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
     found = ac.batch(small, tmp_path / "out", workers=0)

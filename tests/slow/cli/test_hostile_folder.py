@@ -32,7 +32,7 @@ PROGRAM = """
 import sys, pickle, yaml, pandas, scipy, numba, armcontour as ac
 sys.path[:0] = ['', '.', sys.argv[1]]
 found = ac.batch('plan.yaml', 'out', workers=2)
-assert len(list(found.rows())) == 2, found
+assert len(found.rows) == 2, found
 """
 
 

@@ -32,7 +32,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
     slow.submit("f", "figures", {"text": SMALL})
     progress = heard.wait("d", "progress").header
     assert progress["task"] == "sweep" and 0 <= progress["share"] < 1
-    process = slow._worker._child
+    process = next(iter(slow._pool._children))
     begin = time.monotonic()
     slow.cancel("d")
     assert time.monotonic() - begin < 0.2
@@ -43,7 +43,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
 def test_a_process_that_dies_is_said_and_replaced(slow, heard):
     slow.submit("g", "sweep", LONG)
     heard.wait("g", "progress")
-    slow._worker._child.kill()
+    next(iter(slow._pool._children)).kill()
     assert "has ended before it gave an answer" in heard.wait("g", "failed").header["sentence"]
     slow.submit("h", "figures", {"text": SMALL})
     assert heard.wait("h", "figures").header["duration"] > 0
@@ -53,7 +53,7 @@ CODE = """
 import time
 from armcontour.studio.lanes import SlowLane
 from tests.slow.studio.test_lanes import LONG
-lane = SlowLane(lambda frame: print(lane._worker._child.pid, flush=True))
+lane = SlowLane(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
 lane.submit('a', 'sweep', LONG)
 time.sleep(60)
 """

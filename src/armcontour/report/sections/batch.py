@@ -39,20 +39,17 @@ class BatchView:
     Args:
         name: Name of the batch.
         about: What it is, in a line.
-        total: Number of its jobs.
         counts: Number of jobs by their status.
         errors: Number of jobs by the name of their error.
         axes: Parameters that are numbers, with more than one value.
         figures: Figures of the jobs.
-        status: Status of each job that is shown; empty without a result.
+        status: Status of each job that is shown.
         done: The status of jobs with figures.
         stride: Of so many jobs, one is shown.
-        left: Time left [s]; None if unknown.
     """
 
     name: str
     about: str
-    total: int
     counts: Mapping[str, int]
     errors: Mapping[str, int]
     axes: tuple[Axis, ...]
@@ -60,16 +57,12 @@ class BatchView:
     status: tuple[str, ...]
     done: str
     stride: int
-    left: float | None
 
 
 def batch(view: BatchView) -> Section:
     """Counts of a batch, and each figure over its parameters."""
-    known = sum(view.counts.values())
-    tiles = [Tile(label="jobs with a result", value=f"{known} of {view.total}")]
+    tiles = [Tile(label="jobs", value=str(sum(view.counts.values())))]
     tiles += [Tile(label=name, value=str(n)) for name, n in view.counts.items()]
-    if view.left is not None and known < view.total:
-        tiles.append(Tile(label="time left", value=f"{view.left / 60:.1f} min"))
     header = ("figure", "least", "median", "largest")
     rows = []
     for x in view.figures:
@@ -97,7 +90,7 @@ def batch(view: BatchView) -> Section:
 def _figure(view: BatchView, of: Axis) -> Any:
     """A figure over one parameter, or in colours over two; others are drawn over each other."""
     status = np.array(view.status)
-    done, vain = status == view.done, (status != view.done) & (status != "")
+    done, vain = status == view.done, status != view.done
     first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else of
     flat = second is not of
     marker: dict[str, Any] = {"color": EXECUTED_COLOUR, "size": 5}

@@ -93,14 +93,7 @@ function resizeForPaper(paper) {
   document.querySelectorAll("details").forEach((x) => { x.open = paper; });
 }
 
-// The page of work that is not done loads itself again, unless that is switched off.
-function loadAgain() {
-  const again = document.getElementById("again");
-  if (again) setInterval(() => again.checked && location.reload(), 1e3 * again.dataset.after);
-}
-
 window.addEventListener("load", async function () {
-  loadAgain();
   fitBoxes();
   await Promise.allSettled(figures);
   fitBoxes();

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._processes import map_in_processes
+from armcontour._pool import map_in_processes
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink, choose_limits
 from armcontour.errors import ArmContourError, locate_errors

@@ -1,52 +1,51 @@
-"""Plans of the moves of a program, made ahead: in other processes where that saves time."""
+"""Plans of the moves of a program, in other processes where that saves time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from armcontour._checks import FloatArray
-from armcontour._processes import WorkAhead
+from armcontour._pool import map_in_order
 from armcontour.arms import Arm
 from armcontour.geometry import Path, Segments
 from armcontour.motion import JointPath, Law, Method, PathLaw, Rates, Trajectory
-from armcontour.program import Contour, Program
+from armcontour.program import Contour
 from armcontour.timing.methods import MoveTiming, Smoothed, Timing
-from armcontour.timing.program_tracing import AddMove, TracedMove
+from armcontour.timing.program_tracing import Tracing
 
 
 @contextmanager
-def planned_ahead(program: Program, timing: MoveTiming) -> Iterator[tuple[MoveTiming, AddMove]]:
+def planned_in_processes(traced: Tracing, timing: MoveTiming) -> Iterator[MoveTiming]:
     """A context with a timing that gives the same plans of a program's moves, in their order.
 
-    All moves are added before the first plan is asked for; others begin to plan meanwhile. Only a
-    `Timing` by the planner plans every move independently of the others; a `Smoothed` one smooths
-    its plans. Any other timing, and that of a single move, is given as it is.
+    Other processes make them where that saves time. Only a `Timing` by the planner plans every move
+    independently of the others; a `Smoothed` one smooths its plans. Any other timing, and that of a
+    single move, is given as it is.
 
     Args:
-        program: The program.
+        traced: The program with its joint paths.
         timing: How its moves are timed.
     """
     inner = timing.timing if isinstance(timing, Smoothed) else timing
-    known = (Method.OPTIMAL, Method.SHAPED) if len(program.moves) > 1 else ()
+    moves = traced.program.moves
+    known = (Method.OPTIMAL, Method.SHAPED) if len(moves) > 1 else ()
     if not isinstance(inner, Timing) or inner.method not in known:
-        yield timing, lambda step, share: None
+        yield timing
         return
-    contours = [isinstance(x, Contour) for x in program.moves]
     # A constraint of a user may ask for anything; limits ask where the segments of a path are.
     whole = bool(inner.options.get("constraints"))
-    with WorkAhead(partial(_plan, inner)) as work:
-
-        def add(step: TracedMove, share: float) -> None:
-            if step.joint_path is not None:
-                is_contour = step.move is not None and contours[step.move]
-                work.add(_Move(step.joint_path, is_contour, whole), share)
-
-        ahead = _Ahead(inner, work.results())
-        yield Smoothed(ahead, timing.windows) if isinstance(timing, Smoothed) else ahead, add
+    items = [
+        _Move(x.joint_path, x.move is not None and isinstance(moves[x.move], Contour), whole)
+        for x in traced.steps
+        if x.joint_path is not None
+    ]
+    with closing(map_in_order(partial(_plan, inner), items)) as plans:
+        planned = _Planned(inner, plans)
+        yield Smoothed(planned, timing.windows) if isinstance(timing, Smoothed) else planned
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +131,8 @@ def _plan(timing: Timing, move: _Move) -> _Made:
 
 
 @dataclass(frozen=True, slots=True)
-class _Ahead:
-    """Times the moves of a program, which come in order, by plans that are made ahead.
+class _Planned:
+    """Times the moves of a program, which come in order, by plans that are made for them.
 
     Args:
         timing: How the plans are made.

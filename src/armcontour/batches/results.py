@@ -1,0 +1,167 @@
+"""The folder of a batch: a row of JSON for each job that is done, and in the end table and page."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from contextlib import ExitStack
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour import _staging
+from armcontour.batches.page import render_page
+from armcontour.batches.plan import Plan
+from armcontour.batches.working import FAILED, STATUSES, Outcome
+from armcontour.errors import InvalidInput
+
+ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
+# A column that differs from one run of the same batch to the next.
+SECONDS = "seconds (not reproducible)"
+
+
+class Results:
+    """The results of a batch in its folder; a context that keeps other runs out of the folder.
+
+    Args:
+        folder: The folder.
+        plan: The plan.
+
+    Attributes:
+        rows: Rows by the indices of their jobs.
+
+    Raises:
+        InvalidInput: The folder holds other files, cannot be written, or another run has it.
+    """
+
+    def __init__(self, folder: FilePath, plan: Plan) -> None:
+        self.folder, self.rows = folder, dict[int, dict[str, Any]]()
+        self._plan, self._file = plan, folder / ROWS
+        self._keys = plan.job_keys()
+        self._indices = {key: k for k, key in enumerate(self._keys)}
+        self._closing = ExitStack()
+
+    def __enter__(self) -> Results:
+        self._refuse_others()
+        with self._closing as opened:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                place = self.folder / f"{_staging.PREFIX}batch"
+                self._staging = opened.enter_context(
+                    _staging.Staging(place, self.folder, growing=True)
+                )
+                self._read()
+                self._lines = opened.enter_context(self._file.open("a", encoding="utf-8"))
+            except OSError as error:
+                raise _staging.unwritable(f"to the folder {self.folder}", error) from None
+            self._closing = opened.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.close()
+
+    def left(self, *, retry: bool) -> list[int]:
+        """Indices of the jobs without a result.
+
+        Args:
+            retry: Whether those that failed count as such.
+        """
+        again = FAILED if retry else None
+        rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
+        return [k for k, row in enumerate(rows) if row["status"] == again]
+
+    def add(self, index: int, outcome: Outcome) -> None:
+        """Keep what came of a job; the row is in the file when this returns."""
+        figures = outcome.figures or [None] * len(self._plan.columns)
+        named = dict(zip(self._plan.columns, figures, strict=True))
+        row = self._row(index, outcome._asdict() | named | {SECONDS: outcome.seconds})
+        self.rows[index] = row
+        self._lines.write(json.dumps(row) + "\n")
+        self._lines.flush()
+
+    def finish(self) -> list[dict[str, Any]]:
+        """Write rows in the order of the jobs, the table and the page; returns the rows."""
+        rows = [self.rows[k] for k in range(len(self._plan))]
+        self._lines.close()
+        self._put(ROWS, "".join(json.dumps(x) + "\n" for x in rows).encode())
+        if find_spec("pyarrow") is not None:
+            self._put(TABLE, _parquet(rows, self._plan))
+        self._put(REPORT, render_page(self._plan, rows).encode())
+        return rows
+
+    def _row(self, index: int, found: Mapping[str, Any]) -> dict[str, Any]:
+        """The row of a job: which it is, what came of it, and its key."""
+        given = zip(self._plan.parameters, self._plan.values(index), strict=True)
+        return {
+            "number": index + 1,
+            "job": self._plan.bases[self._plan.base(index)].name,
+            **{x.key: y if x.numeric or isinstance(y, str) else json.dumps(y) for x, y in given},
+            **{x: found[x] for x in ("status", "error", "sentence", *self._plan.columns)},
+            SECONDS: found[SECONDS],
+            "key": self._keys[index],
+        }
+
+    def _read(self) -> None:
+        """Read the rows of the plan that are there, and cut off one that was not written whole."""
+        if not self._file.exists():
+            return
+        data = self._file.read_bytes()
+        whole = data.rpartition(b"\n")[0].splitlines() if b"\n" in data else []
+        for k, line in enumerate(whole):
+            try:
+                found = json.loads(line)
+                index = self._indices.get(found["key"])
+                if found["status"] not in STATUSES:
+                    raise ValueError
+                if index is not None:
+                    self.rows[index] = self._row(index, found)
+            except (ValueError, KeyError, TypeError, RecursionError):
+                raise InvalidInput(
+                    f"{self._file}, line {k + 1}: that is no result of a batch: remove the line, "
+                    "or the file, and run the batch again, which repeats its jobs."
+                ) from None
+        size = sum(map(len, whole)) + len(whole)
+        if size < len(data):
+            os.truncate(self._file, size)
+
+    def _put(self, name: str, content: bytes) -> None:
+        """Write a file whole."""
+        fresh = self._staging.place / name
+        fresh.write_bytes(content)
+        with _staging.moving():
+            os.replace(fresh, self.folder / name)
+
+    def _refuse_others(self) -> None:
+        """Refuse a folder that holds no batch but other files."""
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InvalidInput(f"{self.folder} is a file, not a folder: choose another --out.")
+        there = self.folder.iterdir() if self.folder.exists() else ()
+        names = [x.name for x in there if not x.name.startswith(_staging.PREFIX)]
+        if names and ROWS not in names:
+            raise InvalidInput(
+                f"The folder {self.folder} is not empty and holds no {ROWS} of a batch: choose "
+                "another --out."
+            )
+
+
+def _parquet(rows: list[dict[str, Any]], plan: Plan) -> bytes:
+    """Rows as a Parquet file, whose columns tell their units."""
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+    import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
+
+    numbers = {x.key for x in plan.parameters if x.numeric} | {*plan.columns, SECONDS}
+    kinds = {"number": pa.int64(), **dict.fromkeys(numbers, pa.float64())}
+    schema = pa.schema(
+        [
+            pa.field(
+                x,
+                kinds.get(x, pa.string()),
+                metadata={"unit": plan.units[x]} if x in plan.units else None,
+            )
+            for x in rows[0]
+        ]
+    )
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows, schema=schema), sink)
+    return bytes(sink.getvalue())

@@ -1,0 +1,175 @@
+"""Work on many items in threads, processes and executors; tests/slow ends and delays processes."""
+
+import os
+import sys
+from concurrent.futures import CancelledError, Executor, Future
+from functools import partial
+from operator import truediv
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour import _pool
+from armcontour._pool import (
+    Crew,
+    InProcess,
+    ProcessPool,
+    map_in_order,
+    map_in_processes,
+    map_in_threads,
+    open_executor,
+    split_evenly,
+    workers_of,
+)
+from armcontour._process import ProcessEnded, pack, unpack
+from armcontour.errors import ExecutionError, InvalidInput
+
+# Functions that other processes can import.
+halve = partial(truediv, 1.0)
+PID = "__import__('os').getpid()"
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_results_come_in_order(processes):
+    told = []
+    items = list(range(1, 31))
+    found = map_in_processes(halve, items, processes=processes, done=told.append)
+    assert found == [1 / x for x in items]
+    assert told[0] == 0 and told == sorted(told) and told[-1] < 30
+    with pytest.raises(ZeroDivisionError if processes == 1 else RuntimeError):
+        map_in_processes(halve, [1.0] * 20 + [0.0], processes=processes)
+
+
+def test_threads_give_results_in_order_and_their_errors(monkeypatch):
+    monkeypatch.setattr(_pool, "processors", lambda: 3)
+    assert map_in_threads(halve, list(range(1, 31))) == [1 / x for x in range(1, 31)]
+    assert map_in_threads(halve, []) == []
+    with pytest.raises(ZeroDivisionError):
+        map_in_threads(halve, [1.0, 0.0, 2.0])
+
+
+@given(st.integers(0, 100), st.integers(1, 20))
+def test_even_parts_make_up_the_whole(count, parts):
+    found = [list(range(count))[x] for x in split_evenly(count, parts)]
+    assert sum(found, []) == list(range(count))
+    assert max(map(len, found)) - min(map(len, found)) <= 1
+
+
+def test_packed_arrays_are_read_only():
+    values = np.arange(3.0)
+    found = unpack(pack({"values": values}))["values"]
+    assert np.array_equal(found, values) and not found.flags.writeable
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """Processes are worth their start after the first item."""
+    monkeypatch.setattr(_pool, "START", 1e-9)
+    monkeypatch.setattr(_pool, "processors", lambda: 2)
+
+
+def test_an_error_comes_in_the_place_of_its_item(eager):
+    pids = list(map_in_order(eval, [PID] * 40))
+    assert pids[0] == os.getpid() and len(set(pids)) > 1
+    found = map_in_order(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
+    assert [next(found) for _ in range(20)] == [1.0] * 20
+    with pytest.raises(ZeroDivisionError):
+        next(found)
+    # What no process can be sent is done here.
+    assert list(map_in_order(lambda x: x + 1, list(range(9)))) == list(range(1, 10))
+
+
+def test_a_frozen_application_does_all_itself(eager, monkeypatch):
+    # `sys.executable` is the application there, which is no Python to start.
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    here = [os.getpid()] * 20
+    assert list(map_in_order(eval, [PID] * 20)) == here
+    assert map_in_processes(eval, [PID] * 20, processes=2) == here
+    with ProcessPool(2) as pool:
+        assert pool.submit(eval, PID).result() == os.getpid()
+
+
+def test_a_pool_is_an_executor_of_other_processes():
+    with ProcessPool(1) as pool:
+        assert list(pool.map(abs, [-1, 2, -3])) == [1, 2, 3]
+        assert pool.submit(eval, PID).result() != os.getpid()
+        # It computes in one thread, and starts no further processes.
+        one = "__import__('os').environ['OMP_NUM_THREADS']"
+        assert pool.submit(eval, one).result() == "1"
+        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+            pool.submit(eval, "1 / 0").result()
+        told = []
+        tell = "__import__('armcontour._process', fromlist=['tell']).tell"
+        work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
+        assert pool.submit_heard(told.append, work).result() == 3 and told == ["a", "b"]
+        # A process that ends costs its work only.
+        ended = pool.submit(eval, "__import__('os')._exit(3)")
+        assert pool.submit(abs, -4).result() == 4
+        with pytest.raises(ProcessEnded, match="has ended"):
+            ended.result()
+    with pytest.raises(RuntimeError, match="shut down"):
+        pool.submit(abs, 1)
+
+
+class Elsewhere(InProcess):
+    """Works here, but is taken for another executor, to which work is sent in parts."""
+
+
+def test_an_executor_does_work_on_many_items():
+    told, items = [], list(range(1, 101))
+    found = map_in_processes(halve, items, executor=Elsewhere(), done=told.append)
+    assert found == [1 / x for x in items]
+    assert told[0] == 0 and told == sorted(told) and told[-1] < 100
+    assert map_in_processes(halve, [], executor=Elsewhere()) == []
+    # Errors of this package keep their class.
+    with pytest.raises(InvalidInput):
+        map_in_processes(ac.load_arm, ["no-such-arm"], executor=Elsewhere())
+
+
+class Failing(Executor):
+    """An executor whose futures fail."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_exception(self.error)
+        return future
+
+
+@pytest.mark.parametrize("error", [CancelledError(), MemoryError(), ImportError("no armcontour")])
+def test_an_error_of_an_executor_is_one_of_this_package(error):
+    with pytest.raises(ExecutionError, match=type(error).__name__):
+        map_in_processes(halve, [1], executor=Failing(error))
+
+
+def test_a_lost_item_may_have_a_result():
+    with Crew(halve, Failing(ProcessEnded("It has ended.")), lambda: -1.0) as crew:
+        crew.give(2)
+        assert len(crew) == 1 and crew.take() == [(2, -1.0)]
+
+
+def test_this_process_works_when_an_item_is_given():
+    with Crew(halve, InProcess()) as crew:
+        crew.give(2)
+        assert len(crew) == 1 and crew.ahead == 1
+        assert crew.take() == [(2, 0.5)] and crew.take() == []
+        # An error is that of the work, as no other worker had a part in it.
+        with pytest.raises(ZeroDivisionError):
+            crew.give(0)
+
+
+def test_options_that_do_not_go_together_are_refused(monkeypatch):
+    assert workers_of(ProcessPool(3)) == 3 and workers_of(InProcess()) == 1
+    monkeypatch.setattr(_pool, "find_spec", lambda name: None)
+    for arguments, words in (
+        ((2, "tcp://127.0.0.1:1", None), "A cluster or an executor has its own workers"),
+        ((-1, None, None), "workers must be 0 or more, but is -1"),
+        ((None, "tcp://127.0.0.1:1", None), r"pip install 'armcontour\[cluster\]'"),
+    ):
+        with pytest.raises(InvalidInput, match=words), open_executor(*arguments):
+            pass
