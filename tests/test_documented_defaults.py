@@ -53,9 +53,9 @@ STATED = [
     ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),
     ("docs/tutorials/placement_and_clearance.md", r"by default (\S+) (mm), 2", MARGINS.environment),
     ("docs/guides/placement.md", r"`(\w+)` \(default\), `manip", field(PlaceSearch, "objective")),
-    ("docs/concepts/certificate.md", r"`plant` \| `(\w+)` \(default\)", field(ac.Goal, "plant")),
+    ("docs/guides/certificate.md", r"`plant` \| `(\w+)` \(default\)", field(ac.Goal, "plant")),
     (
-        "docs/concepts/certificate.md",
+        "docs/guides/certificate.md",
         r"`saturation` \| `(\w+)` \(default\)",
         field(ac.Goal, "saturation"),
     ),

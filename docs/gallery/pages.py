@@ -43,7 +43,7 @@ SHOWN = {
     ),
     "05_certified": Shown(
         "Set-points of a joint run ahead of the planned motion, which the joint follows",
-        {"certificate": "../concepts/certificate.md", "robustness": "../concepts/robustness.md"},
+        {"certificate": "../guides/certificate.md", "robustness": "../concepts/robustness.md"},
     ),
     "06_drawing": Shown(
         "A gasket: its contours, quarter circles that lead onto them, rapids, laser on and off",
