@@ -59,7 +59,7 @@ SHOWN = {
     ),
     "09_fastest_path": Shown(
         "A corner as drawn, as an arc, and as the fastest path within 5 mm",
-        {"shaping": "../concepts/shaping.md", "timing": "../concepts/optimal.md"},
+        {"shaping": "../concepts/shaping.md", "timing": "../guides/optimal.md"},
     ),
     "10_limited_jerk": Shown(
         "Acceleration of a joint over time, with jumps and without",
