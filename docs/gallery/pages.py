@@ -35,7 +35,7 @@ SHOWN = {
     ),
     "03_box_edge": Shown(
         "A UR5e at four times along three edges of a box, the tool's axis as sticks",
-        {"arms": "../guides/arms.md", "execution": "../concepts/execution.md"},
+        {"arms": "../guides/arms.md", "execution": "../guides/execution.md"},
     ),
     "04_tube_seam": Shown(
         "A circle around a tube, the torch pointing at it from all sides, and the UR5e",
