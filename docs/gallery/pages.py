@@ -63,7 +63,7 @@ SHOWN = {
     ),
     "10_limited_jerk": Shown(
         "Acceleration of a joint over time, with jumps and without",
-        {"limits of jerk": "../guides/jerk.md", "corners": "../concepts/rounding.md"},
+        {"limits of jerk": "../guides/jerk.md", "corners": "../guides/rounding.md"},
     ),
     "11_placement": Shown(
         "A map of places by cycle time, the best one with a star, those out of reach in grey",
