@@ -35,7 +35,7 @@ SHOWN = {
     ),
     "03_box_edge": Shown(
         "A UR5e at four times along three edges of a box, the tool's axis as sticks",
-        {"arms": "../guides/arms.md", "execution": "../concepts/execution.md"},
+        {"arms": "../guides/arms.md", "execution": "../guides/execution.md"},
     ),
     "04_tube_seam": Shown(
         "A circle around a tube, the torch pointing at it from all sides, and the UR5e",
@@ -43,7 +43,7 @@ SHOWN = {
     ),
     "05_certified": Shown(
         "Set-points of a joint run ahead of the planned motion, which the joint follows",
-        {"certificate": "../concepts/certificate.md", "robustness": "../concepts/robustness.md"},
+        {"certificate": "../guides/certificate.md", "robustness": "../concepts/robustness.md"},
     ),
     "06_drawing": Shown(
         "A gasket: its contours, quarter circles that lead onto them, rapids, laser on and off",
@@ -59,11 +59,11 @@ SHOWN = {
     ),
     "09_fastest_path": Shown(
         "A corner as drawn, as an arc, and as the fastest path within 5 mm",
-        {"shaping": "../concepts/shaping.md", "timing": "../concepts/optimal.md"},
+        {"shaping": "../concepts/shaping.md", "timing": "../guides/optimal.md"},
     ),
     "10_limited_jerk": Shown(
         "Acceleration of a joint over time, with jumps and without",
-        {"limits of jerk": "../concepts/jerk.md", "corners": "../concepts/rounding.md"},
+        {"limits of jerk": "../guides/jerk.md", "corners": "../guides/rounding.md"},
     ),
     "11_placement": Shown(
         "A map of places by cycle time, the best one with a star, those out of reach in grey",
