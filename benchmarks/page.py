@@ -1,11 +1,11 @@
-"""The figures of speed on pages, written from the baseline between marks, so that none is by hand.
+"""Write the measured times of the baseline into the pages.
 
-A mark is a comment of HTML, `<!-- KIND: ARGUMENT -->`, and what stands between it and the next
-`<!-- end -->` is written anew:
+A mark is a comment of HTML, `<!-- KIND: ARGUMENT -->`. The text between it and the next
+`<!-- end -->` is replaced:
 
-- `lines: BEGIN ...`: a table of the lines whose names begin so, and what was computed in them;
-- `ratio: NAME`, `ours: NAME`, `theirs: NAME`: the ratio of a line as a share, the times of both;
-- `sessions: all`: when, on what machine and with which versions all of it was measured.
+- `lines: BEGIN ...`: a table of the lines whose names begin so;
+- `ratio: NAME`: the ratio of a line in percent;
+- `sessions: all`: dates, machines and versions of all measurements.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from benchmarks.measured import Line, in_words
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "benchmarks.md", ROOT / "README.md")
-MARK = re.compile(r"(<!-- (lines|ratio|ours|theirs|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
+MARK = re.compile(r"(<!-- (lines|ratio|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
 NOT_YET = "not measured yet"
-HEADS = ("line", "what", "ours", "against", "its time", "ratio", "bar")
-RIGHT = ("ours", "its time", "ratio")
+HEADS = ("line", "ours", "against", "ratio", "bar")
+RIGHT = ("ours", "ratio")
 
 
 def write(lines: Sequence[Line], sessions: Sequence[Session]) -> list[str]:
@@ -53,7 +53,8 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
             return f"{begin}\n\n{_table(rows, known)}\n\n{end}"
         if argument not in {x.name for x in lines}:
             raise KeyError(f"There is no line {argument}.")
-        return f"{begin}{_value(kind, known.get(argument))}{end}"
+        line = known.get(argument)
+        return f"{begin}{NOT_YET if line is None else f'{100 * line.ratio:.3g} %'}{end}"
 
     return MARK.sub(fill, text)
 
@@ -63,38 +64,20 @@ def named(text: str) -> list[str]:
     return [x for mark in MARK.finditer(text) if mark[2] == "lines" for x in mark[3].split()]
 
 
-def _value(kind: str, line: Known | None) -> str:
-    if line is None:
-        return NOT_YET
-    if kind == "ratio":
-        return f"{100 * line.ratio:.3g} %"
-    return _time(line.ours if kind == "ours" else line.theirs)
-
-
-def _time(seconds: float | None) -> str:
-    return "-" if seconds is None else in_words(seconds)
-
-
 def _table(lines: Iterable[Line], known: Mapping[str, Known]) -> str:
     rows = [HEADS, tuple("--:" if x in RIGHT else "---" for x in HEADS)]
-    notes = []
-    for line in lines:
-        found = known.get(line.name)
-        rows.append((f"`{line.name}`", line.what, *_cells(line, found)))
-        if found is not None and found.notes:
-            notes.append(f"- `{line.name}`: {_plain('; '.join(found.notes))}")
-    table = "\n".join(f"| {' | '.join(map(_plain, row))} |" for row in rows)
-    return "\n".join([table, "", "What was computed:", "", *notes]) if notes else table
+    rows += [(f"`{x.name}`", *_cells(x, known.get(x.name))) for x in lines]
+    return "\n".join(f"| {' | '.join(map(_plain, row))} |" for row in rows)
 
 
 def _cells(line: Line, found: Known | None) -> tuple[str, ...]:
     if found is None:
         more = " (only if asked for)" if line.full else ""
-        return NOT_YET + more, line.peer, "-", "-", str(line.bar)
+        return NOT_YET + more, line.peer, "-", str(line.bar)
     bar = str(line.bar)
     if found.of_bar != "-":
         bar += f" ({found.of_bar}{', missed' if found.missed else ''})"
-    return _time(found.ours), found.peer, _time(found.theirs), f"{found.ratio:.3g}", bar
+    return in_words(found.ours), found.peer, f"{found.ratio:.3g}", bar
 
 
 def _plain(text: str) -> str:
@@ -103,16 +86,6 @@ def _plain(text: str) -> str:
 
 
 def _sessions(sessions: Sequence[Session]) -> str:
-    rows = ["| measured | commit | machine and versions | lines |", "|---|---|---|---|"]
-    everything = baseline.known(sessions)
-    for x in sessions:
-        names = f"all {len(x.lines)}" if len(sessions) == 1 else _names(x, everything)
-        rows.append(f"| {x.date} | {x.commit} | {_plain(x.machine)} | {names} |")
-    return "\n".join(rows)
-
-
-def _names(session: Session, everything: Iterable[str]) -> str:
-    """Names of lines; for those with the same first part that alone, if all are of the session."""
-    elsewhere = {x.partition("/")[0] for x in everything if x not in session.lines}
-    parts = [(x.partition("/")[0], x) for x in sorted(session.lines)]
-    return ", ".join(dict.fromkeys(f"`{x if part in elsewhere else part}`" for part, x in parts))
+    days = sorted(x.date for x in sessions)
+    parts = dict.fromkeys(y for x in sessions for y in x.machine.split(", "))
+    return f"Measured from {days[0]} to {days[-1]}: {_plain(', '.join(parts))}."
