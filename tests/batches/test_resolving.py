@@ -81,12 +81,8 @@ def test_the_figures_and_the_version_matter(planned, monkeypatch):
     assert digests(planned(over)) != before
 
 
-SUBPROGRAM = "G21 G90 F3000\nG0 X300 Y200\nM98 P7\nM30\n"
-
-
-def test_the_files_of_a_job_matter_also_those_that_these_read(tmp_path):
-    (tmp_path / "part.nc").write_text(SUBPROGRAM)
-    (tmp_path / "7.nc").write_text("O7\nG1 X330\nM99\n")
+def test_the_files_of_a_job_matter(tmp_path):
+    (tmp_path / "part.nc").write_text("G21 G90 F3000\nG0 X300 Y200\nG1 X330\nM30\n")
     (tmp_path / "line.csv").write_text("x [mm],y [mm]\n300,200\n330,200\n")
     plan = {
         "job": {"drawing": str(tmp_path / "part.nc"), "cell": "pmk3s"},
@@ -97,8 +93,6 @@ def test_the_files_of_a_job_matter_also_those_that_these_read(tmp_path):
     (tmp_path / "line.csv").write_text("x [mm],y [mm]\n300,200\n331,200\n")
     after = digests(plan)
     assert before[0] == after[0] and before[1] != after[1]
-    (tmp_path / "7.nc").write_text("O7\nG1 X331\nM99\n")
-    assert not set(digests(plan)) & {*before, *after}
 
 
 ARM = """<robot name="stick" {more}>{include}

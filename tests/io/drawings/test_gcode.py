@@ -351,7 +351,16 @@ SECOND += ["G28 T", "G4 P1 T-.5", "M1.5", "M72"]
 # The place of the tool is not known.
 AWAY = ["G92 Z0", "G1 X2", "G81 X1 Y1 Z0 R1"]
 # These change the moves after them.
-NEVER_SKIPPED = ["G5.2 X1 Y1 P0 L3", "G33 Z1 K1", "G38.2 Z-1", "M98 P1", "G17.1", "G41 D1", "G95", "M72"]
+NEVER_SKIPPED = [
+    "G5.2 X1 Y1 P0 L3",
+    "G33 Z1 K1",
+    "G38.2 Z-1",
+    "M98 P1",
+    "G17.1",
+    "G41 D1",
+    "G95",
+    "M72",
+]
 NEVER_SKIPPED += ["G68 X0 R9", "G16", "G123 X2"]
 
 
