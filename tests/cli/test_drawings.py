@@ -72,7 +72,7 @@ def test_skips_words_of_g_code_by_name(folder, call, refused):
     (folder / "tools.ngc").write_text(text)
     begin = "run tools.ngc --cell pmk3s --no-simulation --out one"
     rows = [
-        ("", ["tools.ngc, line 8: a coordinate X in the coordinate system G55"]),
+        ("", ["tools.ngc, line 8: a coordinate X in G55"]),
         ("--skip-unknown", ["line 8"]),
         ("--skip X", ["names 'X', which cannot be left out"]),
     ]

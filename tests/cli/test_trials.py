@@ -138,7 +138,7 @@ REFUSED = {
     "1.D16-dwg": ("show old.dwg", "save it as DXF"),
     "1.D16-check": ("check two.csv --arm ur5e", "two.csv has positions of 2 joints"),
     "1.D16-from": ("identify two.csv --from 0.5", "'0.5' has no unit: write one, as in '2 s'"),
-    "3.W3": ("show g55.ngc --skip-unknown", "line 6: a coordinate X in the coordinate system G54"),
+    "3.W3": ("show g55.ngc --skip-unknown", "line 6: a coordinate X in G54"),
     "3.4.4": ("check two.csv --arm hand.URDF", "no robot description hand.URDF"),
     "1.D16-tip": (f"check two.csv --arm {ROBOT}", "arm: {tip: cover}; for check, --tip cover)"),
     "1.D7-abb": (f"{ON} --output spindle=3", "abb:tool=doTool"),

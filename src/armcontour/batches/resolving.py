@@ -43,7 +43,7 @@ class Base:
         folder: Folder of relative file names.
         data: The data of its file, in SI units, with one run only.
         run: Name of that run; None lets the certificate or the placement choose.
-        files: Digests of files that it reads and that no key names, such as subprograms.
+        files: Digests of files that it reads and that no key names, such as meshes.
         dimension: Dimension of its arm's work space.
     """
 

@@ -24,7 +24,7 @@ from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
 from armcontour.compensation import compensator
 from armcontour.geometry import Demand
-from armcontour.io.drawings.reading import OFFSETS, TEXTS, UNKNOWN
+from armcontour.io.drawings.reading import TEXTS, UNKNOWN
 from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given
 from armcontour.io.place_axes import AxesModel, OffModel
@@ -286,8 +286,6 @@ class PathModel:
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
             for G-code, `{skip: [T, M6]}` leaves out these words.
         texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
-        offsets: For G-code, `file` reads only offsets that the file gives; `zero` states that all
-            offsets in the table of the controller are zero.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
             `{1: 3 mm}`; a negative one puts the tool on the other side.
         orientation: The required tool orientation in space: one for the whole path, or one per
@@ -314,7 +312,6 @@ class PathModel:
     columns: str | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
-    offsets: Annotated[str, Choice(OFFSETS)] = "file"
     tools: dict[int, Length] | None = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)

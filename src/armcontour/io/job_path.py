@@ -34,7 +34,7 @@ READING = (
     *("units", "scale", "layers", "names", "colors", "flat"),
     *("chord_tolerance", "join_tolerance", "mend_vertices", "smooth_axes", "unknown"),
     "columns",
-    *("texts", "offsets", "tools"),
+    *("texts", "tools"),
 )
 LIFTED = (
     "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "

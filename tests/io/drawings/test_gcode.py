@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.io.tables import refusals, rows
 
 from armcontour.errors import InvalidInput
-from armcontour.io.drawings.gcode import read_gcode, reader
+from armcontour.io.drawings.gcode import read_gcode
 from armcontour.io.drawings.reading import Reading
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 
@@ -89,7 +89,7 @@ def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses)
 def test_corpus_has_the_points_worked_out_by_hand():
     found = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
     table = [f"{name} => {points.decode()}" for name, data in found.items() for points in data]
-    assert len(table) >= 50
+    assert len(table) >= 40
     check_points("\n".join(table))
 
 
@@ -98,7 +98,7 @@ def test_corpus_has_the_values_worked_out_by_hand():
     for name, kind, expected in (
         ("units/change_on_the_way", "speeds", [0.01, 0.0254, 0.0254]),
         ("units/inches", "speeds", [0.0254, 0.0254]),
-        ("feeds/inverse_time", "speeds", [1e-3, 2e-3 / 60, 3e-3 / 60, 2e-3, 1e-3]),
+        ("feeds/inverse_time", "speeds", [1e-3, 2e-3 / 60, 3e-3 / 60, 2e-3]),
         ("control/path_control", "tolerances", [nan, 5e-5, 0.0, 0.0, nan]),
         ("units/inches", "tolerances", [nan, 2.54e-4]),
         ("arcs/quarter", "lengths", [pi / 2 * 1e-3]),
@@ -254,8 +254,6 @@ G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
         "T1 M6|G1 X1 A90 F60|G55 X2 => 0,0 1,0 2,0 => M6 (1 ... word T (1 ... word A (1 ... G55 (1"
     )
     check_points(words, skip=frozenset(("T", "M6", "A", "G55")))
-    zero = "G1 X1 F60|G55 X2|G53 G0 X5|G1 X6 => 0,0 1,0 2,0 / > 2,0 5,0 / 5,0 6,0"
-    check_points(zero, offsets="zero")
     check_points("G1 X1 F60|G123 => 0,0 1,0 => G123 (1 time, first in line 2)", unknown="skip")
     start = "G92 E0|G0 Z20|G1 F1500 E-6.5|G1 F600 Z2"
     for code in ("M201", "M203", "M205", "M92", "M566", "M999"):
@@ -277,9 +275,8 @@ def test_types_or_layers_of_a_slicer_are_layers():
     assert [x for _, x in layers(text)] == ["", "layer -1", "layer 0", "layer 2"]
     text = "F60|;LAYER_CHANGE|G1 X1|;LAYER_CHANGE|X2"
     assert [x for _, x in layers(text)] == ["layer 1", "layer 2"]
-    # Contours of loops have names of their own.
-    loop = "F60|o1 repeat [3]|G91|G1 X1|G0 Y1|o1 endrepeat"
-    assert [x for x, _ in layers(loop)] == ["line 4", "line 4 (2)", "line 4 (3)"]
+    # Contours of one line have names of their own.
+    assert [x for x, _ in layers("F60|G83 X1 Z-3 R0 Q1")] == ["line 2", "line 2 (2)", "line 2 (3)"]
 
 
 def test_units_speeds_and_tolerances_that_the_file_leaves_open():
@@ -291,18 +288,36 @@ def test_units_speeds_and_tolerances_that_the_file_leaves_open():
     assert np.isnan(read("G0 X1|G1 X2").path.speeds).all()
 
 
-def test_subprograms_in_files_beside_the_program(tmp_path):
-    (tmp_path / "side.ngc").write_text("o<side> sub\nG1 X#1\nG0 Y1\nG1 X9\no<side> endsub\n")
-    (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG1 X\no<wrong> endsub\n")
+# A language for programs, and what only a controller stores, with words of the refusal.
+LANGUAGE = """
+O100 sub => O100 sub: flow control is not read
+o<pocket> call [1] => o<pocket> call [1]: flow
+N9 o1 if [2] => o1 if [2]: flow
+IF[#1EQ2]GOTO3 => flow control
+M98 P100 => M98: subprograms
+M99 => M99: subprograms
+#1=5 => parameter #
+X#1 => parameter #
+X-#<a> => parameter #
+X[1 2] => expression
+X-[1] => expression
+XSIN[30] => expression
+G65 P9010 => G65, a call of a macro
+G73 X2 Z-1 R1 Q1 => G73, a canned cycle
+G84 X2 Z-1 R1 => G84, a canned cycle
+G10 L2 P1 X0 => G10
+G10 L1 P1 R2 => G10
+G28.1 => G28.1
+G52 X1 => G52
+G92.3 => G92.3
+"""
 
-    def beside(data):
-        return read_gcode(data, source="part.ngc", reading=Reading(), folder=tmp_path)
 
-    program = beside(b"F60\no<side> call [4]\nM2\n")
-    assert [x.name for x in program.contours] == ["side.ngc line 2", "side.ngc line 4"]
-    assert in_mm(program.contours[0].path) == [[0, 0], [4, 0]]
-    table = [(b"o<wrong> call\n", "wrong.ngc, line 3: "), (b"o<../side> call\n", "line 1: a call")]
-    refusals(beside, table)
+def test_g_code_as_a_programming_language_is_refused_with_its_line():
+    table = [(f"G1 X1 F60|{x}", "part.ngc, line 2: ", y, "plain moves") for x, y in rows(LANGUAGE)]
+    refusals(read, table)
+    for text in ("O0100 (PART)|G1 X1 F60", "%|N1 O7|G1 X1 F60|M30|O100 sub|%"):
+        assert in_mm(read(text).path) == [[0, 0], [1, 0]]
 
 
 WRONG = f"""
@@ -310,19 +325,14 @@ M83|G1 X1 E1 F60|G28 X0|G1 Y180 E1 => line 4
 G1 X1 F60|G28 X0|G1 Y180 => line 3
 G1 X1 F60|G28.2 X0 Y5|X2 => line 2 ... --skip G28.2
 G1 X1 F60|G93 X2 F2|G94 X3 => line 3 ... no feed rate
-G95 G1 X1 F1 => line 1 ... turns per minute
 G1 X1 F60|G92 => line 2: G92 without coordinates
 G1 X1 F60|G50 X2 => line 2: G50 with coordinates
-o1 sub|o1 call|o1 endsub|o1 call => line 2 ... calls within each other
-G1 X{"[" * 60}1{"]" * 60} => line 1 ... brackets within each other
 F60|G91|G81 X1 Z-1 R1 L999999 => line 3 ... holes and pecks together
 F60|G91|G83 X1 Z-1 R1 Q.00001 L9 => line 3 ... holes and pecks together
-F60|G91|G73 Z-1 R1 Q.001 L199 => line 3 ... holes and pecks together
-o<pocket> sub|G1 X1 F60|o<pocket> endsub|M2 => only defines subprograms (o<pocket>)
 G1 X1 F60|G1 Y1 Y2 => line 2 ... Y twice
 G1 X1 F60|G1.23 => line 2 ... G1.23
-G1 X1 F60|o1 return => line 2 ... outside of
-G1 X1 F60|G10 L9 P1 X1 => line 2 ... G10 L9
+G1 X1 F60|G53 G1 X2 => line 2 ... no rapid
+F60|G92 X1|G1 X2|G92.1|G1 X3 => line 5 ... G92.1
 G1 X1 F60|G123 => line 2 ... --skip G123
 G1 X1 F60|G55 X2 => line 2
 %|% => part.ngc has no contour
@@ -337,11 +347,20 @@ F1|G1 X1|({")(" * 30_000} => line 3 ... does not end
 F1|G1 X{"1" * 60_000} => line 2 ... 60000 characters
 """
 SECOND = ["SET_GCODE_OFFSET Z=0.2 MOVE=1", "RESTORE_GCODE_STATE NAME=a", "TRANS X=10", "IF[#1]"]
-SECOND += [f"#{'9' * 400}=2", "#[EXP[700]*EXP[700]]=2", "G28 T", "G4 P1 T-.5", "G1 X#<a", "[1]"]
+SECOND += ["G28 T", "G4 P1 T-.5", "M1.5", "M72"]
 # The place of the tool is not known.
-AWAY = ["G92 Z0", "G10 L20 P1 Z0", "G28.1", "#1=#5422", "G1 X2", "G81 X1 Y1 Z0 R1"]
+AWAY = ["G92 Z0", "G1 X2", "G81 X1 Y1 Z0 R1"]
 # These change the moves after them.
-NEVER_SKIPPED = ["G5.2 X1 Y1 P0 L3", "G33 Z1 K1", "G38.2 Z-1", "M98 P1", "G17.1", "G41 D1"]
+NEVER_SKIPPED = [
+    "G5.2 X1 Y1 P0 L3",
+    "G33 Z1 K1",
+    "G38.2 Z-1",
+    "M98 P1",
+    "G17.1",
+    "G41 D1",
+    "G95",
+    "M72",
+]
 NEVER_SKIPPED += ["G68 X0 R9", "G16", "G123 X2"]
 
 
@@ -354,17 +373,6 @@ def test_what_cannot_be_followed_is_refused_with_its_line():
     refusals(read, [(x, "part.ngc has no contour") for x in ("", "||")])
     # G83 with a peck of zero drills at once.
     assert len(read("F60|G81 X1 Y1 Z-1 R1 Q0").contours) == 1
-
-
-def test_loops_without_end_are_refused(monkeypatch):
-    monkeypatch.setattr(reader, "MOST_IDLE_LINES", 1000)
-    endless = "#1=0|o1 while [1]|#1=[#1+1]|o1 endwhile"
-    refusals(read, [(endless, "part.ngc, line ... a loop without end ... 1000 lines")])
-    monkeypatch.setattr(reader, "MOST_LINES", 2000)
-    moving = "G91|F60|o1 while [1]|G1 X1|o1 endwhile"
-    refusals(read, [(moving, "part.ngc, line ... 2005 lines carried out")])
-    monkeypatch.setattr(reader, "MOST_CHARACTERS", 2000)
-    refusals(read, [(moving, "part.ngc, line ... 2000 characters carried out")])
 
 
 def test_the_guide_s_example_is_what_the_guide_says():

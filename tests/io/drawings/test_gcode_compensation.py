@@ -37,17 +37,12 @@ F60|G41 D7 G1 X5|X9|G40 X11 => 0,0 5,-1 9,-1 11,0
 F60|T1 M6|G42 G1 X5|X9|G40 X11 => 0,0 5,-1 9,-1 11,0
 F60|T1 M6|G41 D0 G1 X5|X10|G40 => 0,0 5,1 10,1
 F60|G42.1 D2 G1 X5|X9|G40 X11 => 0,0 5,-1 9,-1 11,0
-F60|G10 L1 P5 R1|G42 D5 G1 X5|X9|G40 X11 => 0,0 5,-1 9,-1 11,0
-F60|G10 L1 P5 Z9 R1|G41 D5 G1 X5 => 0,0 5,1 => G10 L1 (1 time
-F60|G10 L12 P5 R1|G1 X5 => 0,0 5,0 => G10 L12 (1 time
 F60|G41 D1 G1 X5|X1|G40 X0 => 0,0 5,1 5,-1 1,-1 0,0
 F60|G41 D1 G1 X5|G2 X2 Y3 J3|G40 G1 X0 => 0,0 {5 - 12**0.5},1 1,3 0,3
 F60|G42 D1 G1 X5|G2 X2 Y3 J3|G40 G1 X0 => 0,0 5,-1 5,1 3,3 0,3
 F60|G41 D1 G1 X5|X9|M2 => 0,0 5,1 9,1
 F60|G41 D1 G1 X5|X9|G40|G42 D1|G1 X15|X19 => 0,0 5,1 9,1 15,-1 19,-1
 F60|G1 Z1|G41 D1|Z0|X5|X9 => 0,0,0 0,0,1 0,0,0 5,1,0 9,1,0
-F60|G41 D1 G1 X5|G1 X[#<_ccomp>/41]|G40|G1 X[#<_ccomp>/20] => 0,0 5,1 10,1 20,0
-F60|T1 M6|G1 X#5410|G20|G1 X[#5410*25.4] => 0,0 2,0 50.8,0
 F60|G41 D1|G0 X5|G1 X9|G0 Y-5|G1 Y-9|G40 G0 X0|G1 X-1 => 5,1 9,1 / > 9,1 10,0 10,-5 / 10,-5 \
 10,-9 / > 10,-9 0,-9 / 0,-9 -1,-9
 """
@@ -111,7 +106,6 @@ G41 D2 G1 X5 => 1 => the tool 2, whose diameter ... tools: {2: 3 mm}
 G41 G1 X5 => 1 => G41 without D
 G41.1 G1 X5 => 1 => G41.1 without D
 G41 D1.5 G1 X5 => 1 => D of 1.5
-G10 L12 P1 R1|G41 D1 G1 X5 => 2 => G10 L12
 G18|G41 D1 G1 X5 => 2 => G18
 G41 D1|G42 D1 => 2 => G42 while ... (G41)
 G41 D1 G1 X5|G19 => 2 => G19
@@ -119,9 +113,6 @@ G41 D1 G1 X5|G28 => 2 => G28 while
 G41 D1 G1 X5|G92 X0 => 2 => G92 while
 G41 D1 G1 X5|G81 X7 Z-1 R1 => 2 => the cycle G81 while
 G41 D1 G1 X5|T2 M6 => 2 => another tool while
-M70|G41 D1 G1 X5|M72 => 3 => changes cutter radius compensation
-G41 D1 G1 X5|G1 X[#5420+1] => 2 => position while
-G1 X#5410 => 1 => #5410
 G41 D1 G1 X1 => 1 => 1 mm long ... radius of 1 mm
 G41 D1 G3 X0.5 Y0.1 R5 => 1 => radius of 1 mm
 G41 D1 G1 X5|G3 X6 Y1 J1 => 2 => inside arc of radius 1 mm ... 2 mm

@@ -51,7 +51,6 @@ def read_path(
     columns: str | None = None,
     unknown: str | Mapping[str, Collection[str]] = "refuse",
     texts: str = "leave_out",
-    offsets: str = "file",
     tools: Mapping[int, float] | None = None,
     continuity: Continuity = "tangent",
     progress: Progress | None = None,
@@ -86,8 +85,6 @@ def read_path(
             for G-code, {"skip": ["M6", "T"]} leaves out these words and codes.
         texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
             note; "leave_out" leaves texts out with a note.
-        offsets: For G-code, "zero" states that all offsets in the table of the controller are zero;
-            "file" reads only offsets that the file gives.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
             {1: 0.003}; a negative one puts the tool on the other side.
         continuity: "curvature" puts transitions where the curvature jumps without a corner, for
@@ -111,7 +108,6 @@ def read_path(
         unknown=unknown if isinstance(unknown, str) else "refuse",
         skip=_words_to_skip(unknown, suffix),
         texts=texts,
-        offsets=offsets,
         tools={} if tools is None else tools,
         layers=_layer_set(layers),
         layer_tolerances=_layer_tolerances(layers),
@@ -135,9 +131,6 @@ def read_path(
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
-    if module == "gcode":
-        # Files with subprograms are looked for beside it.
-        read = partial(read, folder=location.parent)
     fitting = replace(reading, chord_tolerance=reading.fit_tolerance)
     program: Program = read(bytes_of(location), source=location.name, reading=fitting)
     program = _select(program, layers, names)

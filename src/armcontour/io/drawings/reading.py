@@ -26,7 +26,6 @@ FARTHEST = 1e6
 MOST_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
-OFFSETS = ("file", "zero")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
 FIT_SHARE = 0.5
 # How messages advise the user to choose "skip".
@@ -52,8 +51,6 @@ class Reading:
             entities with a sentence in the program's notes.
         skip: Words and codes of G-code to leave out, such as "M6" or "T".
         texts: What becomes of the texts of DXF: "leave_out", or "contours" of their letters.
-        offsets: Where offsets of G-code come from that are in the table of a controller: "file"
-            reads only those that the file gives, "zero" states that all others are zero.
         tools: Diameters of tools for G41 and G42 of G-code [m], by their numbers.
         layers: Unknown entities on other layers are ignored; None means all layers.
         layer_tolerances: Largest corner errors on layers that have one [m], by their names.
@@ -74,7 +71,6 @@ class Reading:
     unknown: str = "refuse"
     skip: frozenset[str] = frozenset()
     texts: str = "leave_out"
-    offsets: str = "file"
     tools: Mapping[int, float] = field(default_factory=dict)
     layers: frozenset[str] | None = None
     layer_tolerances: Mapping[str, float] = field(default_factory=dict)
@@ -91,7 +87,6 @@ class Reading:
         _checks.not_negative("smooth_axes", self.smooth_axes, "rad")
         _checks.choice("unknown", self.unknown, UNKNOWN)
         _checks.choice("texts", self.texts, TEXTS)
-        _checks.choice("offsets", self.offsets, OFFSETS)
         _checks.choice("continuity", self.continuity, CONTINUITIES)
         object.__setattr__(self, "tools", _checked_tools(self.tools))
 

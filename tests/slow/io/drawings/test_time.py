@@ -25,9 +25,6 @@ HOSTILE_GCODE = [
     START + b"\n" * 300_000,
     START + b"G0 X1\nG0 X2\n" * 50_000,
     START + b"O1\n" * 20_000,
-    b"".join(b"o%d sub\no%d endsub\n" % (i, i) for i in range(5_000))
-    + b"o1 repeat [9000]\no4999 call\no1 endrepeat\n",
-    b"o1 repeat [50]\no2 if [0]\n" + b"o2 elseif [0]\n" * 2_000 + b"o2 endif\no1 endrepeat\n",
 ]
 STYLES = ["display" + "a" * 300_000, "display" * 50_000, "display:" * 40_000]
 

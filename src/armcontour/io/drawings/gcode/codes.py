@@ -6,24 +6,26 @@ Overview", section "Modal Groups".
 
 from __future__ import annotations
 
+# How a program in a programming language becomes one that is read.
+PLAIN_MOVES = "let the CAM system post-process it to plain moves (G0 to G3)"
+
 RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
 ARCS = (CLOCKWISE, COUNTER_CLOCKWISE)
 XY, ZX, YZ = 170, 180, 190
 INCH, MILLIMETRE = 200, 210
 CANCEL_MOTION = 800
-# Drilling, tapping and boring cycles; those of G84 and G74 turn the spindle the other way round.
-CYCLES = (730, 740, 810, 820, 830, 840, 850, 860, 890)
+# Drilling; with a dwell; in pecks.
+CYCLES = DRILL, DRILL_AND_DWELL, PECK = (810, 820, 830)
 ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE = 900, 910, 901, 911
-INVERSE_TIME, PER_MINUTE, PER_TURN = 930, 940, 950
-SURFACE_SPEED = 960
+INVERSE_TIME, PER_MINUTE = 930, 940
 EXACT_PATH, EXACT_STOP, BLEND = 610, 611, 640
 TOOL_LENGTH = (430, 431, 432, 490)
-# The coordinate systems G54 to G59.3, in their order.
+# The coordinate systems G54 to G59.3.
 SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
-REFERENCE_MOVES, REFERENCE_STORES = frozenset((280, 300)), frozenset((281, 301))
-SET_DATA, LOCAL, MACHINE, SHIFT = 100, 520, 530, 920
-# G92.1, G92.2, G92.3: the shift of G92 erased, suspended, restored.
-SHIFT_STATES = (921, 922, 923)
+REFERENCE_MOVES = frozenset((280, 300))
+SET_DATA, MACHINE, SHIFT = 100, 530, 920
+# G92.1, G92.2: the shift of G92 taken back.
+NO_SHIFT = frozenset((921, 922))
 RETURN_TO_START, RETURN_TO_R = 980, 990
 # Cutter radius compensation; the second and the fourth have the tool's diameter itself as D.
 NO_COMPENSATION, COMPENSATION = 400, (410, 411, 420, 421)
@@ -40,14 +42,14 @@ _MEMBERS: dict[str, tuple[int, ...]] = {
     "planes": (XY, ZX, YZ, 171, 181, 191),
     "distance mode": (ABSOLUTE, RELATIVE),
     "distance mode of arcs": (ARC_ABSOLUTE, ARC_RELATIVE),
-    "feed mode": (INVERSE_TIME, PER_MINUTE, PER_TURN),
+    "feed mode": (INVERSE_TIME, PER_MINUTE, 950),
     "units": (INCH, MILLIMETRE),
     "cutter compensation": (NO_COMPENSATION, *COMPENSATION),
     "tool length": TOOL_LENGTH,
     "return level": (980, 990),
     "coordinate systems": SYSTEMS,
     "path control": (EXACT_PATH, EXACT_STOP, BLEND),
-    "spindle mode": (SURFACE_SPEED, 970),
+    "spindle mode": (960, 970),
     "lathe mode": (70, 80),
 }
 G_GROUP = {code: group for group, members in _MEMBERS.items() for code in members}
@@ -65,20 +67,18 @@ UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
         *(INCH, MILLIMETRE, ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE),
-        *(INVERSE_TIME, PER_MINUTE, PER_TURN, EXACT_PATH, EXACT_STOP, BLEND),
+        *(INVERSE_TIME, PER_MINUTE, EXACT_PATH, EXACT_STOP, BLEND),
         *(NO_COMPENSATION, *COMPENSATION, 80, 150, 670, 690, 970, RETURN_TO_START, RETURN_TO_R),
-        *(*TOOL_LENGTH, *SYSTEMS, *CYCLES, *REFERENCE_MOVES, *REFERENCE_STORES),
-        *(SET_DATA, LOCAL, MACHINE, SHIFT, *SHIFT_STATES),
+        *(*TOOL_LENGTH, *SYSTEMS, *CYCLES, *REFERENCE_MOVES),
+        *(SET_DATA, MACHINE, SHIFT, *NO_SHIFT),
     )
 )
-UNDERSTOOD_M = frozenset(
-    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 70, 71, 72, 73, 82, 83, 98, 99)
-)
+UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 82, 83))
 
 # Codes that move nothing without coordinates, and are left out with a note: smoothing (G5, G5.1 and
 # G187 of other controllers), retraction of filament (G11), levelling of a printer's bed (G29),
 # largest spindle speed (G50), constant surface speed (G96). Their P, Q, S, D and so on are theirs.
-HARMLESS_G = frozenset((50, 51, 110, 290, 500, SURFACE_SPEED, 1870))
+HARMLESS_G = frozenset((50, 51, 110, 290, 500, 960, 1870))
 # Their letters may stand without a value: G28 X Y, G29 G.
 BARE_WORDS = REFERENCE_MOVES | HARMLESS_G
 # Why what shifts or turns the rest of the program is not read.
@@ -103,27 +103,34 @@ REFUSED_G = {
         "a lathe cycle, or a unit of another dialect (G70, G71): write G0 to G3, or G20 and G21",
     ),
     **dict.fromkeys((501, 510, 511), "scaled or mirrored coordinates: write the moves out"),
-    **dict.fromkeys((680, 681, 682), "turned coordinates: write the moves out, or use G10 L2 R"),
+    **dict.fromkeys((680, 681, 682), "turned coordinates: write the moves out"),
     541: "a coordinate system whose offset is in the table of the controller and not in the file",
+    950: "a feed per turn of the spindle: write G94, with F per minute",
     440: "tool length compensation in the opposite direction: use G43",
-    650: "a call of a macro: use O words (o<name> sub, o<name> call)",
-    660: "a macro that is called at every move: use O words (o<name> sub, o<name> call)",
+    **dict.fromkeys(
+        (281, 301, 520, 923), f"a stored position or offset, which is not read; {PLAIN_MOVES}"
+    ),
+    **dict.fromkeys((650, 660), f"a call of a macro, which is not read; {PLAIN_MOVES}"),
+    **dict.fromkeys(
+        (730, 740, 840, 850, 860, 870, 880, 890),
+        f"a canned cycle, of which only G81, G82 and G83 are read; {PLAIN_MOVES}",
+    ),
 }
 
 # Motions of other kinds and other dialects: without them the rest of the program would be drawn
 # somewhere else. Among them units (G70, G71) and planes of other axes.
 NEVER_SKIPPED_G = frozenset(
     (
-        *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720),
-        *(52, 53, 62, 63, 70, 171, 181, 191, 330, 331, 382, 383, 384, 385),
-        *(760, 842, 870, 880, *CYCLES),
+        *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720, 842, 171, 181, 191),
+        *(62, 63, 70, 950),
     )
 )
-NEVER_SKIPPED_M = frozenset((97, 98, 99))
+# Calls and returns of subprograms.
+CALLS = frozenset((97, 98, 99))
+# Brings back modes that M70 saved; with words of its own it is a printer's.
+RESTORE = 72
 # To these belong all words of their line but F and S: where they are skipped, so is its motion.
-OWN_THE_LINE = frozenset(
-    (SET_DATA, *REFERENCE_MOVES, *REFERENCE_STORES, 431, 432, LOCAL, MACHINE, SHIFT)
-)
+OWN_THE_LINE = frozenset((SET_DATA, *REFERENCE_MOVES, 431, 432, MACHINE, SHIFT))
 
 
 def g_name(code: int) -> str:

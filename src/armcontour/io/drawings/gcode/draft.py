@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,8 +24,6 @@ FLAT = 1e-12
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
-# From a line, counted through all files, to the name of its file and its number there.
-Places = Callable[[int], tuple[str, int]]
 
 
 @dataclass(slots=True)
@@ -161,13 +159,12 @@ class Draft:
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
-    def program(self, source: str, notes: tuple[str, ...], places: Places) -> Program:
+    def program(self, source: str, notes: tuple[str, ...]) -> Program:
         """What was drafted.
 
         Args:
             source: Name of the file.
             notes: Sentences on what was left out.
-            places: Gives the file of a line, and its number there.
 
         Raises:
             InvalidInput: No contour, or one that makes no path.
@@ -179,12 +176,17 @@ class Draft:
                 "G3."
             )
         dimension = 3 if self.across or self._leaves_the_plane() else 2
-        names = _Names(source, places)
-        return Program(
-            moves=tuple(_move(x, dimension, names) for x in self.moves),
-            source=source,
-            notes=notes,
-        )
+        counts: Counter[int] = Counter()
+        moves: list[Move] = []
+        for x in self.moves:
+            if isinstance(x, Chain):
+                counts[x.line] += 1
+                moves.append(_contour(x, dimension, counts[x.line], source))
+            elif isinstance(x, array):
+                moves.append(Rapid(path=_path(x, dimension)))
+            else:
+                moves.append(x)
+        return Program(moves=tuple(moves), source=source, notes=notes)
 
     def _begin(self, line: int) -> Chain:
         self._flush()
@@ -215,41 +217,18 @@ def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-class _Names:
-    """Names of contours: the line on which they start, and how often that line started one."""
-
-    def __init__(self, source: str, places: Places) -> None:
-        self.source, self.places = source, places
-        self.counts: Counter[int] = Counter()
-
-    def of(self, line: int) -> str:
-        self.counts[line] += 1
-        file, number = self.places(line)
-        name = f"line {number}" if file == self.source else f"{file} line {number}"
-        return name if self.counts[line] == 1 else f"{name} ({self.counts[line]})"
-
-
-def _move(x: Chain | array[float] | Event | Dwell, dimension: int, names: _Names) -> Move:
-    if isinstance(x, Chain):
-        return _contour(x, dimension, names)
-    if isinstance(x, array):
-        return Rapid(path=_path(x, dimension))
-    return x
-
-
-def _contour(chain: Chain, dimension: int, names: _Names) -> Contour:
+def _contour(chain: Chain, dimension: int, count: int, source: str) -> Contour:
+    """The contour of feed moves, named after its line, which may have started others before."""
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
         line = chain.lines[error.index] if error.index is not None else chain.line
-        file, number = names.places(line)
-        raise InvalidInput(f"{file}, line {number}: {error}", index=number - 1) from None
+        raise InvalidInput(f"{source}, line {line}: {error}", index=line - 1) from None
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
     )
-    return Contour(
-        path=path, name=names.of(chain.line), layer=chain.layer, events=events, keep_start=True
-    )
+    name = f"line {chain.line}" if count == 1 else f"line {chain.line} ({count})"
+    return Contour(path=path, name=name, layer=chain.layer, events=events, keep_start=True)
 
 
 def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:

@@ -1,4 +1,4 @@
-"""The speed of feed moves: per minute, per turn of the spindle, or one over the time of a move."""
+"""The speed of feed moves: per minute, or one over the time of a move."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ def set_feed(block: Block, modes: Modes) -> None:
     Raises:
         Fault: F below zero or too large.
     """
-    for code in (codes.INVERSE_TIME, codes.PER_MINUTE, codes.PER_TURN):
-        if code in block.g and modes.feed_mode != code:
-            modes.feed_mode, modes.feed = code, None
+    for code, inverse_time in ((codes.INVERSE_TIME, True), (codes.PER_MINUTE, False)):
+        if code in block.g and modes.inverse_time != inverse_time:
+            modes.inverse_time, modes.feed = inverse_time, None
     value = block.words.pop("F", None)
-    if modes.feed_mode == codes.INVERSE_TIME:
+    if modes.inverse_time:
         # It holds for the moves of its own line only.
         modes.feed = value
         if value is not None and value < 0:
             raise Fault(f"F{value:g} under G93, which must not be negative")
     elif value is not None:
-        modes.feed = _in_metres(value, _unit_for(block, modes), modes)
+        modes.feed = _in_metres(value, _unit_for(block, modes))
     modes.feed_given = modes.feed_given or value is not None
 
 
 def feed_per_minute(value: float, modes: Modes) -> None:
     """Takes F of a line that has nothing else but coordinates, under G94."""
-    modes.feed = _in_metres(value, modes.unit, modes)
+    modes.feed = _in_metres(value, modes.unit)
 
 
 def unit_of(block: Block) -> float | None:
@@ -47,19 +47,18 @@ def unit_of(block: Block) -> float | None:
     return MILLIMETRE if codes.MILLIMETRE in block.g else None
 
 
-def speed_of(modes: Modes, length: float, turns: float | None) -> float:
+def speed_of(modes: Modes, length: float) -> float:
     """The speed of a feed move [m/s]; NaN where the file gives none.
 
     Args:
         modes: What is in force.
         length: Length of the move [m].
-        turns: Turns of the spindle per minute, None where they are not known.
 
     Raises:
         Fault: No feed rate.
     """
     feed = modes.feed
-    if modes.feed_mode == codes.INVERSE_TIME:
+    if modes.inverse_time:
         if not feed:
             raise Fault(
                 "a feed move under G93 without F above zero on its own line, where F is one over "
@@ -72,14 +71,7 @@ def speed_of(modes: Modes, length: float, turns: float | None) -> float:
         raise Fault(
             "no feed rate for G1, G2 or G3: give F above zero, in units per minute, here or before"
         )
-    if modes.feed_mode == codes.PER_MINUTE:
-        return feed
-    if not turns:
-        raise Fault(
-            "a feed move per turn of the spindle (G95) without its turns per minute: give S above "
-            "zero, under G97"
-        )
-    return feed * turns
+    return feed
 
 
 def _unit_for(block: Block, modes: Modes) -> float:
@@ -99,13 +91,12 @@ def _unit_for(block: Block, modes: Modes) -> float:
     )
 
 
-def _in_metres(value: float, unit: float, modes: Modes) -> float:
-    """F per minute in metres per second, F per turn in metres per turn and 60 s."""
+def _in_metres(value: float, unit: float) -> float:
+    """F per minute in metres per second."""
     speed = value * unit / 60
     if speed < 0 or speed > FASTEST:
-        what = "minute" if modes.feed_mode == codes.PER_MINUTE else "turn"
         most, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
         raise Fault(
-            f"a feed rate F of {value:g} {name} per {what}, which is not from 0 to {most:.3g}"
+            f"a feed rate F of {value:g} {name} per minute, which is not from 0 to {most:.3g}"
         )
     return speed

@@ -7,24 +7,22 @@ distance mode, references and offsets, motion, stop.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import PLANES
+from armcontour.io.drawings.gcode.arc_words import AXES, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
+from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.draft import Draft
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.feed import feed_per_minute, set_feed, unit_of
 from armcontour.io.drawings.gcode.modes import MILLIMETRE, Modes
-from armcontour.io.drawings.gcode.motions import AXES, Tool
-from armcontour.io.drawings.gcode.offsets import set_offsets
+from armcontour.io.drawings.gcode.motions import Tool
+from armcontour.io.drawings.gcode.offsets import Offsets
 from armcontour.io.drawings.gcode.references import References
 from armcontour.io.drawings.gcode.switches import Extruder, Switches
-from armcontour.io.drawings.gcode.systems import Systems
-from armcontour.io.drawings.gcode.tool_table import ToolTable
+from armcontour.io.drawings.gcode.tool_table import diameter_for
 from armcontour.io.drawings.gcode.unknown import Unknown
 from armcontour.io.drawings.gcode.words import Block
 from armcontour.io.drawings.reading import Reading
@@ -41,38 +39,27 @@ class Machine:
 
     Args:
         reading: How the file is to be read.
-        changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
-        of_printer: Tells whether the program is a printer's, in which G4 P is in milliseconds.
-        extrudes: Tells whether some move of the program feeds material.
+        dialect: Properties of the whole program.
     """
 
-    def __init__(
-        self,
-        reading: Reading,
-        changes_tools: Callable[[], bool],
-        of_printer: Callable[[], bool],
-        extrudes: Callable[[], bool],
-    ) -> None:
+    def __init__(self, reading: Reading, dialect: Dialect) -> None:
         stated = reading.unit is not None
         self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
         self.draft = Draft()
-        self.systems = Systems(reading.offsets == "zero")
+        self.offsets = Offsets()
         self.compensation = Compensation(self.draft, reading.chord_tolerance)
-        self.table = ToolTable(reading.tools)
-        self.tool = Tool(self.compensation, self.modes, self.systems, reading.chord_tolerance)
+        self.tools = reading.tools
+        self.tool = Tool(self.compensation, self.modes, self.offsets, reading.chord_tolerance)
         self.unknown = Unknown(reading.skip, reading.unknown == "skip")
-        self.switches = Switches(self.compensation, changes_tools)
+        self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
         self.references = References(self.tool)
-        self.cycles = Cycles(self.tool, self.modes, self.switches)
-        self.offset = (0.0, 0.0, 0.0)
+        self.cycles = Cycles(self.tool, self.modes)
+        self.shift = [0.0] * 3
         self.first_compensated = 0
-        self.of_printer, self.extrudes = of_printer, extrudes
+        self.dialect = dialect
         self.first_milliseconds = self.first_any_tolerance = self.first_approach = 0
         self.long_dwell: tuple[float, int] | None = None
-        self.surface_speed = False
-        self.saved: tuple[Modes, int, tuple[int, float]] | None = None
-        self.restores_at_return = False
 
     @property
     def line(self) -> int:
@@ -85,16 +72,16 @@ class Machine:
         plain = (
             modes.motion == codes.LINE
             and modes.absolute
-            and modes.feed_mode == codes.PER_MINUTE
+            and not modes.inverse_time
             and modes.unit <= 0.1
             and self.draft.begun
             and self.compensation.off
             and not self.tool.away
             and not self.extruder.on
-            and self.systems.plain
+            and self.offsets.plain
         )
         if plain:
-            self.offset = self.systems.offset
+            self.shift = [x or 0.0 for x in self.offsets.shift]
         return plain
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
@@ -104,13 +91,13 @@ class Machine:
             feed_per_minute(float(f), modes)
         if x is None and y is None and z is None:
             return
-        at, unit, offset = tool.at, modes.unit, self.offset
+        at, unit, shift = tool.at, modes.unit, self.shift
         if x is not None:
-            at[0] = float(x) * unit + offset[0]
+            at[0] = float(x) * unit + shift[0]
         if y is not None:
-            at[1] = float(y) * unit + offset[1]
+            at[1] = float(y) * unit + shift[1]
         if z is not None:
-            at[2] = float(z) * unit + offset[2]
+            at[2] = float(z) * unit + shift[2]
         speed = modes.feed or tool.speed(0.0)
         self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, tool.line)
 
@@ -126,21 +113,17 @@ class Machine:
         if not block.m and self._is_simple(block):
             if "F" in block.words:
                 set_feed(block, self.modes)
-            elif self.modes.feed_mode == codes.INVERSE_TIME:
+            elif self.modes.inverse_time:
                 self.modes.feed = None
             self._move(block)
             if block.words:
                 self.unknown.leave_idle(block, self.line)
             return False
-        if codes.SURFACE_SPEED in block.g:
-            self.surface_speed = True
         self.unknown.screen(block, self.line)
         self._refuse_two_users(block)
         set_feed(block, self.modes)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
-        self._set_turns(block)
-        self._save(block)
         self.extruder.set_mode(block)
         if dwell is not None:
             self.compensation.dwell(dwell)
@@ -181,14 +164,6 @@ class Machine:
         letters = "XYZ" if once else "XYZIJKR"
         return self.modes.motion in codes.ARCS and not block.words.keys().isdisjoint(letters)
 
-    def _set_turns(self, block: Block) -> None:
-        """Turns of the spindle per minute, which G95 counts by; under G96 nobody knows them."""
-        if 970 in block.g:
-            self.surface_speed = False
-        speed = self.switches.states.get("spindle speed")
-        known = isinstance(speed, float) and not self.surface_speed
-        self.tool.turns = float(speed) if known and speed is not None else None
-
     def _dwell(self, block: Block) -> float:
         """The time of G4 in seconds, from P, or from S, X or U of other controllers."""
         words = block.words
@@ -200,7 +175,7 @@ class Machine:
         duration = words.pop(letter)
         if duration < 0:
             raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
-        if letter == "P" and duration and self.of_printer():
+        if letter == "P" and duration and self.dialect.printer:
             self.first_milliseconds = self.first_milliseconds or self.line
             return duration * 1e-3
         if duration >= LONG_DWELL and self.long_dwell is None:
@@ -229,7 +204,7 @@ class Machine:
             elif code in (codes.RETURN_TO_START, codes.RETURN_TO_R):
                 modes.return_to_r = code == codes.RETURN_TO_R
             elif code in codes.SYSTEMS:
-                self.systems.select(codes.SYSTEMS.index(code))
+                self.offsets.system = code
             elif code in codes.TOOL_LENGTH:
                 self._compensate_length(block, code)
 
@@ -244,15 +219,14 @@ class Machine:
         if self.tool.away:
             raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
         tool = self.switches.tool
-        diameter = self.table.diameter_for(block, code, self.modes.unit, tool)
+        diameter = diameter_for(block, code, self.modes.unit, tool, self.tools)
         left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
         self.compensation.start(code, left)
 
     def _compensate_length(self, block: Block, code: int) -> None:
         """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
-        self.modes.compensated = code != codes.TOOL_LENGTH[-1]
         block.words.pop("H", None)
-        if self.modes.compensated:
+        if code != codes.TOOL_LENGTH[-1]:
             self.first_compensated = self.first_compensated or self.line
 
     def _blend(self, largest: float | None) -> float:
@@ -274,8 +248,6 @@ class Machine:
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
             self.references.move(block, reference)
-        elif not codes.REFERENCE_STORES.isdisjoint(g):
-            self.references.store(block)
         elif codes.MACHINE in g:
             motion = self.modes.motion if block.motion is None else block.motion
             self.references.move_in_machine(block, motion)
@@ -283,9 +255,38 @@ class Machine:
             # Lengths of tools, which move nothing here.
             for letter in AXES:
                 block.words.pop(letter, None)
+        elif codes.SET_DATA in g:
+            self._retract(block)
+        elif codes.SHIFT in g:
+            self._set_position(block)
         else:
-            return set_offsets(block, self.tool, self.extruder, self.unknown, self.table)
+            if not codes.NO_SHIFT.isdisjoint(g):
+                self.offsets.clear()
+            return False
         return True
+
+    def _retract(self, block: Block) -> None:
+        """G10 of printers, which retracts filament or sets temperatures."""
+        words = block.words
+        if not words.keys().isdisjoint("LXYZ"):
+            raise Fault(
+                "G10, which sets offsets or tools of the controller, is not read; "
+                f"{codes.PLAIN_MOVES}"
+            )
+        for letter in [x for x in words if x in "PRS"]:
+            del words[letter]
+        self.unknown.count("G10", self.line)
+
+    def _set_position(self, block: Block) -> None:
+        """G92: the tool is at these coordinates, and E at this one."""
+        words, unit = block.words, self.modes.unit
+        fed = words.pop("E", None)
+        if fed is not None:
+            self.extruder.at = fed
+        values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
+        if not values and fed is None:
+            raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
+        self.tool.set_position(values)
 
     def _set_motion(self, block: Block) -> None:
         explicit = block.motion
@@ -302,8 +303,7 @@ class Machine:
         feeds = fed > 0
         if not arc and block.words.keys().isdisjoint(AXES):
             if fed:
-                per_minute = modes.feed_mode == codes.PER_MINUTE
-                speed = modes.feed if per_minute and modes.feed else 0.0
+                speed = modes.feed if modes.feed and not modes.inverse_time else 0.0
                 self.extruder.feed_alone(fed * modes.unit, speed)
             return
         if modes.motion is None:
@@ -316,11 +316,11 @@ class Machine:
         target = self.tool.target(block)
         if modes.motion == codes.RAPID:
             self.tool.go(target)
-        elif self.tool.lost and modes.motion == codes.LINE and not feeds and self.of_printer():
+        elif self.tool.lost and modes.motion == codes.LINE and not feeds and self.dialect.printer:
             self.references.pass_by(target)
         elif modes.motion != codes.LINE:
             self.tool.arc(block, target)
-        elif not feeds and not self.draft.begun and self.extrudes():
+        elif not feeds and not self.draft.begun and self.dialect.extrudes:
             # Nothing is printed yet: the tool only goes to where the print begins.
             self.first_approach = self.first_approach or self.line
             self.tool.go(target)
@@ -328,46 +328,6 @@ class Machine:
             self.tool.feed(target)
         for letter in AXES:
             block.words.pop(letter, None)
-
-    def _save(self, block: Block) -> None:
-        """M70 and M73 save what is in force, M72 brings it back.
-
-        With words of their own they are a printer's, such as its progress (M73 P50).
-        """
-        for code in (70, 71, 72, 73):
-            if code not in block.m:
-                continue
-            if not block.words.keys().isdisjoint("PRSCDQ"):
-                for letter in [x for x in block.words if x in "PRSCDQ"]:
-                    del block.words[letter]
-                self.unknown.count(f"M{code}", self.line)
-            elif code in (70, 73):
-                self.saved = (dataclasses.replace(self.modes), self.systems.active, self._side)
-                self.restores_at_return = self.restores_at_return or code == 73
-            elif code == 71:
-                self.saved, self.restores_at_return = None, False
-            elif self.saved is None:
-                raise Fault("M72 without M70 before it")
-            else:
-                self.restore()
-
-    def restore(self) -> None:
-        """Brings back what was in force when it was saved, but for the motion."""
-        if self.saved is None:
-            return
-        saved, self.systems.active, side = self.saved
-        if side != self._side:
-            raise Fault(
-                "M72, or the return after M73, that changes cutter radius compensation: write "
-                "G40, G41 or G42 as it was before"
-            )
-        for field in dataclasses.fields(Modes):
-            if field.name != "motion":
-                setattr(self.modes, field.name, getattr(saved, field.name))
-
-    @property
-    def _side(self) -> tuple[int, float]:
-        return self.compensation.code, self.compensation.left
 
     def _stop(self, block: Block) -> bool:
         for code, value in ((0, True), (60, True), (1, "optional")):
@@ -383,49 +343,45 @@ class Machine:
         """The end of the program, which ends compensation too."""
         self.compensation.stop()
 
-    def notes(self, where: Callable[[int], str]) -> list[str]:
-        """Sentences on what was left out, and on how something was read.
-
-        Args:
-            where: Names a line.
-        """
-        found = self.unknown.notes(where) + self.references.notes(where)
+    def notes(self) -> list[str]:
+        """Sentences on what was left out, and on how something was read."""
+        found = self.unknown.notes() + self.references.notes()
         if self.first_compensated:
             found.append(
-                f"Tool length compensation, first in {where(self.first_compensated)}, is read so "
+                f"Tool length compensation, first in line {self.first_compensated}, is read so "
                 "that the programmed point is the tip of the tool: calibrate the robot's tool to "
                 "its tip."
             )
         if self.tool.first_open:
             found.append(
-                f"The file gives no feed rate for moves, first in {where(self.tool.first_open)}: "
+                f"The file gives no feed rate for moves, first in line {self.tool.first_open}: "
                 "they have no speed of their own, and the job's limits hold."
             )
         if self.first_approach:
             found.append(
-                f"Feed moves before the first extrusion, first in {where(self.first_approach)}, "
+                f"Feed moves before the first extrusion, first in line {self.first_approach}, "
                 "are read as rapids: the program begins where material flows."
             )
         if self.first_any_tolerance:
             found.append(
-                f"G64 P0 in {where(self.first_any_tolerance)} sets no tolerance, as in LinuxCNC; "
+                f"G64 P0 in line {self.first_any_tolerance} sets no tolerance, as in LinuxCNC; "
                 "G61 keeps to corners exactly."
             )
         if self.first_milliseconds:
             found.append(
-                f"G4 P, first in {where(self.first_milliseconds)}, is read in milliseconds, "
+                f"G4 P, first in line {self.first_milliseconds}, is read in milliseconds, "
                 "because the program is a printer's (extrusion, temperatures)."
             )
         if self.extruder.first_kept:
             found.append(
-                f"E in {where(self.extruder.first_kept)} is relative, because G90 does not end "
+                f"E in line {self.extruder.first_kept} is relative, because G90 does not end "
                 "M83, as in Klipper and RepRapFirmware; Marlin reads it as absolute. Write M83 "
                 "after G90."
             )
         if self.long_dwell is not None:
             duration, line = self.long_dwell
             found.append(
-                f"The dwell of {duration:g} s in {where(line)} is read in seconds, as LinuxCNC and "
+                f"The dwell of {duration:g} s in line {line} is read in seconds, as LinuxCNC and "
                 "grbl read G4 P; some controllers mean milliseconds."
             )
         return found

@@ -12,7 +12,7 @@ MILLIMETRE, INCH = 1e-3, 0.0254
 
 @dataclasses.dataclass(slots=True)
 class Modes:
-    """What is in force; M70 saves it, and M72 brings it back.
+    """What is in force.
 
     Attributes:
         unit: Length of the program's unit [m].
@@ -23,11 +23,9 @@ class Modes:
         motion: Code of the motion in force, None after G80.
         tolerance: Largest corner error [m], NaN for none of its own.
         return_to_r: Whether cycles return to R (G99) and not to their first height (G98).
-        feed_mode: Code of what F means: G93, G94, G95.
-        feed: F in the units of the feed mode and metres; None where none is in force, NaN where
-            only the controller knows it.
+        inverse_time: Whether F is one over the minutes of a move (G93) and not per minute (G94).
+        feed: F [m/s], under G93 [1/min]; None where none is in force.
         feed_given: Whether the file has given an F.
-        compensated: Whether tool length compensation is on.
     """
 
     unit: float
@@ -38,10 +36,9 @@ class Modes:
     motion: int | None = None
     tolerance: float = math.nan
     return_to_r: bool = False
-    feed_mode: int = codes.PER_MINUTE
+    inverse_time: bool = False
     feed: float | None = None
     feed_given: bool = False
-    compensated: bool = False
 
     @property
     def inch(self) -> bool:

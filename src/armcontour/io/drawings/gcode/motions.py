@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.arc_words import (
+    AXES,
     OFFSETS,
     PLANES,
     by_radius,
@@ -27,12 +27,11 @@ from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.feed import speed_of
 from armcontour.io.drawings.gcode.modes import Modes
-from armcontour.io.drawings.gcode.systems import Systems
+from armcontour.io.drawings.gcode.offsets import Offsets
 from armcontour.io.drawings.gcode.words import Block
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
-AXES = "XYZ"
 # Heights this near are one [m].
 CLOSE = 1e-9
 
@@ -43,14 +42,14 @@ class Tool:
     Args:
         draft: What takes the moves.
         modes: What is in force.
-        systems: Coordinate systems of the program.
+        offsets: From the program to the drawing.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
 
     def __init__(
-        self, draft: Compensation, modes: Modes, systems: Systems, chord_tolerance: float
+        self, draft: Compensation, modes: Modes, offsets: Offsets, chord_tolerance: float
     ) -> None:
-        self.draft, self.modes, self.systems = draft, modes, systems
+        self.draft, self.modes, self.offsets = draft, modes, offsets
         self.chord_tolerance = chord_tolerance
         self.at = [0.0, 0.0, 0.0]
         # Axes on which the tool went to a place that the file does not give.
@@ -58,7 +57,6 @@ class Tool:
         # Whether the last drafted move ends somewhere else than where the tool is now.
         self.away = False
         self.line = 0
-        self.turns: float | None = None
         # The first line whose move has no feed rate.
         self.first_open = 0
 
@@ -78,10 +76,9 @@ class Tool:
                 )
         if self.modes.absolute:
             self.lost -= given.keys()
-            point = self.systems.to_drawing(given, self.at)
+            point = self.offsets.to_drawing(given, self.at)
         else:
-            step = self.systems.step([given.get(i, 0.0) for i in (0, 1, 2)])
-            point = [a + b for a, b in zip(self.at, step, strict=True)]
+            point = [self.at[i] + given.get(i, 0.0) for i in (0, 1, 2)]
         self._refuse_far(point)
         return point
 
@@ -105,15 +102,12 @@ class Tool:
 
     def set_position(self, values: dict[int, float]) -> None:
         """G92: the tool is at these coordinates."""
-        self.refuse_lost(values, "G92")
-        self.systems.set_position(values, self.at)
-        if not self.draft.begun:
-            self.draft.resume_at(self.at)
-
-    def set_origin_here(self, number: int, values: dict[int, float]) -> None:
-        """G10 L20: the tool is at these coordinates of a system."""
-        self.refuse_lost(values, "G10 L20")
-        self.systems.set_origin_here(number, values, self.at)
+        for i in self.lost.intersection(values):
+            raise Fault(
+                "G92 at a reference position (G28, G30, G53) that the file does not give: go to an "
+                f"absolute {AXES[i]} by G0 before"
+            )
+        self.offsets.set_position(values, self.at)
         if not self.draft.begun:
             self.draft.resume_at(self.at)
 
@@ -127,15 +121,14 @@ class Tool:
             self.lost |= axes
             self.away = True
             return
-        systems = self.systems
         for i in axes:
-            self.at[i] = (systems.origins[systems.active][i] or 0.0) + systems.shift[i]
+            self.at[i] = self.offsets.shift[i] or 0.0
         self.draft.resume_at(self.at)
 
     def feed(self, target: list[float]) -> None:
         """A straight feed move."""
         self._refuse_lost()
-        self.systems.place()
+        self.offsets.place()
         speed = self.speed(math.dist(self.at, target))
         x, y, z = target
         self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
@@ -143,19 +136,10 @@ class Tool:
 
     def speed(self, length: float) -> float:
         """The speed of a feed move of a length [m/s]; NaN, and noted, where the file gives none."""
-        found = speed_of(self.modes, length, self.turns)
+        found = speed_of(self.modes, length)
         if found != found and not self.first_open:
             self.first_open = self.line
         return found
-
-    def refuse_lost(self, axes: Iterable[int], what: str) -> None:
-        """Refuse what needs the tool's place on axes where the file does not give it."""
-        for i in axes:
-            if i in self.lost:
-                raise Fault(
-                    f"{what} at a reference position (G28, G30, G53) that the file does not give: "
-                    f"go to an absolute {AXES[i]} by G0 before"
-                )
 
     def _refuse_lost(self) -> None:
         if self.away:
@@ -168,10 +152,8 @@ class Tool:
     def arc(self, block: Block, target: list[float]) -> None:
         """An arc or a helix of the plane in force; takes its words from the line."""
         self._refuse_lost()
-        self.systems.place()
+        self.offsets.place()
         modes = self.modes
-        if modes.plane != codes.XY and self.systems.rotations[self.systems.active]:
-            raise Fault("an arc across the plane XY in a coordinate system that is turned")
         a, b, c = axes = PLANES[modes.plane]
         turns = turns_of(block)
         last = self.draft.start_of_arc()
@@ -215,20 +197,16 @@ class Tool:
             radius = self._length("R", block.words.pop("R"))
             return with_radius(start, end, radius, turn)
         letters = center_letters(block, modes.plane, modes.arc_absolute)
-        offsets = {x: self._length(x, block.words.get(x, 0.0)) for x in letters}
+        a, b, _ = PLANES[modes.plane]
+        u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
         for x in OFFSETS:
             block.words.pop(x, None)
-        return around(start, end, self._center(offsets, start), turn, dialect)
-
-    def _center(self, offsets: dict[str, float], start: InPlane) -> InPlane:
-        """The centre in the drawing: the offsets are turned with the coordinate system."""
-        a, b, _ = PLANES[self.modes.plane]
-        found = {OFFSETS.index(x): value for x, value in offsets.items()}
-        if self.modes.arc_absolute:
-            center = self.systems.to_drawing(found, self.at)
-            return (center[a], center[b])
-        step = self.systems.step([found.get(i, 0.0) for i in (0, 1, 2)])
-        return (start[0] + step[a], start[1] + step[b])
+        if modes.arc_absolute:
+            point = self.offsets.to_drawing({a: u, b: v}, self.at)
+            center = (point[a], point[b])
+        else:
+            center = (start[0] + u, start[1] + v)
+        return around(start, end, center, turn, dialect)
 
     def _length(self, letter: str, value: float) -> float:
         length = value * self.modes.unit

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
-
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.compensation import Compensation
+from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.words import Block, whole
 from armcontour.program.moves import Value
 
 SPINDLE: dict[float, Value] = {3: True, 4: "reverse", 5: False}
 COOLANT: dict[float, Value] = {7: "mist", 8: "flood", 9: False}
-SPINDLE_NAME = re.compile(r"spindle( -?[0-9]+)?")
 BOTH = "mist and flood"
 DIGITAL: dict[float, bool] = {62: True, 63: False, 64: True, 65: False}
 ANALOG = (67, 68)
@@ -25,13 +22,11 @@ class Switches:
 
     Args:
         draft: What takes the events.
-        changes_tools: Tells whether the program has M6; otherwise T alone changes the tool.
+        dialect: Properties of the whole program.
     """
 
-    def __init__(self, draft: Compensation, changes_tools: Callable[[], bool]) -> None:
-        self.draft = draft
-        self._changes_tools = changes_tools
-        self._by_m6: bool | None = None
+    def __init__(self, draft: Compensation, dialect: Dialect) -> None:
+        self.draft, self.dialect = draft, dialect
         self.states: dict[str, Value] = {}
         self.selected: int | None = None
         self.tool = 0
@@ -42,12 +37,11 @@ class Switches:
         Raises:
             Fault: A speed below zero, a tool or an output that has no number.
         """
-        spindle = _spindle(block)
         speed = block.words.pop("S", None)
         if speed is not None:
             if speed < 0:
                 raise Fault(f"a spindle speed S of {speed:g}, which must not be negative")
-            self.set(f"{spindle} speed", speed)
+            self.set("spindle speed", speed)
         self._select_tool(block)
         for code in block.m:
             if code in DIGITAL:
@@ -59,7 +53,7 @@ class Switches:
             self._change_tool()
         for code in block.m:
             if code in SPINDLE:
-                self.set(spindle, SPINDLE[code])
+                self.set("spindle", SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
                 value, now = COOLANT[code], self.states.get("coolant")
@@ -69,9 +63,7 @@ class Switches:
         if "T" not in block.words:
             return
         self.selected = whole(block.words.pop("T"), "a tool T")
-        if self._by_m6 is None:
-            self._by_m6 = self._changes_tools()
-        if not self._by_m6:
+        if not self.dialect.changes_tools:
             self._change_tool()
 
     def _change_tool(self) -> None:
@@ -86,8 +78,7 @@ class Switches:
 
     def off(self) -> None:
         """What M2 and M30 do besides: M5 and M9 (LinuxCNC manual, M Codes, "M2, M30")."""
-        spindles = [x for x in self.states if SPINDLE_NAME.fullmatch(x)]
-        for name in ("extruder", *spindles, "coolant"):
+        for name in ("extruder", "spindle", "coolant"):
             if self.states.get(name):
                 self.set(name, False)
 
@@ -159,12 +150,6 @@ class Extruder:
         """Material flows or not along the next move."""
         if feeds or self.on:
             self.switches.set("extruder", feeds)
-
-
-def _spindle(block: Block) -> str:
-    """The name of the spindle that a line switches; $0 is the one without a number."""
-    number = whole(block.words.pop("$", 0.0), "a spindle $")
-    return f"spindle {number}" if number else "spindle"
 
 
 def _number(block: Block, letter: str, code: float) -> int:

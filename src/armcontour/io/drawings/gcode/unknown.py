@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.faults import Fault
@@ -68,11 +68,10 @@ class Unknown:
     def _leave_m(self, block: Block, strange: list[float], line: int) -> None:
         """M codes of other machines. RepRap's M201, M203 and so on have X, Y and Z of their own."""
         for code in strange:
-            if code in codes.NEVER_SKIPPED_M:
-                raise Fault(
-                    f"M{code:g}, a call within a program, which this reader does not follow: use "
-                    "M98 and M99, or O words"
-                )
+            if code in codes.CALLS:
+                raise Fault(f"M{code:g}: subprograms are not read; {codes.PLAIN_MOVES}")
+            if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
+                raise Fault(f"M72, which restores saved modes, is not read; {codes.PLAIN_MOVES}")
             block.m.remove(code)
             self.count(f"M{code:g}", line)
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
@@ -122,8 +121,6 @@ class Unknown:
             for letter in [x for x in block.words if x in gone]:
                 del block.words[letter]
         for found in [x for x in block.m if f"M{x:g}" in self.wanted]:
-            if found in codes.NEVER_SKIPPED_M:
-                raise Fault(f"M{found:g}, a call, which cannot be left out: write the moves out")
             self._leave_m(block, [found], line)
         for letter in [x for x in block.words if x in self.wanted and x not in "XYZIJKR"]:
             del block.words[letter]
@@ -172,16 +169,12 @@ class Unknown:
         """Notes that something was left out."""
         self.counts.setdefault(kind, [0, line])[0] += 1
 
-    def notes(self, where: Callable[[int], str]) -> list[str]:
-        """One sentence on all that was left out.
-
-        Args:
-            where: Names a line.
-        """
+    def notes(self) -> list[str]:
+        """One sentence on all that was left out."""
         if not self.counts:
             return []
         kinds = [
-            f"{kind} ({count} time{'s' if count > 1 else ''}, first in {where(line)})"
+            f"{kind} ({count} time{'s' if count > 1 else ''}, first in line {line})"
             for kind, (count, line) in self.counts.items()
         ]
         more = len(kinds) - MOST_KINDS

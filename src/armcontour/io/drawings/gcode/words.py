@@ -10,30 +10,37 @@ from armcontour.io.drawings.gcode.codes import (
     G_GROUP,
     M_GROUP,
     MOTION,
+    PLAIN_MOVES,
     UNDERSTOOD_M,
     g_name,
 )
-from armcontour.io.drawings.gcode.expressions import Assignments, read_assignment, read_value
 from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.parameters import Parameters
 
 # Seventeen digits tell all doubles apart; twice as many are no measure of anything.
 MOST_CHARACTERS = 34
 # Largest value of a word, whatever it means; coordinates have a limit of their own.
 LARGEST_VALUE = 1e9
+# A program has lines of some ten characters, and comments of some hundred.
+LONGEST_LINE = 65_536
+# So many characters of what is refused are shown.
+SHOWN = 30
+# Smaller M codes have no decimals.
+FIRST_WITH_DECIMALS = 100
 # A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
 WHOLE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# A word whose value is a parameter, an expression or a function: X#1, Y-[2*#1], ZSIN[30].
-COMPUTED = re.compile(r"[A-Z](?=[+-]?[#\[]|[+-]?(?:ABS|ACOS|ASIN|ATAN|COS|EXP|FIX|FUP|LN)\[)")
-COMPUTED_TOO = re.compile(r"[A-Z](?=[+-]?(?:ROUND|SIN|SQRT|TAN|EXISTS)\[)")
+# The start of an O word, and one that only names the program.
+O_WORD = re.compile(r"(?:N[0-9]+)?O")
+PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
+# Flow control of Fanuc.
+FANUC_FLOW = re.compile(r"(?:IF|WHILE)\[|GOTO|END|DO")
+# What is computed, or a word with such a value: #1=2, X#1, Y-[2*#1], ZSIN[30].
+COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
 # Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
 BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
-# The number of a spindle: M3 $1.
-SPINDLE = re.compile(r"\$(-?[0-9]+)")
 TEXT = re.compile(r'"[^"]*"')
 # The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
@@ -52,10 +59,9 @@ class Block:
         motion: The code of the group for motion.
         words: Values of all other letters, in their order; NaN of those without a value.
         before_m: How many of the words come before the first M code.
-        assignments: What the line sets parameters to.
     """
 
-    __slots__ = ("assignments", "before_m", "g", "m", "motion", "words")
+    __slots__ = ("before_m", "g", "m", "motion", "words")
 
     def __init__(self) -> None:
         self.g: list[int] = []
@@ -63,26 +69,24 @@ class Block:
         self.m: list[float] = []
         self.words: dict[str, float] = {}
         self.before_m = 0
-        self.assignments: Assignments = []
 
 
-def parse(line: str, parameters: Parameters) -> Block:
-    """The words of a line, with the values that its expressions have now.
-
-    Args:
-        line: The line.
-        parameters: Values of parameters; the line's own assignments are not made here.
+def parse(line: str) -> Block:
+    """The words of a line.
 
     Raises:
         Fault: Something that is no word or comment, or words that exclude each other.
     """
     text = line.translate(COMPACT)
     block = Block()
+    if "O" in text and O_WORD.match(text) is not None:
+        _refuse_flow(line)
+        return block
     at = 0
     while at < len(text):
         found = TOKEN.match(text, at)
         if found is None:
-            at = _read_computed(block, text, at, parameters)
+            at = _read_other(block, text, at)
             continue
         if found[1] is not None:
             _add(block, found[1], found[2], at)
@@ -97,31 +101,30 @@ def parse(line: str, parameters: Parameters) -> Block:
     return block
 
 
-def _read_computed(block: Block, text: str, at: int, parameters: Parameters) -> int:
-    """A word with a computed value or none, an assignment or text; returns where it ends.
+def _refuse_flow(line: str) -> None:
+    """Refuses an O word that is more than the number of a program.
+
+    Raises:
+        Fault: It is one.
+    """
+    text = COMMENTS.sub("", line)
+    if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
+        shown = " ".join(text.split())[:SHOWN]
+        raise Fault(f"{ascii(shown)[1:-1]}: flow control is not read; {PLAIN_MOVES}")
+
+
+def _read_other(block: Block, text: str, at: int) -> int:
+    """A letter without a value, or text; returns where it ends.
 
     Raises:
         Fault: None of these.
     """
-    if text[at] == "#":
-        key, value, end = read_assignment(text, at, parameters)
-        block.assignments.append((key, value))
-        return end
-    if COMPUTED.match(text, at) or COMPUTED_TOO.match(text, at):
-        value, end = read_value(text, at + 1, parameters)
-        _add_value(block, text[at], value, text[at:end])
-        return end
-    if (found := SPINDLE.match(text, at)) is not None:
-        _add_value(block, "$", float(found[1]), found[0])
-        return found.end()
     strange = any(x not in UNDERSTOOD_M for x in block.m)
     if strange and (found := TEXT.match(text, at)) is not None:
         return found.end()
     bare = strange or not BARE_WORDS.isdisjoint(block.g)
     if bare and BARE.match(text, at):
-        if text[at] in block.words:
-            raise Fault(f"the word {text[at]} twice, of which only one can be meant")
-        block.words[text[at]] = math.nan
+        _add_word(block, text[at], math.nan)
         return at + 1
     raise Fault(_what_is_wrong(text, at))
 
@@ -132,18 +135,11 @@ def _add(block: Block, letter: str, number: str, at: int) -> None:
             f"the number after {letter} has {len(number)} characters, but at most "
             f"{MOST_CHARACTERS} are read: round it"
         )
-    if letter != "N":
-        _add_value(block, letter, float(number), letter + number)
-    elif at or number[0] in "+-":
-        raise Fault("a line number N that is not a plain number at the start of the line")
-
-
-def _add_value(block: Block, letter: str, value: float, text: str) -> None:
-    """Adds a word to a block; `text` is what stands in the line."""
-    if math.isnan(value) and letter != "F":
-        raise Fault(
-            f"{text}, whose value is in the controller and not in the file: write the number"
-        )
+    if letter == "N":
+        if at or number[0] in "+-":
+            raise Fault("a line number N that is not a plain number at the start of the line")
+        return
+    text, value = letter + number, float(number)
     if abs(value) > LARGEST_VALUE:
         raise Fault(f"{text} is beyond {LARGEST_VALUE:g}, the largest value that is read")
     if letter == "G":
@@ -152,10 +148,14 @@ def _add_value(block: Block, letter: str, value: float, text: str) -> None:
         if not block.m:
             block.before_m = len(block.words)
         _add_m(block.m, value, text)
-    elif letter in block.words:
-        raise Fault(f"the word {letter} twice, of which only one can be meant")
     else:
-        block.words[letter] = value
+        _add_word(block, letter, value)
+
+
+def _add_word(block: Block, letter: str, value: float) -> None:
+    if letter in block.words:
+        raise Fault(f"the word {letter} twice, of which only one can be meant")
+    block.words[letter] = value
 
 
 def _add_g(block: Block, value: float, text: str) -> None:
@@ -179,7 +179,7 @@ def _add_g(block: Block, value: float, text: str) -> None:
 def _add_m(codes: list[float], value: float, text: str) -> None:
     # Printers have M codes with decimals, such as M862.3.
     code = round(value) if abs(value - round(value)) <= WHOLE else value
-    if code < 0:
+    if code < 0 or (code != round(code) and code < FIRST_WITH_DECIMALS):
         raise Fault(f"{text} is no M code")
     group = M_GROUP.get(code)
     for other in codes:
@@ -210,13 +210,11 @@ def whole(value: float, what: str) -> int:
 def _what_is_wrong(text: str, at: int) -> str:
     """Why no word or comment starts there."""
     here = text[at]
-    if text.startswith(("IF[", "GOTO", "WHILE[", "END", "DO"), at):
-        return (
-            "IF, WHILE or GOTO of a Fanuc macro, which this reader does not follow: write O words "
-            "(o1 if [#1 GT 2], o1 endif), or let the program that wrote the file write the moves"
-        )
-    if here == "[":
-        return "an expression [ ] that belongs to no word: write its letter before it"
+    if FANUC_FLOW.match(text, at) is not None:
+        return f"{ascii(text[at : at + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
+    if (found := COMPUTED.match(text, at)) is not None:
+        what = "a parameter #" if found[0].endswith("#") else "an expression [ ]"
+        return f"{what} ({ascii(text[at : at + SHOWN])}), which is not read; {PLAIN_MOVES}"
     if here == "(":
         inner = text.find("(", at + 1)
         close = text.find(")", at + 1)
