@@ -27,7 +27,7 @@ def draw() -> Figure:
         "reader: regular file,\nbounded size,\nstrict numbers",
         style.BLUE,
     )
-    box(axes, (46, 24), (27, 9), "guarded process, if\n--trust-xacro", style.ORANGE, dashed=True)
+    box(axes, (46, 24), (27, 9), "program, if\n--trust-xacro", style.ORANGE, dashed=True)
     box(axes, (46, 8), (27, 9), "sandbox, if named\nby --template", style.ORANGE, dashed=True)
     box(axes, (77, 41), (22, 12), "plan, proofs,\nexecution, report", style.BLACK)
     box(axes, (107, 41), (24, 12), "hidden folder,\nlocked", style.GREEN)

@@ -1,8 +1,7 @@
 """Staging folders: hidden folders in which results are made before they are moved into place.
 
 A staging folder has a fixed name next to its destination and belongs to one process, which has a
-lock on it. So a second run into the same destination is refused, and the remains of a killed run
-can be distinguished from the files of a running one.
+lock on it. So a second run into the same destination is refused.
 """
 
 from __future__ import annotations
@@ -12,8 +11,8 @@ import os
 import shutil
 import threading
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 
 from armcontour.errors import InvalidInput
@@ -32,11 +31,13 @@ MENDS = {
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "name a place in a folder that is there"),
 }
 
+# Folder in a staging folder for the earlier result, which is removed once the new one is in place.
+OLD = ".old"
+
 # A thread that moves results into place has this lock; a thread that ends the program waits for it.
 _placing = threading.Lock()
-# For each staging folder its destination, unless that grows in parts, and the parent folders that
-# were made for it.
-_open: dict[FilePath, tuple[FilePath | None, list[FilePath]]] = {}
+# For each staging folder that is removed at its end its destination, unless that grows in parts.
+_open: dict[FilePath, FilePath | None] = {}
 
 
 class Staging:
@@ -45,29 +46,21 @@ class Staging:
     Args:
         place: Path of the staging folder; `beside` and `inside` give it for a destination.
         destination: The file or folder that is made in it, for messages.
-        parents: Whether to make missing parent folders; they are removed if they stay empty.
         growing: Whether the destination is written in parts: then it is not unwritten if the
             program ends because of a signal.
 
     Raises:
-        InvalidInput: Another process uses the folder.
+        InvalidInput: Another process uses the folder, or a killed process left an earlier result
+            in it.
         OSError: The folder cannot be made.
     """
 
-    def __init__(
-        self,
-        place: FilePath,
-        destination: FilePath,
-        *,
-        parents: bool = False,
-        growing: bool = False,
-    ) -> None:
+    def __init__(self, place: FilePath, destination: FilePath, *, growing: bool = False) -> None:
         self.place = place
         # The program must not be ended by a signal between these steps.
         with moving():
-            self._made = _make_parents(place) if parents else []
             self._handle = _take(place, destination)
-            _open[place] = (None if growing else destination, self._made)
+            _open[place] = None if growing else destination
 
     def __enter__(self) -> Staging:
         return self
@@ -83,15 +76,34 @@ class Staging:
             else:
                 inner.unlink()
 
+    def move(self, moves: Sequence[tuple[FilePath, FilePath]]) -> None:
+        """Rename files and folders, in order; if one rename fails, all are renamed back.
+
+        Args:
+            moves: Present and new path of each; no file has a new path yet.
+
+        Raises:
+            OSError: A rename failed. If a file could not be renamed back, this folder stays.
+        """
+        for source, _ in moves:
+            source.lstat()
+        with moving():
+            try:
+                for source, target in moves:
+                    os.rename(source, target)
+            except BaseException:
+                destination = _open.pop(self.place)
+                for source, target in reversed(moves):
+                    if os.path.lexists(target) and not os.path.lexists(source):
+                        os.rename(target, source)
+                _open[self.place] = destination
+                raise
+
     def remove(self) -> None:
         """Remove the folder with its content, and release the lock."""
-        shutil.rmtree(self.place, ignore_errors=True)
-        _remove_empty(self._made)
-        self.release()
-
-    def release(self) -> None:
-        """Release the lock; the folder stays for the next run."""
-        _open.pop(self.place, None)
+        if self.place in _open:
+            shutil.rmtree(self.place, ignore_errors=True)
+            del _open[self.place]
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
@@ -144,10 +156,12 @@ def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
         staging.empty()
         fresh = staging.place / file.name
         write(fresh)
-        with moving():
-            if fresh.is_dir() and file.exists():
-                _swap(fresh, file, staging.place / f"{file.name}.old")
-            else:
+        if fresh.is_dir() and file.exists():
+            old = staging.place / OLD
+            old.mkdir()
+            staging.move([(file, old / file.name), (fresh, file)])
+        else:
+            with moving():
                 os.replace(fresh, file)
 
 
@@ -164,105 +178,54 @@ def abandon(patience: float) -> list[str]:
         The destinations that were not written.
     """
     if not _placing.acquire(timeout=patience):
-        # The next run completes an incomplete move, so the staging folder must stay.
+        # The staging folder may have the only copy of an earlier result, so it must stay.
         return []
-    unwritten = []
-    for place, (destination, made) in list(_open.items()):
+    ended = dict(_open)
+    for place in ended:
         # The writing thread may add a file between these attempts.
         for _ in range(3):
             shutil.rmtree(place, ignore_errors=True)
             if not place.exists():
                 break
-        _remove_empty(made)
-        if destination is not None:
-            unwritten.append(str(destination))
-    return unwritten
-
-
-def _make_parents(place: FilePath) -> list[FilePath]:
-    """Make the parent folders of a path; returns those that were missing, the innermost first."""
-    missing = [x for x in place.parents if not x.exists()]
-    place.parent.mkdir(parents=True, exist_ok=True)
-    return missing
-
-
-def _remove_empty(folders: list[FilePath]) -> None:
-    """Remove those of the folders that are empty."""
-    for folder in folders:
-        with suppress(OSError):
-            folder.rmdir()
-
-
-def _swap(fresh: FilePath, file: FilePath, old: FilePath) -> None:
-    """Replace a folder in two renames; if the second one fails, the old folder is restored.
-
-    Args:
-        fresh: The new folder.
-        file: The destination.
-        old: Path to which the old folder is moved.
-    """
-    os.replace(file, old)
-    try:
-        os.replace(fresh, file)
-    except OSError:
-        os.replace(old, file)
-        raise
+    return [str(x) for x in ended.values() if x is not None]
 
 
 def _take(place: FilePath, destination: FilePath) -> int | None:
-    """Make a staging folder or take over an existing one.
-
-    Returns:
-        A handle with the lock; None if the system has no locks on folders.
-
-    Raises:
-        InvalidInput: Another process uses the folder.
-        OSError: The folder cannot be made.
-    """
-    while True:
-        existed = False
-        try:
-            place.mkdir()
-        except FileExistsError:
-            existed = True
-        # Another process may remove its folder between these steps.
-        with suppress(FileNotFoundError):
-            handle = _lock(place, existed)
-            if handle == _BUSY:
-                raise InvalidInput(
-                    f"Another run is writing to {destination}: wait for its end, or choose "
-                    f"another destination. If there is no other run, remove {place}."
-                )
-            if handle is None or os.path.samestat(os.fstat(handle), os.lstat(place)):
-                return handle
-            os.close(handle)
-
-
-_BUSY = -1
-
-
-def _lock(place: FilePath, existed: bool) -> int | None:
-    """Lock a folder.
+    """Make a staging folder, or take over the folder of a killed process.
 
     Windows and some network file systems have no locks on folders. There the process that makes
     the folder owns it.
 
-    Args:
-        place: The folder.
-        existed: Whether the folder existed before.
-
     Returns:
-        A handle with the lock; _BUSY if another process uses the folder; None if there are no
-        locks and this process made the folder.
+        A handle with the lock; None if there are no locks.
+
+    Raises:
+        InvalidInput: Another process uses the folder, or it has files of an earlier result.
+        OSError: The folder cannot be made.
     """
+    handle, is_ours = None, True
+    try:
+        place.mkdir()
+    except FileExistsError:
+        is_ours = False
     try:
         import fcntl
-    except ImportError:
-        return _BUSY if existed else None
-    handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
+
+        handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+        # Another process may have removed its folder before this one locked it.
+        is_ours = os.path.samestat(os.fstat(handle), os.lstat(place))
+    except BlockingIOError:
+        is_ours = False
+    except (ImportError, OSError):
+        pass
+    old = place / OLD
+    if is_ours and not (old.is_dir() and any(old.iterdir())):
+        return handle
+    if handle is not None:
         os.close(handle)
-        return _BUSY if existed or isinstance(error, BlockingIOError) else None
-    return handle
+    raise InvalidInput(
+        f"Another run is writing to {destination}, or was killed while it replaced an earlier "
+        f"result: wait for its end, or choose another destination. If there is no other run, move "
+        f"the files in {old} elsewhere, if there are any, and remove {place}."
+    )

@@ -7,9 +7,9 @@ import yaml
 from tests.cli.helpers import summary
 from typer.testing import CliRunner
 
-from armcontour._xacro.expanding import expand_xacro
 from armcontour.cli.commands import app
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.xacro_file import expand_xacro
 
 pytest.importorskip("xacro")
 

@@ -10,9 +10,9 @@ import pytest
 import yaml
 from tests.io.tables import refusals, rows, values
 
-from armcontour._xacro.expanding import expand_xacro
 from armcontour.frames import from_rpy
 from armcontour.io import json_schema, parse_job
+from armcontour.io.robots.xacro_file import expand_xacro
 from armcontour.jobs import Experiment
 
 DATA = FilePath(__file__).parent / "robots" / "data"

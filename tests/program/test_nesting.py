@@ -1,7 +1,6 @@
 """Which contours hold which: against sampled outlines, and where sampling would go wrong."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.geometry.tables import arc, line, path_of
@@ -10,7 +9,6 @@ import armcontour as ac
 from armcontour.geometry import Arc, Path
 from armcontour.geometry.cutting import reverse_path
 from armcontour.program.nesting import nest
-from armcontour.program.survey import extent_of, survey
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -88,23 +86,3 @@ def test_a_point_at_the_height_of_a_vertex_that_is_off_by_rounding_is_inside():
     path = path_of(first, line(low, (-0.05, 0.0)), line((-0.05, 0.0), (0.05, 0.06)))
     for y in (end[1], low[1], np.nextafter(end[1], 0)):
         assert parents(ac.Contour(path=path), polyline([0.03, y], [0.031, y])) == [-1, 0]
-
-
-def test_the_survey_of_a_drawing_has_sizes_nesting_and_corners():
-    corners = [[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]]
-    drawn = arc([0.06, 0.03], [0.05, 0.03], -2 * np.pi)
-    moves = (
-        polyline(*corners, name="outer", layer="CUT"),
-        ac.Contour(path=path_of(drawn), name="hole", layer="CUT"),
-        polyline([0.045, 0.03], [0.055, 0.03], name="mark", layer="MARK"),
-        polyline([0.2, 0.0], [0.2, 0.01], [0.2, 0.03]),
-    )
-    found = outer, hole, mark, away = survey(ac.Program(moves=moves))
-    facts = [(x.number, x.inside, x.closed, x.corners) for x in found]
-    assert facts == [(1, None, True, 4), (2, 1, True, 0), (3, 2, False, 0), (4, None, False, 0)]
-    assert (outer.lines, outer.arcs, hole.lines, hole.arcs) == (4, 0, 0, 1)
-    assert outer.area == pytest.approx(0.006, rel=1e-12)
-    assert hole.area == pytest.approx(-np.pi * 1e-4, rel=1e-9)
-    np.testing.assert_allclose(hole.extent, [[0.04, 0.02], [0.06, 0.04]], atol=1e-15)
-    np.testing.assert_allclose(extent_of((outer, away)), [[0, 0], [0.2, 0.06]], atol=1e-15)
-    assert (outer.name, mark.layer, away.name) == ("outer", "MARK", "")

@@ -180,7 +180,7 @@ def show(
     drawing_options: DrawingOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Show layers, contours, sizes and nesting of a drawing, before any arm."""
+    """Show size and layers of a drawing, before any arm."""
     from armcontour.cli.showing import show_file
 
     show_file(drawing, drawing_options, as_json)

@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from armcontour import _staging
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-# Longest wait for results that are being moved [s]; the next run completes a longer move.
+# Longest wait for results that are being moved [s].
 PATIENCE = 0.5
 # Period of the wait on Windows, which handles no signal during a wait [s].
 PULSE = 0.2

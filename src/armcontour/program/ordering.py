@@ -29,6 +29,7 @@ PLACES, FEWEST_PLACES, MOST_PLACES = 24, 4, 20_000
 NEIGHBOURS = 10
 # Exchanges from which the search goes on: per contour, at least, and the most of exchanges times
 # contours, which bounds the time of the search to a few seconds.
+# Without exchanges, tours of 6 to 100 random contours are 0.6 to 15 % longer on average.
 TRIES, LEAST_TRIES, MOST_WORK = 3, 100, 1_000_000
 
 

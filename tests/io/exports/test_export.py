@@ -193,14 +193,14 @@ def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
 def test_the_old_bag_comes_back_if_the_new_one_cannot_be_put_there(six, tmp_path, monkeypatch):
     place = tmp_path / "part.mcap"
     export(six, place)
-    before, replace = bytes_of(place), os.replace
+    before, rename = bytes_of(place), os.rename
 
     def failing(source, target):
-        if FilePath(target) == place and ".old" not in FilePath(source).name:
+        if FilePath(target) == place and ".old" not in FilePath(source).parts:
             raise PermissionError(13, "Permission denied")
-        replace(source, target)
+        rename(source, target)
 
-    monkeypatch.setattr(os, "replace", failing)
+    monkeypatch.setattr(os, "rename", failing)
     with pytest.raises(InvalidInput, match="Permission denied"):
         export(six, place)
     assert bytes_of(place) == before

@@ -10,11 +10,11 @@ from pathlib import Path as FilePath
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some, show
-from armcontour._xacro.packages import find_near
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy
 from armcontour.io.mesh_file import MESHES, read_mesh
 from armcontour.io.robots.description import attribute, origin_of, three
+from armcontour.io.robots.packages import find_near
 from armcontour.io.robots.tree import Tree
 from armcontour.scene import Box, Capsule, Cylinder, LinkShape, Shape, Sphere
 

@@ -8,7 +8,6 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour import _files
-from armcontour._xacro.expanding import Value
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
@@ -18,6 +17,7 @@ from armcontour.io.robots.arm_file import read_arm, read_built_in
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.shapes import with_hulls, with_more_shapes
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
+from armcontour.io.robots.xacro_file import Value
 
 # Arm files that name an arm file that names an arm file: more of them name themselves.
 MOST_DERIVED = 16
@@ -63,8 +63,8 @@ def load_arm(
             sourced ROS.
         arguments: Values of the arguments of a .xacro file, by name.
         srdf: A file of MoveIt (.srdf) that says which links may touch each other.
-        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program and its guard
-            is no security boundary: trust only files that you would run.
+        trust_xacro: Whether a .xacro file may be expanded. Such a file is a program that can run
+            any code: trust only files that you would run.
 
     Raises:
         InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does

@@ -9,7 +9,6 @@ from pathlib import Path as FilePath
 
 from armcontour import _files
 from armcontour._text import list_some
-from armcontour._xacro.expanding import Value, expand_xacro
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
@@ -18,6 +17,7 @@ from armcontour.io.robots.description import Description
 from armcontour.io.robots.joint_limits import KINDS, Table, limits_of, override
 from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
+from armcontour.io.robots.xacro_file import Value, expand_xacro
 from armcontour.scene import ArmShapes
 
 LINK = re.compile(r"<link[\s>/]")

@@ -19,18 +19,6 @@ COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
-def own_package(folder: FilePath) -> FilePath | None:
-    """The folder of the package that a folder belongs to; None if it belongs to none.
-
-    Args:
-        folder: The folder of a description.
-    """
-    for place in (folder, *folder.parents[:MOST_UP]):
-        if (place / MARK).is_file():
-            return place
-    return None
-
-
 def find_near(folder: FilePath, name: str) -> FilePath | None:
     """The nearest folder whose `package.xml` has a given name; None if there is none.
 
@@ -51,7 +39,8 @@ def find_near(folder: FilePath, name: str) -> FilePath | None:
 
 def _places(folder: FilePath) -> Iterator[FilePath]:
     """The folders that may be a package, nearest first."""
-    own = own_package(folder) or folder
+    near = (folder, *folder.parents[:MOST_UP])
+    own = next((x for x in near if (x / MARK).is_file()), folder)
     yield own
     yield from _folders(own)
     yield from _folders(own.parent)
