@@ -77,7 +77,8 @@ def _cells(line: Line, found: Known | None) -> tuple[str, ...]:
     bar = str(line.bar)
     if found.of_bar != "-":
         bar += f" ({found.of_bar}{', missed' if found.missed else ''})"
-    return in_words(found.ours), found.peer, f"{found.ratio:.3g}", bar
+    ours = "-" if found.ours is None else in_words(found.ours)
+    return ours, found.peer, f"{found.ratio:.3g}", bar
 
 
 def _plain(text: str) -> str:
