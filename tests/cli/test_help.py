@@ -11,7 +11,6 @@ import typer
 from typer.testing import CliRunner
 
 from armcontour.cli.commands import app
-from armcontour.cli.options import TOPICS
 
 GROUP = typer.main.get_command(app)
 COMMANDS = {"armcontour": GROUP, **GROUP.commands}
@@ -51,11 +50,6 @@ def test_a_command_has_help_in_short_sections_that_ends_with_an_example(name):
         program, example, *arguments = shlex.split(done.output.strip().splitlines()[-1])
         assert (program, example) == ("armcontour", name)
         command.make_context(name, arguments).close()
-
-
-def test_topics_have_known_options():
-    known = {x.name for command in COMMANDS.values() for x in command.params}
-    assert {x for names in TOPICS.values() for x in names} <= known
 
 
 @pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])

@@ -134,15 +134,6 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     assert (tmp_path / "out" / "one" / "taught.csv").is_file()
 
 
-def test_tables_have_units_and_coarse_set_points_a_warning(run):
-    shown, found = run({**JOB, "title": "A [s] title", "command_interval": "0.5 s"})
-    for words in ("A [s] title", "motion [s]", "RMS error [mm]"):
-        assert words in shown
-    warning = "the command interval of 0.5 s is more than a tenth of the motion"
-    assert f"Warning: Runs compensated, planned: {warning}" in shown
-    assert warning in found["runs"]["planned"]["warnings"][0]
-
-
 def test_lists_arms_version_and_schema(done):
     lines = done("arms").splitlines()
     for words in ("pmk3s: PMK-3s, 2 joints", "ur5e: UR5e, 6 joints", "panda: Panda, 7 joints"):

@@ -1,15 +1,12 @@
 """The time left of a job, from what its steps took, and its lines in a pipe."""
 
-import re
-
 import pytest
 
-from armcontour._progress import Step, tell_compiling, under
+from armcontour._progress import Step
 from armcontour.cli.progress import (
     EVERY,
     JobProgress,
     Lines,
-    compiling_said,
     job_progress,
     search_progress,
     share_progress,
@@ -64,29 +61,6 @@ def test_shares_and_repetitions_of_a_step():
     assert bench.what == r"one: timing: a\x1b[2Jb" and bench.spent == pytest.approx(11.03)
 
 
-def test_steps_are_passed_on_under_names():
-    heard = []
-    tell = under(under(heard.append, "outer"), "inner")
-    tell(Step(("timing",), 0.5))
-    assert heard == [Step(("outer", "inner", "timing"), 0.5)]
-    assert str(heard[0]) == "outer: inner: timing"
-    under(None, "outer")(Step(("timing",)))
-
-
-def test_a_terminal_shows_the_step_and_the_time_left(monkeypatch, capsys):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-    with job_progress() as progress:
-        progress(Step(("reading", "part.ngc")))
-    assert "reading: part.ngc" in (shown := capsys.readouterr().err) and "-:--:--" in shown
-    # The estimate without its clock: 80 s of 100 s are left, less what rendering takes.
-    monkeypatch.setattr("armcontour.cli.progress.JobProgress", lambda show: show)
-    with job_progress() as show, search_progress("certifying") as progress:
-        show("one: evaluation", 20.0, 100.0)
-        progress(Step(("1 ms", "trial 3")))
-    assert re.findall(r"one: evaluation.*left 0:0[01]:\d\d", capsys.readouterr().err)
-
-
 def test_a_pipe_gets_a_line_of_long_work_now_and_then(capsys, monkeypatch):
     now = 0.0
     lines, quiet = (Lines(wanted, lambda: now) for wanted in (True, False))
@@ -105,24 +79,3 @@ def test_a_pipe_gets_a_line_of_long_work_now_and_then(capsys, monkeypatch):
         searching(Step(("2 mm", "shaping"), 0.5))
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("one: shaping") and second == "placing: 2 mm: shaping, 50%"
-
-
-def test_compiling_is_reported_once(capsys, monkeypatch):
-    for names, what in (
-        (("armcontour.arms._newton.solve", "armcontour.arms._newton.follow"), "functions"),
-        (("63 functions in 2 processes",), "up to 63 functions in 2 processes"),
-    ):
-        with compiling_said():
-            for name in names:
-                tell_compiling(name)
-        tell_compiling("armcontour.arms._newton.newton")
-        said = capsys.readouterr().err
-        assert said.startswith(f"Compiling {what}, once: ") and said.count("\n") == 1
-    # A bar names it.
-    told = []
-    monkeypatch.setattr(Lines, "tell", lambda self, words, more=None: told.append(words))
-    with search_progress("certifying"), job_progress():
-        tell_compiling("armcontour.arms._newton.solve")
-    tell_compiling("armcontour.arms._newton.follow")
-    named = "compiling, once: armcontour.arms._newton.solve"
-    assert told == [f"certifying: {named}", named]

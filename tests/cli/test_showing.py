@@ -20,14 +20,11 @@ def show(*arguments):
     return done.output
 
 
-def test_prints_layers_contours_and_size():
+def test_prints_or_chooses_layers_contours_and_size() -> None:
     said = show(GASKET)
     assert "140.00 x 122.50 mm" in said
     words = {x.strip() for line in said.splitlines() for x in line.split("│")}
     assert {"MARK", "CUT", "895.06", "7: handle 37", "52.00 x 52.00", "closed, cw"} <= words
-
-
-def test_options_of_drawings_choose_and_scale():
     data = json.loads(show(GASKET, "--layer", "CUT", "--scale", 2, "--json"))
     assert list(data["layers"]) == ["CUT"] and len(data["contours"]) == 8
     assert data["layers"]["CUT"]["length"] == pytest.approx(2 * 0.89506, abs=1e-4)

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 
 from armcontour.cli.commands import app
 from armcontour.errors import ArmContourError
-from armcontour.io.cell import cell_names
 
 BRACKET = """name: bracket
 arm: pmk3s
@@ -191,22 +190,6 @@ def test_drawings_are_read_as_they_are(call):
         assert words in " ".join(found["notes"]), name
 
 
-def test_3_42_splines_of_pieces_are_split(call):
-    document = drawing()
-    pieces = [(0, 0), (10, 20), (20, 20), (30, 0), (30, 0), (40, -20), (50, 10), (60, 0)]
-    spline = document.modelspace().add_spline(degree=3)
-    spline.control_points = [(*p, 0) for p in pieces]
-    spline.knots = np.repeat([0.0, 1.0, 2.0], 4).tolist()
-    document.saveas("pieces.dxf")
-    u = np.linspace(0, 1, 20_001)[:, None]
-    length = 0.0
-    for k in (0, 4):
-        a, b, c, d = np.array(pieces[k : k + 4], dtype=float)
-        x = a * (1 - u) ** 3 + 3 * b * u * (1 - u) ** 2 + 3 * c * u**2 * (1 - u) + d * u**3
-        length += np.linalg.norm(np.diff(x, axis=0), axis=1).sum() * 1e-3
-    assert facts(call, "pieces.dxf")["length"] == pytest.approx(length, rel=1e-4)
-
-
 def test_1_d16_seconds_for_milliseconds_are_reported_once(call, folder):
     for interval in ("4", "2"):
         text = BRACKET.replace("command_interval: 4 ms", f"command_interval: {interval}")
@@ -216,15 +199,3 @@ def test_1_d16_seconds_for_milliseconds_are_reported_once(call, folder):
     code, said = call(f"run slow2.yaml {RUN}")
     (warning,) = (x for x in said.splitlines() if x.startswith("Warning: "))
     assert code == 0 and "write command_interval: 4 ms" in warning
-
-
-def test_1_4_usual_options_of_a_command_line(call):
-    for line, words in (
-        ("-V", "armcontour"),
-        ("-h", "--install-completion"),
-        ("--help", "130, 141 and 143 interrupted"),
-        ("run -h", "-o"),
-        ("run --help", f"a built-in cell ({', '.join(cell_names())})"),
-    ):
-        code, said = call(line)
-        assert code == 0 and words in " ".join(re.sub(r"[\s│]+", " ", said).split()), said

@@ -145,7 +145,7 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     session.close()
 
 
-def test_figures_are_computed_again_after_a_reload(file, clock):
+def test_figures_come_again_after_a_reload_and_follow_a_drag_that_pauses(file, clock) -> None:
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last
@@ -156,12 +156,7 @@ def test_figures_are_computed_again_after_a_reload(file, clock):
     clock.go()
     assert len(lane.given) == 2
     session.close()
-
-
-def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file, clock):
-    session = session_of(file, rest=0.0)
     session.begin()
-    tab, lane = Tab(session), NoLane.last
     clock.go()
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
     tab.edit(MOVE, final=False)

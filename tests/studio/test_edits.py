@@ -131,7 +131,7 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
-def test_a_value_goes_to_the_run_if_it_has_its_own_else_to_the_job():
+def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written() -> None:
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
     found = set_to("limits.speed", 0.2, "mac")
     assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["mac"]
@@ -142,9 +142,6 @@ def test_a_value_goes_to_the_run_if_it_has_its_own_else_to_the_job():
     assert set_to("corners.tolerance", 1e-3, "mac")["corners"] == {"tolerance": "1 mm"}
     assert set_to("timing.reserve", 0.1)["runs"]["own"]["timing"] == {"reserve": "10 %"}
     assert set_to("runs.mac.timing.knots", 100)["runs"]["mac"]["timing"]["knots"] == 100
-
-
-def test_values_are_taken_as_typed_lifted_and_unset():
     assert set_to("limits.speed", "3 m/min")["runs"]["own"]["limits"]["speed"] == "3 m/min"
     # A number without a unit has that of the old value.
     assert set_to("limits.speed", "30")["runs"]["own"]["limits"]["speed"] == "30 mm/s"
@@ -154,18 +151,12 @@ def test_values_are_taken_as_typed_lifted_and_unset():
     gone = edited(PLANE, do="unset", key="limits.speed")
     assert gone["runs"]["own"]["limits"] == {} and gone["limits"]["speed"] == "0.15 m/s"
     assert edited(PLANE, do="unset", key="limits.joint_jerk") == load(PLANE, "")
-
-
-def test_one_joint_of_several_gets_a_list_in_the_unit_that_was_written():
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
     assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
     for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
-
-
-def test_choices_take_away_what_does_not_go_with_them():
     found = set_to("timing.method", "optimal", "mac")
     assert found["runs"]["mac"]["timing"] == {"method": "optimal"}
     poles = PLANE.replace("{method: none}", "{method: pole_placement, poles: [-9, -9, -9]}")
@@ -226,7 +217,7 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     assert kept in (0, "0 mm") or text == SPACE
 
 
-def test_a_frame_keeps_the_form_in_which_it_is_written():
+def test_frames_and_points_keep_their_written_form() -> None:
     found = edited(TURNED, do="place", by=[0.0125, 0.0])
     assert found["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
     found = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
@@ -234,6 +225,12 @@ def test_a_frame_keeps_the_form_in_which_it_is_written():
     quaternion = TURNED.replace("rpy: [0, 0, 30 deg]", "quaternion: [0, 0, 0, 1]")
     turned = edited(quaternion, do="place", turn=math.pi / 2)["path"]["frame"]["quaternion"]
     np.testing.assert_allclose(turned, [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
+    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
+    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
+    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
+    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
+    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
+        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
@@ -255,16 +252,6 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
     assert abs(off) <= 1e-12
 
 
-def test_a_point_moved_in_steps_has_round_digits_and_a_typed_one_those_typed():
-    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
-    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
-
-    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
-    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
-    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
-        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
-
-
 def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corners():
     single = PLANE.replace("5 mm}", "5 mm, at: {2: 1 mm}}")
     found = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
@@ -283,14 +270,6 @@ def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corner
     two = PLANE.replace(", [0.36, 0.26]", "")
     with pytest.raises(InvalidInput, match="A path needs two points"):
         edited(two, do="remove_waypoint", index=0)
-
-
-def test_a_new_point_of_a_tilted_path_lies_in_its_plane():
-    handles = state_of(SPACE).handles
-    to = (handles.waypoints[1].uv + [0.01, 0.02]).tolist()
-    job, found = again(SPACE, do="insert_waypoint", index=2, at=to)
-    np.testing.assert_allclose(found.waypoints[2].uv, to, atol=1e-12)
-    assert found.plane.flat and job.program.dimension == 3
 
 
 def test_segments_take_points_and_lose_them():

@@ -13,12 +13,12 @@ from tests.studio.conftest import PAPER
 from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
 from armcontour.evaluation import check, evaluate
 from armcontour.studio.executed import executed_frame
-from armcontour.studio.kept import KEPT, LARGE_KEPT, MOST_SAMPLES, Kept
+from armcontour.studio.kept import LARGE_KEPT, MOST_SAMPLES, Kept
 from armcontour.studio.line import NOTHING
 from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
 from armcontour.studio.preview import Previewer
 from armcontour.studio.refusals import refusal_header
-from armcontour.studio.thinning import bends, thin
+from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
 
 
@@ -98,7 +98,7 @@ def test_charts_have_the_shares_of_the_limits(shown, gasket):
         assert ("usage_torque" in frame.arrays) == is_limited
 
 
-def test_corners_can_be_grabbed(shown, gasket, view):
+def test_corners_and_shortfalls_have_their_places(shown, gasket, view) -> None:
     planned, frame = shown
     corners = frame.header["corners"]
     assert [x["vertex"] for x in corners] == [1, 2]
@@ -109,6 +109,10 @@ def test_corners_can_be_grabbed(shown, gasket, view):
         assert x["allowed"] == pytest.approx(5e-3)
     # Those of drawings are no waypoints.
     assert {x["waypoint"] for x in gasket[1].header["corners"]} == {None}
+    assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
+    for x in frame.header["shortfalls"]:
+        near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
+        assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
 def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
@@ -120,14 +124,6 @@ def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, 
     assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
     assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
     assert corners[1]["error"] == pytest.approx(1e-3)
-
-
-def test_shortfalls_are_where_the_tool_is_slow(shown, view):
-    planned, frame = shown
-    assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
-    for x in frame.header["shortfalls"]:
-        near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
-        assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
 def test_other_methods_have_no_colours_and_say_so(plans, view):
@@ -146,7 +142,7 @@ def test_the_arm_is_played_closely(plans, gasket_plan, view):
         near(np.transpose([np.interp(t, a["t"], q) for q in a["q"].T]), trajectory(t), 1e-4)
 
 
-def test_contours_and_rapids_between_them_are_parts_of_the_arrays(gasket, view):
+def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view) -> None:
     planned, frame = gasket
     contours, a, given = frame.header["contours"], frame.arrays, planned.path.contours
     assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
@@ -163,10 +159,6 @@ def test_contours_and_rapids_between_them_are_parts_of_the_arrays(gasket, view):
     for rapid, before, after in zip(rapids, given, given[1:], strict=False):
         near(rapid[0], before.path(before.path.length), 1e-6)
         near(rapid[-1], after.path(0.0), 1e-6)
-
-
-def test_contours_have_their_own_colours_and_are_drawn_round(gasket):
-    planned, frame = gasket
     names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
     for x, span in zip(frame.header["contours"], planned.trajectory.contour_spans, strict=True):
         own = a["binding"][x["from"] : x["to"] - 1]
@@ -249,7 +241,7 @@ def done(previewer_of_plans, plans, view):
     return executed, packed(executed_frame(executed, view))
 
 
-def test_errors_and_demand_are_those_of_an_evaluation(done):
+def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view) -> None:
     executed, frame = done
     found = evaluate(executed.execution, executed.planned.path)
     e, demand = found.contour_error, found.demand_ratio
@@ -259,10 +251,6 @@ def test_errors_and_demand_are_those_of_an_evaluation(done):
     assert frame.header["settled"] == executed.settled
     np.testing.assert_allclose(frame.header["demand"], demand, rtol=1e-12)
     assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
-
-
-def test_offsets_lead_from_the_path_to_the_tool(done, view):
-    executed, frame = done
     a, path = frame.arrays, executed.planned.path.path
     execution = executed.execution
     tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
@@ -337,7 +325,7 @@ def test_what_is_unpacked_is_what_was_packed(arrays):
         np.testing.assert_array_equal(found.arrays[name], values)
 
 
-def test_arrays_are_where_the_page_reads_them():
+def test_frames_have_plain_headers_and_arrays_where_the_page_reads_them() -> None:
     data = Frame("k", {}, {"a": np.array([7], np.uint8), "b": np.array([[1.5, 2.5]])}).pack()
     (count,) = struct.unpack_from("<I", data)
     header = json.loads(data[4 : 4 + count].decode())
@@ -349,9 +337,6 @@ def test_arrays_are_where_the_page_reads_them():
     }
     assert data[begin] == 7
     assert struct.unpack_from("<dd", data, begin + 8) == (1.5, 2.5)
-
-
-def test_headers_are_plain_json_and_arrays_of_some_types():
     header = {"a": np.float64(2.5), "b": np.array([[1, 2]]), "c": float("nan")}
     header |= {"d": (np.int64(3), float("-inf")), "e": {1: np.bool_(True)}}
     found = Frame.unpack(Frame("k", header).pack()).header
@@ -385,24 +370,11 @@ def test_what_stands_out_is_kept(count, most, seed, heavy):
         assert (weight[left] == 0).all()
 
 
-def test_a_bend_is_the_distance_from_the_line_through_its_neighbours():
-    points = np.array([[0.0, 0], [1, 0], [2, 0], [2, 3], [2, 3]])
-    np.testing.assert_allclose(bends(points), [0, 0, 3 / np.sqrt(10), 0, 0], atol=1e-15)
-    assert bends(points[:2]).tolist() == [0, 0]
-
-
 def made(kept, key, **how):
     """Whether the result had to be made."""
     news = []
     kept.get("step", key, lambda: news.append(key) or key, **how)
     return bool(news)
-
-
-def test_as_many_are_kept_as_are_wanted():
-    kept = Kept()
-    assert all(made(kept, k) for k in range(KEPT + 1))
-    assert not any(made(kept, k) for k in range(1, KEPT + 1))
-    assert made(kept, 0)
 
 
 def test_of_results_with_many_samples_only_the_newest_is_kept():

@@ -85,14 +85,11 @@ def test_requests_that_change_something_and_sockets_need_the_own_origin():
     assert status(HOST, ORIGIN, TOKEN, OWN, **POST) == 200
 
 
-def test_all_but_the_page_needs_the_token():
+def test_all_but_the_page_needs_the_token_and_a_post_its_own_header() -> None:
     for token in (b"", b"Bearer", b"Bearer 0", b"Basic " + DOOR.token.encode()):
         assert status(HOST, (b"authorization", token), path="/files/1") == 401, token
     assert status(HOST, path="/files/1") == status(HOST, path="/anything") == 401
     assert status(HOST, TOKEN, path="/files/1") == 200
-
-
-def test_a_post_needs_a_header_that_strangers_cannot_send_and_other_methods_are_refused():
     assert status(HOST, ORIGIN, TOKEN, **POST) == 403
     assert status(HOST, ORIGIN, TOKEN, (b"x-armcontour", b"0"), **POST) == 403
     for method in ("PUT", "DELETE", "OPTIONS", "TRACE", "PATCH"):

@@ -6,16 +6,15 @@ import pytest
 import armcontour as ac
 
 
-def test_the_tool_moves_uniformly(arm, objective, conventional):
+def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(
+    arm, objective, conventional
+) -> None:
     assert conventional.duration == pytest.approx(objective.length / 0.04, rel=1e-12)
     t = np.linspace(0, conventional.duration, 4001)
     tool = arm.forward(conventional(t))
     np.testing.assert_allclose(tool, objective((0.04 * t).clip(0, objective.length)), atol=1e-8)
     velocity = arm.tool_velocity(conventional(t), conventional(t, 1))
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), 0.04, rtol=1e-6)
-
-
-def test_velocity_jumps_at_the_corners_and_is_not_zero_at_the_ends(arm, objective, conventional):
     at = objective.stops[0] / 0.04
     for side in ("left", "right"):
         velocity = arm.tool_velocity(conventional(at), conventional(at, 1, side=side))
@@ -24,14 +23,13 @@ def test_velocity_jumps_at_the_corners_and_is_not_zero_at_the_ends(arm, objectiv
     assert (np.abs(conventional([0.0, conventional.duration], 1)).max(axis=1) > 0.05).all()
 
 
-def test_joint_limits_are_not_looked_at(arm, objective, limits):
+def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
+    arm, objective, limits, conventional
+) -> None:
     tight = limits.replace(joint_acceleration=1e-6, joint_velocity=1e-6, speed=0.04)
     planned = ac.plan(objective, arm, tight, method="conventional")
     assert planned.duration == pytest.approx(9.0655, abs=1e-3)
     assert (planned.stretches[0].demand > 1e-6).all()
-
-
-def test_its_stretch_reports_speed_and_demand(arm, limits, conventional):
     (stretch,) = conventional.stretches
     assert (stretch.kind, stretch.t) == ("uniform", (0.0, conventional.duration))
     assert stretch.speed == pytest.approx(0.04, rel=1e-6)

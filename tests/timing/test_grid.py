@@ -5,7 +5,7 @@ import pytest
 
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing.grid import AT_REST, EVEN_SHARE, finer_at_rests, place_grid, split
+from armcontour.timing.grid import AT_REST, EVEN_SHARE, finer_at_rests, place_grid
 
 # Two joints that turn by different amounts on pieces of different lengths.
 CURVE = JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.35, 0.6], [1.0, 0.5], [1.1, 0.9]])
@@ -27,17 +27,7 @@ def test_pieces_have_shares_by_their_length_and_by_how_much_they_turn():
         assert grid.width[grid.piece == k] == pytest.approx(grid.width[grid.piece == k][0])
 
 
-def test_intervals_are_split_into_equal_parts():
-    grid = place_grid(CURVE, 20)
-    parts = np.arange(len(grid)) % 4
-    found = split(grid, parts)
-    ends = zip(grid.s[:-1], grid.s[1:], parts, strict=True)
-    expected = [np.linspace(a, b, max(n, 1), endpoint=False) for a, b, n in ends]
-    assert found.s == pytest.approx(np.append(np.concatenate(expected), grid.s[-1]), abs=1e-15)
-    assert np.array_equal(found.piece, np.repeat(grid.piece, np.maximum(parts, 1)))
-
-
-def test_intervals_are_finer_the_nearer_they_are_to_a_rest():
+def test_intervals_are_finer_the_nearer_they_are_to_a_rest_of_a_joint_that_moves() -> None:
     grid = place_grid(CURVE, 4000)
     at = [0, 1700, len(grid)]
     found = finer_at_rests(grid, grid.s[at])
@@ -46,10 +36,6 @@ def test_intervals_are_finer_the_nearer_they_are_to_a_rest():
     # 8 x 8 parts next to a rest, 8 for the one after it, fewer farther away, down to none.
     assert (count[away == 0] == 64).all() and (count[away == 1] == 8).all()
     assert np.array_equal(count[away > 0], np.ceil(8 / np.sqrt(away[away > 0])))
-
-
-def test_what_has_no_finer_grid_or_none():
-    grid = place_grid(CURVE, 4000)
     for places in (np.empty(0), CURVE.breaks.repeat(100)):
         assert finer_at_rests(grid, places) is grid
     still = JointPath(breaks=np.array([0.0, 1.0]), coefficients=np.zeros((1, 6, 2)))

@@ -44,15 +44,12 @@ def test_refusals(arm, refuses):
     refuses(lambda: quantity("angular_speed", states), ac.InvalidInput, "a point without")
 
 
-def test_each_direction_is_compared_to_its_own_acceleration(arm):
+def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm) -> None:
     limits = ac.Limits(joint_acceleration=5.0, joint_deceleration=2.0).for_joints(2)
     states = about_joint(arm, 1)
     found = ratio("joint_acceleration", limits, states)
     np.testing.assert_allclose(found, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
     np.testing.assert_array_equal(allowed("joint_acceleration", limits, states)[1], [5.0, -2.0])
-
-
-def test_what_is_not_limited_is_not_used(arm):
     states = about_joint(arm, 0)
     for name in ("joint_velocity", "joint_acceleration", "speed"):
         assert not ratio(name, ac.Limits(), states).any()

@@ -95,7 +95,9 @@ def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, ma
     assert errors[0] < 3e-3 and errors[2] < 2e-4
 
 
-def test_the_papers_job_keeps_every_limit(arm, rounded, limits):
+def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(
+    arm, rounded, limits, mac
+) -> None:
     for knots in (8, 50, 600, None):
         planned = ac.plan(rounded, arm, limits, method="mac", knots=knots)
         t = np.linspace(0, planned.duration, 20001)
@@ -104,9 +106,6 @@ def test_the_papers_job_keeps_every_limit(arm, rounded, limits):
         ends = np.array([0.0, planned.duration])
         assert tool_speed(planned, arm, ends).max() < 1e-9
         np.testing.assert_allclose(arm.forward(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9)
-
-
-def test_one_joint_is_always_at_its_limit_outside_corners_and_middle_paths(limits, mac):
     # Sec. IV-C of the paper claims it; a meeting lap is the only exception.
     for stretch in mac.stretches:
         t = np.linspace(*stretch.t, 402)[1:-1]
@@ -117,7 +116,7 @@ def test_one_joint_is_always_at_its_limit_outside_corners_and_middle_paths(limit
             assert top.max() < 0.9, stretch.name
 
 
-def test_position_is_continuous_on_the_path_and_velocity_nearly(arm, rounded, mac):
+def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac) -> None:
     at = mac.breaks[1:-1]
     np.testing.assert_allclose(mac(at, side="left"), mac(at), atol=1e-12)
     jumps = np.abs(mac(at, 1) - mac(at, 1, side="left")).max(axis=1)
@@ -125,9 +124,6 @@ def test_position_is_continuous_on_the_path_and_velocity_nearly(arm, rounded, ma
     assert jumps.max() < 2e-3 and np.median(jumps) < 1e-5
     found = rounded.project(arm.forward(mac(np.linspace(0, mac.duration, 20001))))
     assert found.distance.max() < 1e-6 and np.diff(found.s).min() > -1e-9
-
-
-def test_the_papers_switching_points_tile_time_and_path(rounded, mac):
     s, t = (np.array([getattr(x, name) for x in mac.stretches]) for name in ("s", "t"))
     assert t[0, 0] == 0 and s[0, 0] == 0
     np.testing.assert_allclose([t[-1, 1], s[-1, 1]], [mac.duration, rounded.length], rtol=1e-12)
@@ -234,7 +230,9 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
 
 
-def test_a_path_that_starts_or_ends_on_an_arc_is_not_realizable(arm, limits):
+def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(
+    arm, limits, rounded
+) -> None:
     arc = ac.Arc(start=(0.4, 0.2), center=(0.4, 0.25), angle=np.pi / 2)
     before = ac.Line(start=(0.35, 0.2), end=(0.4, 0.2))
     after = ac.Line(start=(0.45, 0.25), end=(0.45, 0.28))
@@ -244,9 +242,6 @@ def test_a_path_that_starts_or_ends_on_an_arc_is_not_realizable(arm, limits):
             ac.plan(ac.Path.from_segments(segments), arm, limits, method="mac")
         assert caught.value.s == pytest.approx(s)
         np.testing.assert_allclose(caught.value.point, (0.4, 0.2), atol=1e-12)
-
-
-def test_a_corner_that_a_joint_cannot_take_is_not_realizable(arm, rounded, limits):
     with pytest.raises(ac.NotRealizable, match="On corner") as caught:
         ac.plan(rounded, arm, limits.replace(centripetal_acceleration=0.3), method="mac")
     error = caught.value

@@ -6,7 +6,7 @@ from numpy.polynomial import Polynomial
 from scipy.special import comb
 
 import armcontour as ac
-from armcontour.timing.jerk._polynomials import basis, motion_rows, raised, to_bernstein
+from armcontour.timing.jerk._polynomials import basis, motion_rows, to_bernstein
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import control_points
 
@@ -36,17 +36,6 @@ def test_parts_end_at_all_breaks_and_cells_are_not_tiny(cells):
     np.testing.assert_array_equal(found.grid.piece, LAW.joint_path.locate(middle))
     assert cells * 0.9 < len(found.nodes) < cells + 400
     np.testing.assert_array_equal(np.flatnonzero(found.ramps), [0, len(found.nodes) - 2])
-
-
-def test_the_first_cell_is_a_share_of_the_build_up_of_acceleration():
-    # In a / j = 0.1 s the way is j t³ / 6.
-    assert end(True).first_cell(100.0) == pytest.approx(0.3 * 40 * 0.1**3 / 6)
-    # The speed is reached before the acceleration where a / j is longer than the root of v / j.
-    fast = End(True, 0.0, acceleration=4e3, jerk=40.0, speed=1.0, even=np.inf)
-    assert fast.first_cell(100.0) == pytest.approx(0.3 * 40 * (1 / 40) ** 1.5 / 6)
-    assert end(True, jerk=np.inf).first_cell(100.0) == pytest.approx(1e-9 * 100)
-    bent = End(True, 0.0, acceleration=4.0, jerk=40.0, speed=1.0, even=1e-5)
-    assert bent.first_cell(100.0) == 1e-5
 
 
 def test_the_slope_of_the_square_is_continuous():
@@ -120,15 +109,3 @@ def test_rows_are_acceleration_and_jerk(part, degree):
             for x in (0.0, 0.4, 1.0):
                 at = s[0] + x * (s[1] - s[0])
                 assert bernstein(control, x) == pytest.approx(expected(at), rel=1e-9, abs=1e-9)
-
-
-def test_the_basis_of_a_part_continues_that_of_its_cell():
-    points = RNG.uniform(0.5, 1.5, 3)
-    halves = basis(np.array([0.0, 0.5]), np.array([0.5, 0.5]), np.array([3.0, 3.0]))
-    for x in (0.0, 0.2, 1.0):
-        for part, start in enumerate((0.0, 0.5)):
-            assert bernstein(raised(halves, 4)[part] @ points, x) == pytest.approx(
-                bernstein(points, start + x / 2)
-            )
-    for k in (0, 1):  # ds² and dds
-        assert halves.at_end(1)[k][0] @ points == pytest.approx(halves.at_end(0)[k][1] @ points)

@@ -49,7 +49,9 @@ def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
         assert (near <= gap / 2 + 1e-9).all(), gap
 
 
-def test_each_contour_has_the_tolerance_that_its_lines_bear(arm, limits):
+def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(
+    arm, limits
+) -> None:
     short = ac.Path.polyline([(0.2, 0.2), (0.201, 0.2), (0.201, 0.21)])
     program = ac.Program(
         moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))
@@ -57,9 +59,6 @@ def test_each_contour_has_the_tolerance_that_its_lines_bear(arm, limits):
     found = ac.shape(program, arm, limits, tolerance=2e-3, iterations=3)
     off = found.contours[1].path.project(short(short.breaks)).distance
     assert off[1] <= 0.5e-3 + 1e-9
-
-
-def test_short_chords_of_a_curve_do_not_bound_the_tolerance(arm, limits):
     angle = np.linspace(0, np.pi, 200)
     chords = np.stack([0.3 + 0.02 * np.cos(angle), 0.2 + 0.02 * np.sin(angle)], axis=1)
     found = ac.shape(ac.Path.polyline(chords), arm, limits, tolerance=1e-3, iterations=0)
