@@ -23,13 +23,3 @@ def test_solutions_are_those_of_scipy(m, width, sides, seed):
     solve_banded(bands, found)
     if m:
         np.testing.assert_allclose(found, solveh_banded(lower, right, lower=True), atol=1e-13)
-
-
-def test_a_column_is_one_right_side_and_a_band_may_be_wider_than_the_matrix():
-    right = np.array([[2.0], [3.0]])
-    solve_banded(np.array([[2.0], [3.0]]), right)
-    assert right.tolist() == [[1.0], [1.0]]
-    for m in (1, 2):
-        right = np.ones((m, 2))
-        solve_banded(np.full((m, 5), [4.0, 1.0, 1.0, 1.0, 1.0]), right)
-        np.testing.assert_allclose(right, 1 / (3 + m))

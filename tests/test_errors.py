@@ -24,15 +24,12 @@ def test_errors_carry_data():
         assert {getattr(kind("No."), name) for name in (*data, "point", "allowed")} == {None}
 
 
-def test_a_sentence_writes_no_orders_to_a_terminal():
+def test_a_sentence_writes_no_orders_to_a_terminal_and_does_not_repeat_a_file():
     error = ac.InvalidInput("no key '\x1b]52;c;cHduZWQ=\x1b\\' in \u202egpj.exe\nline\x85\ud800")
     assert str(error).isprintable()
     assert "\\x1b]52;" in str(error) and "\\u202e" in str(error) and "\\n" in str(error)
     assert str(ac.InvalidInput(str(error))) == str(error)
     assert str(ac.InvalidInput("größer als µ, 名前")) == "größer als µ, 名前"
-
-
-def test_a_sentence_does_not_repeat_a_file():
     message = str(ac.InvalidInput("unknown key " + "x" * 1_000_000 + ": the keys are a, b."))
     assert len(message) <= 2000
     assert message.startswith("unknown key xx") and message.endswith("xx: the keys are a, b.")

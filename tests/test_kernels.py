@@ -12,7 +12,6 @@ import pytest
 
 import armcontour as ac
 from armcontour._kernels import KERNELS, compiled
-from armcontour._progress import hear_compiling
 
 
 @compiled(inner=True)
@@ -34,20 +33,6 @@ def test_a_call_from_python_is_an_error_before_and_after_it_is_compiled():
             add(1.0, 2.0)
         assert total(np.arange(4.0)) == 6.0
     assert KERNELS[__name__, "add"] is add and KERNELS[__name__, "total"] is total
-
-
-def test_who_wants_to_hears_what_is_compiled(monkeypatch):
-    from armcontour.program import _inside
-
-    key = ("armcontour.program._inside", "winding")
-    monkeypatch.setitem(KERNELS, key, KERNELS[key])
-    again = compiled(inner=True)(_inside.winding.py_func)
-    again._cache.disable()
-    names = []
-    with hear_compiling(names.append):
-        again.compile("(float64, float64, float64[:, ::1])")
-    again.compile("(float64, float64, float64[:, :])")
-    assert names == ["armcontour.program._inside.winding"]
 
 
 def test_a_number_in_a_call_is_no_type_of_its_own():

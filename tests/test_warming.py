@@ -9,7 +9,7 @@ import pytest
 import armcontour
 from armcontour._kernels import KERNELS
 from armcontour._signatures import from_text, to_text
-from armcontour._warming import LIST, Order, read_list
+from armcontour._warming import Order, read_list
 
 PACKAGE = Path(armcontour.__file__).parent
 
@@ -24,16 +24,13 @@ def kernels():
     return {key: x for key, x in KERNELS.items() if key[0].startswith("armcontour.")}
 
 
-def test_every_call_of_the_list_fits_its_function(kernels):
+def test_calls_of_the_list_fit_their_functions_and_all_that_python_calls_are_listed(kernels):
     for listed in read_list("all"):
         kernel = kernels[listed.key]
         for text in listed.arguments:
             kinds = from_text(text)
             assert to_text(kinds) == text
             assert len(kinds) == len(signature(kernel.py_func).parameters), listed
-
-
-def test_every_function_that_python_calls_is_listed(kernels):
     listed = {x.key for x in read_list("all")}
     called = {key for key, x in kernels.items() if not x.targetoptions["no_cpython_wrapper"]}
     assert called - listed == {("armcontour._warming", "_kept")}
@@ -64,10 +61,3 @@ def test_a_function_comes_after_those_that_it_calls(kernels):
             callee = getattr(function.__globals__.get(name), "py_func", None)
             key = (getattr(callee, "__module__", None), name)
             assert place.get(key, -1) <= place[item.key]
-
-
-def test_the_list_is_sorted():
-    lines = LIST.read_text(encoding="utf-8").splitlines()
-    calls = [x.split(" ", 1)[1] for x in lines]
-    assert calls == sorted(set(calls))
-    assert {y for x in lines for y in x.split(" ", 1)[0].split(",")} == {"-", "plane", "space"}

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import armcontour
-from armcontour._yaml import MOST_CHARACTERS, OTHERWISE, AngleLoader, Loader, QuickLoader, load
+from armcontour._yaml import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, load
 from armcontour.errors import InvalidInput
 
 
@@ -85,13 +85,10 @@ def test_hostile_texts_are_refused_in_one_sentence(names):
         assert message.startswith("x ") and message.isprintable() and len(message) <= 2000, name
 
 
-def test_digits_that_are_no_number_are_text():
+def test_texts_that_somebody_writes_are_read_as_yaml_1_2():
     for end in ("!", "e", "e5!", "_", ":1"):
         text = "9" * 300_000 + end
         assert load(f"a: {text}", "job.yaml") == {"a": text}
-
-
-def test_numbers_are_those_of_yaml_1_2():
     text = "[0, 010, -5, +5, 1., .5, 1e3, -1.5E-3, 1:30, 1_000, 0x10, 0b1, 2026-01-01, 1e, '5']"
     wanted = [0, 10, -5, 5, 1.0, 0.5, 1e3, -1.5e-3, "1:30", "1_000", "0x10", "0b1", "2026-01-01"]
     found = load(text, "x")
@@ -99,16 +96,9 @@ def test_numbers_are_those_of_yaml_1_2():
     assert [type(x) for x in found[:8]] == [int] * 4 + [float] * 4
     endless = load("[.inf, -.INF, .nan]", "x")
     assert endless[:2] == [math.inf, -math.inf] and math.isnan(endless[2])
-
-
-def test_keys_are_text_where_yaml_1_1_has_truth_values():
     text = "{off: 0, on: 1, yes: off, no: on, y: true}"
     assert load(text, "a") == {"off": 0, "on": 1, "yes": False, "no": True, "y": True}
-
-
-def test_aliases_and_merges_that_somebody_writes_are_read():
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
-    found = load(text, "x")
     assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
     assert found["d"] == {"x": 1, "y": 2, "z": 1}
 
@@ -160,23 +150,3 @@ def test_with_libyaml_data_and_refusals_are_the_same():
     angles = [outcome(x, AngleLoader) for x in texts]
     assert [x for x, y in zip(texts, angles, strict=True) if outcome(x, SlowAngles) != y] == []
     assert angles[-2:] == [(repr({"a": math.pi / 2}), True), outcome(texts[-1], SlowAngles)]
-
-
-@pytest.mark.skipif(not yaml.__with_libyaml__, reason="This PyYAML has no libyaml.")
-def test_robot_files_are_read_by_libyaml(monkeypatch):
-    used = []
-
-    class Told(QuickLoader):
-        def __init__(self, stream):
-            used.append(stream)
-            super().__init__(stream)
-
-    monkeypatch.setattr("armcontour._yaml.QuickLoader", Told)
-    assert load("q: 1", "x", AngleLoader) == {"q": 1}
-    assert load("q: !degrees 180", "x", AngleLoader) == {"q": math.pi}
-    assert used == ["q: 1"]
-
-
-def test_texts_that_libyaml_reads_otherwise_are_left_to_pyyaml():
-    for text in ("a:\tb", "[0? ]", "|# x", "!", "\ufeff|", "a\rb", "%YAML 1.2"):
-        assert OTHERWISE.search(text), text

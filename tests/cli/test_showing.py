@@ -20,7 +20,7 @@ def show(*arguments):
     return done.output
 
 
-def test_prints_or_chooses_layers_contours_and_size() -> None:
+def test_prints_or_chooses_layers_contours_and_size():
     said = show(GASKET)
     assert "140.00 x 122.50 mm" in said
     words = {x.strip() for line in said.splitlines() for x in line.split("│")}

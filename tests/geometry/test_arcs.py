@@ -32,7 +32,7 @@ def test_an_arc_through_three_points(seed, dimension, first, share):
     np.testing.assert_allclose(at, points, atol=1e-9 * (1 + radius))
 
 
-def test_the_circle_is_the_one_through_the_points():
+def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends():
     a, b, c = points = np.array([(0.1, 0.2, 0.3), (0.4, 0.1, 0.5), (0.2, 0.6, 0.4)])
     # Its centre by linear equations.
     normal = np.cross(b - a, c - a)
@@ -43,11 +43,6 @@ def test_the_circle_is_the_one_through_the_points():
     path = path_of(arc)
     off = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
     np.testing.assert_allclose(off, np.linalg.norm(a - center), rtol=1e-12)
-
-
-def test_a_flat_arc_keeps_its_end_points():
-    # A sagitta of a micrometre on a metre.
-    path = path_of(ac.Arc.through((0, 0), (0.5, 1e-6), (1, 0)))
     np.testing.assert_allclose(path(path.length), (1, 0), atol=1e-9)
     assert path.curvatures[0] == pytest.approx(8e-6, rel=1e-5)
 

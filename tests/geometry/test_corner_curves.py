@@ -96,7 +96,7 @@ def test_planes_in_space_demands_places_and_corners_beside_arcs():
         assert found.corners.reason.tolist() == [reason] and (len(found) == 2) == bool(reason)
 
 
-def test_short_lines_shrink_parabolas_as_they_shrink_arcs():
+def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (2, 0.01)])
     c = round_with_parabolas(path, tolerance=0.1).corners
     np.testing.assert_allclose(c.tangent, 0.005, rtol=1e-12)
@@ -104,9 +104,6 @@ def test_short_lines_shrink_parabolas_as_they_shrink_arcs():
     uneven = round_with_parabolas(path, tolerance=[1e-3, 0.1]).corners
     legs = 2e-3 / np.sin(np.pi / 4)
     np.testing.assert_allclose(uneven.tangent, [legs, 0.01 - legs], rtol=1e-12)
-
-
-def test_stops_are_those_of_arcs():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 1), (2, 3)])
     tolerance = [0.0, 0.01, 0.01, 0.01]
     parabolas = round_with_parabolas(path, tolerance=tolerance)
@@ -116,7 +113,7 @@ def test_stops_are_those_of_arcs():
     assert count_full_stops(parabolas) == {"tolerance zero": 1, "turn-back": 1}
 
 
-def test_a_turning_tool_keeps_its_angular_tolerance_and_does_not_stop():
+def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)])
     path = path.pointing([(0, 0, -1), (0, 1, -1), (1, 0, -1), (1, 0, 0)])
     rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
@@ -124,11 +121,7 @@ def test_a_turning_tool_keeps_its_angular_tolerance_and_does_not_stop():
     assert len(rounded.stops) == 0 and (c.angular_error <= 0.02 * (1 + 1e-9)).all()
     assert c.angular_error.max() == pytest.approx(0.02, rel=1e-3)
     assert (c.error < 0.05).all()
-
-
-def test_a_tool_that_follows_the_tangent_follows_the_parabola():
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent((0, 0, 1))
-    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
     s = np.linspace(0, rounded.length, 2001)
     along = rounded.orientation(s)[:, :, 0]
     off = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))

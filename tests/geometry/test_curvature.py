@@ -132,7 +132,7 @@ def test_corners_keep_half_of_their_segments_and_can_be_rounded():
     assert near == pytest.approx(other.corners.error[0], rel=1e-6)
 
 
-def test_speeds_and_tags_stay_on_their_sides():
+def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     path = slot()
     smooth = ac.smooth_curvature(path, tolerance=1e-4)
     slow = np.flatnonzero(smooth.speeds == 0.02)
@@ -140,22 +140,13 @@ def test_speeds_and_tags_stay_on_their_sides():
     ends = smooth.vertices[[slow[0], slow[-1] + 1]]
     # The vertices have moved by less than the tolerance.
     assert np.linalg.norm(ends - path.vertices[[2, 3]], axis=1).max() < 1e-4
-
-
-def test_a_tolerance_of_a_segment_caps_it():
-    path = slot()
     fine = path.segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
     path = ac.Path(segments=fine)
-    smooth = ac.smooth_curvature(path, tolerance=1e-4)
     s = np.linspace(0, smooth.length, 20_001)
     off = path.project(smooth(s))
     near = np.abs(off.s - path.breaks[1]) < 0.01
     assert 0.9e-4 < off.distance[near].max() < 1e-4 + 1e-9
     assert off.distance[off.s > path.breaks[1] + 0.03].max() < 1e-6 + 1e-9
-
-
-def test_events_and_work_keep_their_points():
-    path = slot()
     events = tuple(ac.Event(name=f"e{i}", s=s) for i, s in enumerate((0.01, 0.05, 0.08, 0.15)))
     contour = ac.Contour(path=path, events=events, work=(0.02, 0.14))
     smooth = ac.smooth_curvature(ac.Program(moves=(contour,)), tolerance=1e-5).contours[0]

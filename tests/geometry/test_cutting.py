@@ -176,10 +176,15 @@ def test_a_path_can_be_rounded_before_it_is_reversed_or_after(name):
     alike(before, after, s, s)
 
 
-def test_a_reversed_circle_is_the_circle_the_other_way_round():
+def test_reversed_circles_and_placed_rounded_paths():
     found = reverse_path(path_of(ac.Arc.circle((1, 0), (0, 0))))
     np.testing.assert_allclose(found(np.pi / 2), (0, -1), atol=1e-15)
     np.testing.assert_allclose(found([0, found.length]), [(1, 0), (1, 0)], atol=1e-15)
+    rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
+    moved = place_path(rounded, Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
+    assert type(moved) is type(lift_path(rounded)) is ac.Path
+    s = np.linspace(0, rounded.length, 9)
+    np.testing.assert_allclose(moved(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)
 
 
 def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
@@ -207,11 +212,3 @@ def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(o
     ):
         np.testing.assert_array_equal(cut.orientation.breaks, cut.breaks)
         ac.round_corners(cut, tolerance=1e-3, angular_tolerance=0.1)
-
-
-def test_a_rounded_path_that_is_placed_elsewhere_does_not_remember_old_corners():
-    rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
-    moved = place_path(rounded, Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
-    assert type(moved) is type(lift_path(rounded)) is ac.Path
-    s = np.linspace(0, rounded.length, 9)
-    np.testing.assert_allclose(moved(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)

@@ -34,14 +34,11 @@ def test_by_hand(path, points, distance, s):
     np.testing.assert_allclose(found.s, s, atol=1e-12)
 
 
-def test_from_the_centre_every_place_is_the_radius_away():
+def test_circles_have_no_blind_spot_and_one_distance_from_their_centre():
     for angle in (1.0, np.pi, 2 * np.pi, -2 * np.pi):
         found = circle(angle).project([(1.0, 1.0)])
         assert found.distance[0] == pytest.approx(2.0, rel=1e-14)
     assert HALF.project([(0, 0, 3)]).distance[0] == pytest.approx(np.sqrt(10))
-
-
-def test_full_circle_has_no_blind_spot():
     phase = np.linspace(-np.pi, np.pi, 721)
     unit = np.stack([np.cos(phase), np.sin(phase)], axis=1)
     for radius in (0.5, 3.5):

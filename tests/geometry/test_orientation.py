@@ -116,7 +116,7 @@ def test_the_tool_stops_where_its_rate_of_turning_jumps():
     assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
-def test_a_jump_is_told_as_an_angle():
+def test_a_jump_is_an_angle_and_repeated_points_take_one_orientation_each():
     last = exp([0, 0, 3.0])
     starts = np.stack([np.eye(3), last, exp([1e-7, 0, 0]) @ last])
     sharp = Orientation.even(np.ones(3), starts, np.zeros((3, 3)))
@@ -125,9 +125,6 @@ def test_a_jump_is_told_as_an_angle():
     tilted = exp(np.array([[0, 0, 0.0], [0.3, 0, 0]]))
     free = Orientation.even(np.ones(2), tilted, np.zeros((2, 3)), axis_only=True)
     np.testing.assert_allclose(free.jumps, [0.3])
-
-
-def test_repeated_points_take_one_orientation_each():
     given = turns(4)
     given[2] = given[1]
     path = ac.Path.polyline(REPEATED)
@@ -204,7 +201,7 @@ def test_pointing_points_and_keeps_from_spinning():
     assert len(one.stops) == 0
 
 
-def test_a_tool_that_follows_keeps_its_angle_to_the_tangent():
+def test_a_tool_that_follows_keeps_its_angle_to_the_tangent_and_does_not_turn_about_it():
     bend = arc((0.2, 0, 0), (0.2, 0.1, 0), 2.0, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.2, 0, 0)), bend)
     tool, s = turns(1)[0], np.linspace(0, path.length, 301)
@@ -214,9 +211,6 @@ def test_a_tool_that_follows_keeps_its_angle_to_the_tangent():
     for rotation, x, z, up in ((held, tool[0], tool[2], 1), (by_default, (1, 0, 0), (0, 0, 1), -1)):
         np.testing.assert_allclose(rotation @ x, path(s, 1), atol=1e-14)
         np.testing.assert_allclose(rotation @ z, np.tile([0, 0, up], (301, 1)), atol=1e-14)
-
-
-def test_a_tool_that_follows_does_not_turn_about_the_tangent():
     # Round three quarters of a cube's corner it comes back turned, as it is carried, not steered.
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1)]
     path = ac.Path.polyline(points).following_tangent([0, 0, 1])

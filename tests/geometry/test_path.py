@@ -1,6 +1,5 @@
 """Paths: evaluation against independent formulas, two-sidedness, what they merge and refuse."""
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
@@ -244,15 +243,3 @@ def test_segments_demands_and_columns_that_do_not_fit_are_refused():
     refused(*((lambda x=x: ac.Demand(**x), *more) for x, *more in DEMANDS))
     refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
     refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
-
-
-def test_a_path_is_frozen_and_owns_its_arrays():
-    lengths = np.ones(1)
-    path = path_with(lengths=lengths)
-    lengths[0] = 7.0
-    assert path.lengths[0] == 1.0
-    for name in ("starts", "tangents", "lengths", "breaks", "speeds"):
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(path, name)[0] = 2.0
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        path.lengths = lengths

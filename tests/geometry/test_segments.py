@@ -9,7 +9,7 @@ from tests.geometry.tables import arc, each, path_of, refused
 import armcontour as ac
 from armcontour.frames import Frame
 from armcontour.geometry import Segments
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.cutting import join_paths
 from armcontour.geometry.placing import lift_path, place_path
 
 ROUNDED = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (1, 2), (3, 3)]), tolerance=0.1)
@@ -30,16 +30,6 @@ def test_a_path_of_checked_segments_shares_them():
     plain, held = path.project(queries), others[0].project(queries)
     np.testing.assert_array_equal(plain.s, held.s)
     np.testing.assert_array_equal(plain.distance, held.distance)
-
-
-def test_what_is_made_of_a_checked_path_is_not_checked_again(monkeypatch):
-    parts = [cut_path(ROUNDED, 0, 1.2), cut_path(ROUNDED, 1.2, ROUNDED.length)]
-    monkeypatch.setattr(Segments, "refuse_gaps", lambda self: pytest.fail("checked again"))
-    place_path(ROUNDED, Frame(position=[1, 2, 0]))
-    place_path(ROUNDED, Frame(position=[1, 2, 3]))
-    join_paths(parts)
-    reverse_path(ROUNDED)
-    lift_path(ROUNDED).pointing((0, 0, 1))
 
 
 def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from armcontour.cli.running import built_in_job
-from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import Study, run
+from armcontour.jobs import run
 from armcontour.report import render_report, write_report
-from armcontour.report.sections import overview, paths
-from armcontour.report.sections.motion import find_saturation
+from armcontour.report.sections import paths
 from armcontour.report.style import thin
 from armcontour.servo import ServoModel
 
@@ -55,38 +54,6 @@ def test_the_page(study, page, in_order):
     assert 'class="figures beside" style="--columns: 2fr 3fr"' in page
 
 
-def test_the_overview_compares_runs_in_a_table_or_shows_tiles(study):
-    section = overview(study)
-    (table,) = section.tables
-    assert section.tiles == () and [row[0] for row in table.rows] == list(study.runs)
-    found = dict(zip(table.header, table.rows[1], strict=True))
-    assert found["motion"] == f"{study.runs['uncompensated'].evaluation.duration:.3f} s"
-    assert found["saturated"].startswith("joint 1 ")
-    result = study.runs["proposed"]
-    for saturated, words in (
-        ([0.0, 0.0], "no joint saturated"),
-        ([0.0, 0.25], "saturated: joint 2 25.0% of the time"),
-    ):
-        evaluation = dataclasses.replace(result.evaluation, saturated=np.array(saturated))
-        one = dataclasses.replace(result, evaluation=evaluation)
-        ((_, tiles),) = overview(Study(job=study.job, runs={"proposed": one})).tiles
-        assert words in tiles[3].note
-    own = dataclasses.replace(result.run, compensation="inverse_dynamics")
-    for_bodies = Study(job=study.job, runs={"proposed": dataclasses.replace(result, run=own)})
-    ((_, tiles),) = overview(for_bodies).tiles  # what judges set-points for bodies comes first
-    assert tiles[1].label.startswith("experiment: ") and tiles[1].label.endswith(tiles[2].label)
-
-
-def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study):
-    failure = ExecutionError("experiment: joint 1 does not rest.")
-    result = study.runs["proposed"]
-    slow = dataclasses.replace(result.run, period=2.0)
-    failed = dataclasses.replace(result, experiment=None, failure=failure, run=slow)
-    job = study.job
-    page = render_report(Study(job=job, runs={"proposed": failed}))
-    assert f"Run proposed: {failure}" in page and "command interval of 2 s" in page
-
-
 def test_other_servos_and_jobs_without_corners_have_a_report(study):
     page = render_report(run(parse_job(FIRST_ORDER)))
     header = page[page.index("<header>") : page.index("</header>")]
@@ -121,11 +88,3 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
     gaps = np.flatnonzero(np.isnan(y2))
     assert len(gaps) == 10 and len(y2) < 600
     np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
-
-
-def test_saturated_stretches_are_joined_where_they_are_neighbours():
-    t = np.linspace(0, 10, 10_001)
-    demand = np.zeros_like(t)
-    demand[1000:2000], demand[2005:2991], demand[7000:], demand[5000] = 2.0, -2.0, 2.0, 1.0005
-    found = find_saturation(t, demand, np.clip(demand, -1.0, 1.0))
-    np.testing.assert_allclose(found, [(1.0, 2.99), (7.0, 10.0)])

@@ -10,14 +10,12 @@ import armcontour as ac
 from armcontour import scene as cell
 from armcontour.frames import Frame
 from armcontour.io import parse_job
-from armcontour.jobs import Study, run
 from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
-from armcontour.report import render_learning, sections
-from armcontour.report.sections import clearance, overview
+from armcontour.report import sections
+from armcontour.report.sections import clearance
 from armcontour.report.sections import placement as placement_section
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
-from armcontour.report.sections.learning import run_header, run_rows
 from armcontour.report.sections.placement import GREYS
 
 WORK = ", work: {position: [0.4, 0.1, 0.3], rpy: [0.3, -0.4, 1.0]}"
@@ -118,17 +116,6 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
 
 
-def test_the_overview_has_the_jerk_of_joints_with_a_limit():
-    study = run(parse_job(JERKY))
-    result = study.runs["plain"]
-    free = dataclasses.replace(result.run, limits=result.run.limits.replace(joint_jerk=None))
-    other = Study(job=study.job, runs={"plain": dataclasses.replace(result, run=free)})
-    with_limit, without = (
-        {tile.label for _, tiles in overview(x).tiles for tile in tiles} for x in (study, other)
-    )
-    assert with_limit - without == {"joint jerk / limit"}
-
-
 @pytest.fixture(scope="module")
 def real():
     """Learned from an ideal servo: the second run is made up of the first."""
@@ -163,19 +150,6 @@ def test_learning_shows_errors_over_runs_joints_and_time(real):
     assert before.name.startswith("before learning: RMS")
     assert after.name == "run 2: RMS 0.002 mm, largest 0.005 mm"
     assert 0 < np.max(after.y) < np.max(before.y) / 3
-
-
-def test_learning_has_a_row_for_every_run_and_the_next(real):
-    rows = run_rows(real)
-    assert len({len(x) for x in [*rows, run_header(real)]}) == 1
-    assert [x[0] for x in rows] == ["1: the execution", "2: <b>run2</b>.csv (best)", "next"]
-    assert rows[2][1:] == ["", "", "0.00100", ""]
-    done = dataclasses.replace(real, lesson=dataclasses.replace(real.lesson, finished=True))
-    assert len(run_rows(done)) == 2
-    assert list(traces(sections.learning(done).figures[0])[PREDICTED].x) == [2]
-    page = render_learning(real)
-    assert 'id="learning"' in page and "from logs of its robot" in page
-    assert "&lt;b&gt;run2&lt;/b&gt;.csv" in page and "<b>run2" not in page
 
 
 def placed(names, shape, verdicts):

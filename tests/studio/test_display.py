@@ -145,7 +145,7 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     session.close()
 
 
-def test_figures_come_again_after_a_reload_and_follow_a_drag_that_pauses(file, clock) -> None:
+def test_figures_come_again_after_a_reload_and_follow_a_drag_that_pauses(file, clock):
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last

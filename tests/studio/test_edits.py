@@ -131,7 +131,7 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
-def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written() -> None:
+def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
     found = set_to("limits.speed", 0.2, "mac")
     assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["mac"]
@@ -217,7 +217,7 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     assert kept in (0, "0 mm") or text == SPACE
 
 
-def test_frames_and_points_keep_their_written_form() -> None:
+def test_frames_and_points_keep_their_written_form():
     found = edited(TURNED, do="place", by=[0.0125, 0.0])
     assert found["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
     found = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])

@@ -98,7 +98,7 @@ def test_charts_have_the_shares_of_the_limits(shown, gasket):
         assert ("usage_torque" in frame.arrays) == is_limited
 
 
-def test_corners_and_shortfalls_have_their_places(shown, gasket, view) -> None:
+def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
     planned, frame = shown
     corners = frame.header["corners"]
     assert [x["vertex"] for x in corners] == [1, 2]
@@ -142,7 +142,7 @@ def test_the_arm_is_played_closely(plans, gasket_plan, view):
         near(np.transpose([np.interp(t, a["t"], q) for q in a["q"].T]), trajectory(t), 1e-4)
 
 
-def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view) -> None:
+def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     planned, frame = gasket
     contours, a, given = frame.header["contours"], frame.arrays, planned.path.contours
     assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
@@ -241,7 +241,7 @@ def done(previewer_of_plans, plans, view):
     return executed, packed(executed_frame(executed, view))
 
 
-def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view) -> None:
+def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view):
     executed, frame = done
     found = evaluate(executed.execution, executed.planned.path)
     e, demand = found.contour_error, found.demand_ratio
@@ -325,7 +325,7 @@ def test_what_is_unpacked_is_what_was_packed(arrays):
         np.testing.assert_array_equal(found.arrays[name], values)
 
 
-def test_frames_have_plain_headers_and_arrays_where_the_page_reads_them() -> None:
+def test_frames_have_plain_headers_and_arrays_where_the_page_reads_them():
     data = Frame("k", {}, {"a": np.array([7], np.uint8), "b": np.array([[1.5, 2.5]])}).pack()
     (count,) = struct.unpack_from("<I", data)
     header = json.loads(data[4 : 4 + count].decode())

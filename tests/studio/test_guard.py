@@ -85,7 +85,7 @@ def test_requests_that_change_something_and_sockets_need_the_own_origin():
     assert status(HOST, ORIGIN, TOKEN, OWN, **POST) == 200
 
 
-def test_all_but_the_page_needs_the_token_and_a_post_its_own_header() -> None:
+def test_all_but_the_page_needs_the_token_and_a_post_its_own_header():
     for token in (b"", b"Bearer", b"Bearer 0", b"Basic " + DOOR.token.encode()):
         assert status(HOST, (b"authorization", token), path="/files/1") == 401, token
     assert status(HOST, path="/files/1") == status(HOST, path="/anything") == 401

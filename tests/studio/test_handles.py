@@ -99,7 +99,7 @@ def test_chains_have_points_at_ends_and_beside_them():
     assert [x.keys for x in found.waypoints] == [("path", "spline", "points", k) for k in range(3)]
 
 
-def test_drawings_and_obstacles_have_their_places(tmp_path) -> None:
+def test_drawings_and_obstacles_have_their_places(tmp_path):
     (tmp_path / "a.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
         '<path d="M0 0 L60 0 L60 40"/></svg>'

@@ -46,7 +46,7 @@ class TestResults:
 
 
 class TestWhatIsDoneAgain:
-    def test_only_what_depends_on_a_change_is_done_again(self, previewer, paper) -> None:
+    def test_only_what_depends_on_a_change_is_done_again(self, previewer, paper):
         first = previewer.execute(previewer.plan(paper, "optimal"))
         paper = paper | {"servo": {"kp": 20, "kv": 150}}
         planned = previewer.plan(paper, "optimal")

@@ -121,7 +121,7 @@ def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan()
         assert kinds == [["picture", "arm"], ["arm", "picture"]]
 
 
-def test_a_path_that_cannot_be_planned_is_drawn_where_it_is_before_it_is_refused() -> None:
+def test_a_path_that_cannot_be_planned_is_drawn_where_it_is_before_it_is_refused():
     with showing() as (screen, heard, make):
         for again in (False, True):
             if again:

@@ -123,7 +123,7 @@ def test_s1_to_s6_and_s14_what_the_guard_refuses_is_refused_by_the_server(studio
     assert studio.request("OPTIONS", "/open")[0] == 405
 
 
-def test_s3_no_token_or_silence(studio, monkeypatch) -> None:
+def test_s3_no_token_or_silence(studio, monkeypatch):
     for first in (
         '{"op": "hello"}',
         '{"op": "hello", "token": "0"}',

@@ -130,7 +130,7 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
         assert link.is_symlink() and target.read_text() != file.read_text()
 
 
-def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let_go() -> None:
+def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let_go():
     async def talk():
         tab, sent = Tab(), []
         for k in range(100):

@@ -77,7 +77,7 @@ def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
         session.leave(tab)
 
 
-def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, tab) -> None:
+def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, tab):
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
     assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
@@ -135,7 +135,7 @@ def test_a_message_has_a_bounded_number_of_edits(tab):
 WHOLE = ["document", "picture", "executed"]
 
 
-def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, tab) -> None:
+def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, tab):
     durations = []
     for k in range(5):
         heard = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
@@ -162,7 +162,7 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert session.document.text == JOB and not session.document.can_undo
 
 
-def test_edits_that_are_refused_or_unreachable_are_states(session, tab) -> None:
+def test_edits_that_are_refused_or_unreachable_are_states(session, tab):
     speed = {"do": "set", "key": "limits.speed", "value": "0 m/s"}
     heard = tab.edit(speed, final=False)
     assert kinds(heard) == ["refusal"] and "limits.speed" in heard[0].header["sentence"]
@@ -337,7 +337,7 @@ def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
     assert told() == ["picture"]
 
 
-def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch) -> None:
+def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
     tabs = Tabs()
     numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
     assert list(tabs.files) == numbers[2:]

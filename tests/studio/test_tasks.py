@@ -157,7 +157,7 @@ FORMATS = (
 )
 
 
-def test_exports_of_the_studio(line) -> None:
+def test_exports_of_the_studio(line):
     for options, ending, begins in FORMATS:
         found = ask("export", line, "optimal", **options)
         content = found.arrays["content"].tobytes()
@@ -223,7 +223,7 @@ def test_a_sweep_is_the_duration_over_a_key(coarse):
     assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
 
 
-def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse) -> None:
+def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
     found = ask("place", coarse, "optimal", over=over, refined=False)
     # The part is moved by these, and they are written into the file.

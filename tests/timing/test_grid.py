@@ -27,7 +27,7 @@ def test_pieces_have_shares_by_their_length_and_by_how_much_they_turn():
         assert grid.width[grid.piece == k] == pytest.approx(grid.width[grid.piece == k][0])
 
 
-def test_intervals_are_finer_the_nearer_they_are_to_a_rest_of_a_joint_that_moves() -> None:
+def test_intervals_are_finer_the_nearer_they_are_to_a_rest_of_a_joint_that_moves():
     grid = place_grid(CURVE, 4000)
     at = [0, 1700, len(grid)]
     found = finer_at_rests(grid, grid.s[at])

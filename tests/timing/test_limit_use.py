@@ -44,7 +44,7 @@ def test_refusals(arm, refuses):
     refuses(lambda: quantity("angular_speed", states), ac.InvalidInput, "a point without")
 
 
-def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm) -> None:
+def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
     limits = ac.Limits(joint_acceleration=5.0, joint_deceleration=2.0).for_joints(2)
     states = about_joint(arm, 1)
     found = ratio("joint_acceleration", limits, states)

@@ -116,7 +116,7 @@ def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(
             assert top.max() < 0.9, stretch.name
 
 
-def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac) -> None:
+def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac):
     at = mac.breaks[1:-1]
     np.testing.assert_allclose(mac(at, side="left"), mac(at), atol=1e-12)
     jumps = np.abs(mac(at, 1) - mac(at, 1, side="left")).max(axis=1)

@@ -187,7 +187,7 @@ def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_circles_and_rounded_corners_at_their_accelerations(arm, kept, rounded) -> None:
+def test_circles_and_rounded_corners_at_their_accelerations(arm, kept, rounded):
     both = ac.Limits(centripetal_acceleration=0.2, joint_acceleration=100.0)
     planned = kept(ac.plan(circle(), arm, both), both, arm)
     middle = planned(planned.duration / 2), planned(planned.duration / 2, 1)

@@ -58,7 +58,7 @@ def test_the_judge_sees_what_is_exceeded_and_no_more(problem, planned):
         assert any("by differences" in x for x in judge(planned, tight)), limit
 
 
-def test_the_judge_sees_points_vertices_and_lines_outside(problem, planned) -> None:
+def test_the_judge_sees_points_vertices_and_lines_outside(problem, planned):
     found = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
     # The arc is nearer to the lines than to the vertex, but its middle belongs to the vertex.
     assert len(found) == 2 and "too far from its place" in found[0]

@@ -29,7 +29,7 @@ def case(request):
     return near(request.param)
 
 
-def test_the_tool_reaches_points_and_redundant_joints_stay_near_those_of_the_path(case) -> None:
+def test_the_tool_reaches_points_and_redundant_joints_stay_near_those_of_the_path(case):
     found, path, s = case
     np.testing.assert_allclose(found.solve(path(s), found.q + 1e-3), found.q, atol=1e-7)
     points = path(s) + 1e-3

@@ -69,7 +69,7 @@ def program():
     return rng.normal(size=(n, k)), rows, rng.uniform(0.1, 1.0, (n, 8)), np.full((n, k), 0.1)
 
 
-def test_chunks_keep_rows_and_the_number_of_threads_changes_nothing(program) -> None:
+def test_chunks_keep_rows_and_the_number_of_threads_changes_nothing(program):
     x = chunks.solve_in_chunks(*program, CUTS)
     assert np.abs(x[[10, 11, 20, 21]]).max() < 1e-12
     assert np.abs(np.delete(x, [10, 11, 20, 21], axis=0)).max(axis=1).min() > 1e-3
