@@ -99,6 +99,7 @@ def test_texts_that_somebody_writes_are_read_as_yaml_1_2():
     text = "{off: 0, on: 1, yes: off, no: on, y: true}"
     assert load(text, "a") == {"off": 0, "on": 1, "yes": False, "no": True, "y": True}
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
+    found = load(text, "x")
     assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
     assert found["d"] == {"x": 1, "y": 2, "z": 1}
 

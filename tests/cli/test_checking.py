@@ -169,9 +169,7 @@ def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
         assert use["highest"]["ratio"] == pytest.approx(ratio)
 
 
-def test_the_motion_of_a_run_is_checked_with_the_arm_of_its_job(
-    tmp_path, check, command_in
-) -> None:
+def test_the_motion_of_a_run_is_checked_with_the_arm_of_its_job(tmp_path, check, command_in):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     assert command_in(tmp_path, "run", "job.yaml", "--out", "out", "--no-simulation").code == 0
     (tmp_path / "limits.yaml").write_text("speed: 0.151\njoint_acceleration: 0.73\n")

@@ -49,18 +49,12 @@ def test_a_tool_held_otherwise_is_found(planned):
             assert found["path_deviation"].ratio < 1
 
 
-def test_without_a_limit_the_orientation_is_not_judged(planned):
+def test_only_what_the_path_says_of_the_orientation_is_judged_as_far_as_digits_allow(planned):
     assert "orientation_deviation" in check(planned, path=HELD).not_judged
     assert "orientation_deviation" not in check(planned, path=LINE).not_judged
-
-
-def test_only_the_axis_counts_where_only_that_is_given(planned):
     for x, near, angle in ((0.0, 1e-5, 0.0), (0.1, 1e-4, np.arctan(0.1))):
         found = check(planned, path=LINE.pointing((x, 0, -1)), orientation_deviation=1e-3)
         assert found["orientation_deviation"].value == pytest.approx(angle, abs=near)
-
-
-def test_printed_digits_leave_the_angle_in_doubt(planned):
     given = {"path": turned(0.02), "orientation_deviation": 1e-3, "resolution": {"q": 0.01}}
     found = check(sampled(planned), **given)
     use = found["orientation_deviation"]

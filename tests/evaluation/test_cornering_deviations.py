@@ -15,26 +15,28 @@ def dense(points, count=401):
     return path(np.unique(np.concatenate([np.linspace(0, path.length, count), path.breaks])))
 
 
-def test_a_perfect_corner_has_none():
+def test_corners_by_hand():
     (found,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
     assert found.vertex == 1 and found.point == (1.0, 0.0)
     assert found.rounding == 0.0 and found.overshoot == 0.0
-
-
-def test_rounding_off():
     # A chamfer from 20 mm before to 20 mm after misses the corner by 20 mm / sqrt(2).
     tool = dense([(0, 0), (0.98, 0), (1, 0.02), (1, 1)], 8001)
     (found,) = corner_deviations(tool, RIGHT_ANGLE)
     assert found.rounding == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
     assert found.overshoot == 0.0
-
-
-def test_overshoot():
     # 30 mm too far, back on the line 0.1 m later: beyond the leaving line, through the corner.
     tool = dense([(0, 0), (1.03, 0), (1, 0.1), (1, 1)])
     (found,) = corner_deviations(tool, RIGHT_ANGLE)
     assert found.overshoot == pytest.approx(0.03)
     assert found.rounding < 2e-3
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 0, 1)])
+    (found,) = corner_deviations(dense([(0, 0, 0), (1.01, 0, 0), (1.01, 0, 1)]), path)
+    assert found.overshoot == pytest.approx(0.01)
+    path = ac.Path.polyline([(0, 0), (1, 0), (0.2, 0)])
+    (found,) = corner_deviations(dense([(0, 0), (1.02, 0), (0.2, 0)]), path)
+    assert found.overshoot == pytest.approx(0.02)
+    path = ac.round_corners(RIGHT_ANGLE, tolerance=0.01)
+    assert corner_deviations(dense([(0, 0), (1, 0)]), path) == ()
 
 
 def test_overshoot_is_measured_across_the_leaving_line():
@@ -45,32 +47,6 @@ def test_overshoot_is_measured_across_the_leaving_line():
         tool = np.concatenate([dense([(-1, 0), (0, 0)]), 0.1 * leaving + np.outer([0.01], beyond)])
         (found,) = corner_deviations(tool, path)
         assert found.overshoot == pytest.approx(0.01, rel=1e-9), turn
-
-
-def test_in_space():
-    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 0, 1)])
-    (found,) = corner_deviations(dense([(0, 0, 0), (1.01, 0, 0), (1.01, 0, 1)]), path)
-    assert found.overshoot == pytest.approx(0.01)
-
-
-def test_turning_back_overshoots_straight_on():
-    path = ac.Path.polyline([(0, 0), (1, 0), (0.2, 0)])
-    (found,) = corner_deviations(dense([(0, 0), (1.02, 0), (0.2, 0)]), path)
-    assert found.overshoot == pytest.approx(0.02)
-
-
-def test_every_corner_has_its_own_region():
-    path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
-    tool = dense([(0, 0), (1.02, 0), (1.02, 0.4), (1, 0.5), (1, 1.05), (2, 1.0)], 4001)
-    first, second = corner_deviations(tool, path)
-    assert (first.vertex, second.vertex) == (1, 2)
-    assert first.overshoot == pytest.approx(0.02, rel=1e-3)
-    assert second.overshoot == pytest.approx(0.05, rel=1e-2)
-
-
-def test_a_smooth_path_has_no_corners():
-    path = ac.round_corners(RIGHT_ANGLE, tolerance=0.01)
-    assert corner_deviations(dense([(0, 0), (1, 0)]), path) == ()
 
 
 def test_every_corner_of_many_has_its_own_region():

@@ -56,15 +56,12 @@ def test_next_to_a_joint_as_near_as_the_tool_is_to_the_path_the_larger_speed_cou
     assert beyond.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
 
 
-def test_the_limit_of_the_path_counts_where_it_is_lower_and_nothing_where_none_is():
+def test_limits_of_the_path_and_peaks_between_samples():
     tool, speed = braking(0.0)
     shares = measure_shares(path(), follow_path(path(), tool), speed, 0.05)
     assert shares.max() == pytest.approx(FAST / 0.05, rel=1e-3)
     free = ac.Path.polyline([(0, 0), (0.1, 0)])
     assert not measure_shares(free, follow_path(free, tool), speed, None).any()
-
-
-def test_shares_between_samples_bound_a_peak_that_no_sample_shows():
     line = ac.Path.polyline([(0, 0), (0.1, 0)])
     t = np.arange(0, 1, 0.02)
     tool = np.stack([0.1 * t, 0 * t], axis=1)

@@ -43,6 +43,8 @@ def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends(
     path = path_of(arc)
     off = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
     np.testing.assert_allclose(off, np.linalg.norm(a - center), rtol=1e-12)
+    # A sagitta of a micrometre on a metre.
+    path = path_of(ac.Arc.through((0, 0), (0.5, 1e-6), (1, 0)))
     np.testing.assert_allclose(path(path.length), (1, 0), atol=1e-9)
     assert path.curvatures[0] == pytest.approx(8e-6, rel=1e-5)
 

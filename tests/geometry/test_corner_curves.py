@@ -122,6 +122,7 @@ def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
     assert c.angular_error.max() == pytest.approx(0.02, rel=1e-3)
     assert (c.error < 0.05).all()
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)]).following_tangent((0, 0, 1))
+    rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
     s = np.linspace(0, rounded.length, 2001)
     along = rounded.orientation(s)[:, :, 0]
     off = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))

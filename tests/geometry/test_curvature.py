@@ -142,6 +142,7 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     assert np.linalg.norm(ends - path.vertices[[2, 3]], axis=1).max() < 1e-4
     fine = path.segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
     path = ac.Path(segments=fine)
+    smooth = ac.smooth_curvature(path, tolerance=1e-4)
     s = np.linspace(0, smooth.length, 20_001)
     off = path.project(smooth(s))
     near = np.abs(off.s - path.breaks[1]) < 0.01

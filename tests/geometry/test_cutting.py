@@ -164,7 +164,6 @@ def test_a_reversed_path_runs_the_same_way_back(path):
 
 
 # What rounding makes of an even turning differs a little with the direction.
-# What rounding makes of an even turning differs a little with the direction.
 @each("name", ["plane", "space", "following"])
 def test_a_path_can_be_rounded_before_it_is_reversed_or_after(name):
     path, options = HELD[name], {"tolerance": 0.01}

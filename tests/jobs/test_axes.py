@@ -23,10 +23,22 @@ def test_angles_turn_about_the_anchor_and_lengths_move_it(x, y, z, yaw, tilt, an
     np.testing.assert_allclose(frame.rotation[:, 2], lean, atol=1e-12)
 
 
-def test_absolute_values_are_where_the_anchor_goes():
+def test_absolute_values_corners_and_replaced_axes():
     moves = Moves(anchor=np.array([0.4, 0.1, 0.2]), absolute=("x",))
     frame = moves.frame({"x": 0.7, "yaw": np.pi / 2})
     np.testing.assert_allclose(frame.position + frame.rotation @ moves.anchor, [0.7, 0.1, 0.2])
+    found = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
+    assert found == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
+    assert corners_of({}) == []
+    # An axis without uncertainty is as if not named.
+    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}
+    own = PlaceSearch(over=OVER, uncertainty={"x": 1e-3}, every=True, run="only")
+    over = {"yaw": (0.1, 0.1, 1), "y": (0, 1, 2)}
+    new = own.replaced({"over": over, "every": False, "objective": None})
+    assert new.over == {"x": OVER["x"], **over} and list(new.over) == ["x", "y", "yaw"]
+    assert (new.every, new.objective, new.run) == (False, "cycle", "only")
+    assert new.replaced({"uncertainty": {"yaw": 0.1}}).uncertainty == {"x": 1e-3, "yaw": 0.1}
+    assert own.over == OVER
 
 
 def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
@@ -37,24 +49,6 @@ def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
     assert axes[1].whole_turn and not axes[0].whole_turn
     (half,) = read_axes({"yaw": (0, np.pi, 3)}, 3)
     np.testing.assert_allclose(half.values, [0, np.pi / 2, np.pi], atol=1e-11)
-
-
-def test_corners_are_all_combinations():
-    found = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
-    assert found == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
-    assert corners_of({}) == []
-    # An axis without uncertainty is as if not named.
-    assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}
-
-
-def test_of_axes_only_those_given_are_replaced():
-    own = PlaceSearch(over=OVER, uncertainty={"x": 1e-3}, every=True, run="only")
-    over = {"yaw": (0.1, 0.1, 1), "y": (0, 1, 2)}
-    new = own.replaced({"over": over, "every": False, "objective": None})
-    assert new.over == {"x": OVER["x"], **over} and list(new.over) == ["x", "y", "yaw"]
-    assert (new.every, new.objective, new.run) == (False, "cycle", "only")
-    assert new.replaced({"uncertainty": {"yaw": 0.1}}).uncertainty == {"x": 1e-3, "yaw": 0.1}
-    assert own.over == OVER
 
 
 def test_wrong_axes_and_searches_are_refused():

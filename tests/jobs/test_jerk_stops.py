@@ -43,7 +43,7 @@ def stops_said(sentences):
     return [x for x in sentences if "full stop" in x]
 
 
-def test_the_ends_of_an_arc_are_said_once():
+def test_the_ends_of_an_arc_are_said_once_and_counted_by_contours():
     runs = ({}, {"compensation": "inverse"}, {"smoothing": (0.01,)})
     found = plans(BENT, *({**x, "rounding": None} for x in runs))
     for plan in found:
@@ -53,6 +53,12 @@ def test_the_ends_of_an_arc_are_said_once():
         assert plan.full_stops == {"curvature jumps": 2} and plan.stops_note is None
     (said,) = stops_said(warnings_of(found))
     assert said.startswith("Runs run0, run1, run2: 2 full stops, the first at s = 0.06 m (360, 200")
+    straight = ac.Path.polyline([(0.3, 0.3), (0.34, 0.3)])
+    program = Program(moves=(Contour(path=straight, name="A"), Contour(path=BENT, name="B")))
+    (plan,) = plans(program, {"rounding": None})
+    assert [x.contour for x in plan.jerk_stops] == ["contour B"] * 2
+    (said,) = stops_said(plan.warnings)
+    assert "2 full stops, the first at s = 0.06 m (360, 200 mm) of contour B" in said
 
 
 def test_transitions_spare_the_stops_within_their_tolerance():
@@ -85,11 +91,17 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     assert (ahead < limits.joint_acceleration + limits.joint_jerk / 25.0).all()
 
 
-def test_without_limits_of_jerk_the_tool_goes_on():
+def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
     plain = ARM.limits.replace(speed=0.1)
     endless = plain.replace(joint_jerk=float("inf")).for_joints(2)
     for plan in plans(BENT, {"limits": plain}, {"limits": endless}):
         assert plan.full_stops == {} and not stops_said(plan.warnings)
+    (plan,) = plans(CORNER, {"rounding": None})
+    assert plan.full_stops == {"rounding off": 1} and plan.jerk_stops == ()
+    assert plan.stops_note == "Run run0: 1 full stop inside contours (1 rounding off)."
+    slow = dataclasses.replace(plan.run, duration=2 * plan.trajectory.duration)
+    again = teach(a_job(plan.path, slow))["run0"]
+    assert again.full_stops == {"rounding off": 1} and again.jerk_stops == ()
 
 
 @each("orientation, stops", [("fixed", 0), ("follows", 0), ("turns", 2)])
@@ -108,15 +120,6 @@ def test_transitions_in_space(orientation, stops):
     assert sum("does not turn" in x for x in plan.warnings) == (stops > 0)
 
 
-def test_contours_are_named_and_counted_together():
-    straight = ac.Path.polyline([(0.3, 0.3), (0.34, 0.3)])
-    program = Program(moves=(Contour(path=straight, name="A"), Contour(path=BENT, name="B")))
-    (plan,) = plans(program, {"rounding": None})
-    assert [x.contour for x in plan.jerk_stops] == ["contour B"] * 2
-    (said,) = stops_said(plan.warnings)
-    assert "2 full stops, the first at s = 0.06 m (360, 200 mm) of contour B" in said
-
-
 def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
     curved, tangent = plans(CORNER, {}, {"rounding": ARCS})
     assert curved.full_stops == {} and tangent.full_stops == {"curvature jumps": 2}
@@ -127,12 +130,3 @@ def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
     assert [x.s for x in tangent.jerk_stops] == pytest.approx([c.start[0], c.end[0]], abs=1e-9)
     # The corner error is the same.
     assert curved.path.path.corners.error == pytest.approx([1e-3], rel=1e-9)
-
-
-def test_a_vertex_that_stops_the_tool_anyway_is_not_said_again():
-    (plan,) = plans(CORNER, {"rounding": None})
-    assert plan.full_stops == {"rounding off": 1} and plan.jerk_stops == ()
-    assert plan.stops_note == "Run run0: 1 full stop inside contours (1 rounding off)."
-    slow = dataclasses.replace(plan.run, duration=2 * plan.trajectory.duration)
-    again = teach(a_job(plan.path, slow))["run0"]
-    assert again.full_stops == {"rounding off": 1} and again.jerk_stops == ()

@@ -52,7 +52,7 @@ def after(contour):
     return contour.path.length - contour.at_work[1]
 
 
-def test_automatic_leads_are_those_of_the_layers():
+def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     moves = [dataclasses.replace(x, layer=of) for x, of in zip(TWO, ("CUT", "MARK"), strict=True)]
     line = Lead(length=3e-3)
     process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
@@ -63,9 +63,6 @@ def test_automatic_leads_are_those_of_the_layers():
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
-
-
-def test_automatic_leads_are_those_of_the_contours_in_their_new_order():
     hole = Path.from_segments([Arc.circle((0.33, 0.13), (0.32, 0.13))])
     contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]
     lengths = []
@@ -210,7 +207,7 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
     assert result.taught.trajectory is result.trajectory
 
 
-def test_runs_of_a_program_that_differ_only_in_timing_share_their_tracing():
+def test_runs_share_their_tracing_and_find_their_own_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
     (this,) = one.runs
     mac = dataclasses.replace(this, name="mac", timing="mac", compensation="none")
@@ -225,9 +222,6 @@ def test_runs_of_a_program_that_differ_only_in_timing_share_their_tracing():
     assert [x for x in steps if x[1] in ("rounding", "tracing")] == [
         (name, step) for name in ("taught", "slow") for step in ("rounding", "tracing")
     ]
-
-
-def test_leads_of_automatic_length_are_found_by_every_run():
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
     assert auto.objective is None
     (this,) = auto.runs

@@ -65,7 +65,7 @@ def test_corners_are_found_between_leads_and_in_reverse():
     assert corner_waypoints(path, back).tolist() == [3, 2]
 
 
-def test_two_corners_at_one_place_are_told_apart_by_their_directions():
+def test_corners_are_found_by_places_and_directions():
     # A path that comes back to its second point from below.
     points = [[0, 0], [0.1, 0], [0.1, 0.1], [0.2, 0.1], [0.2, -0.1], [0.1, 0], [0.1, -0.2]]
     path = Path.polyline(points)
@@ -73,9 +73,6 @@ def test_two_corners_at_one_place_are_told_apart_by_their_directions():
     # Seen from a path that starts later, where only places and directions tell.
     later = Path.polyline([[0.05, 0], *points[1:]])
     assert corner_waypoints(path, later).tolist() == [2, 3, 4, 5, 6]
-
-
-def test_merged_points_and_points_of_splines_count():
     repeated = Path.polyline([[0, 0], [0, 0], [0.1, 0], [0.1, 0.1]])
     assert corner_waypoints(repeated, repeated).tolist() == [3]
     longer = Path.polyline([[-0.1, 0], [0, 0], [0.1, 0], [0.1, 0.1]])

@@ -94,13 +94,6 @@ def test_what_flows_is_linked_and_cannot_be_changed(job, study):
         study.runs["other"] = study.runs["conventional"]
 
 
-def test_progress_is_told_before_every_step(job, study, told):
-    begun = [x.names for x in told if x.done is None]
-    assert begun == [(x.name, step) for x in job.runs for step in STEPS]
-    # The two runs trace and time one contour each.
-    assert [x.done for x in told if x.done is not None] == [1.0] * 4
-
-
 def test_the_branch_reaches_the_tracer(job):
     other = with_runs(job, job.runs[1], branch="negative")
     assert teach(other)["conventional"].trajectory(0.0)[1] < 0
@@ -204,12 +197,6 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
     assert not started
 
 
-def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):
-    this = changed(job.runs[0], experiment=Experiment(step=2e-3))
-    found = ac.run(with_runs(job, this)).runs["proposed"]
-    assert np.diff(found.experiment.execution.t).max() == pytest.approx(2e-3)
-
-
 def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
     def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
@@ -266,7 +253,7 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     assert found["slow"].joint_path is not found["one"].joint_path
 
 
-def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space):
+def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     (this,) = in_space.runs
     assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
     found = teach(in_space)["one"].trajectory
@@ -277,9 +264,6 @@ def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space)
     other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
     asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
     np.testing.assert_allclose(teach(asked)["one"].trajectory(0.0), other(0.0), atol=1e-6)
-
-
-def test_the_angular_tolerance_reaches_the_rounding(in_space):
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
     this = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
@@ -288,7 +272,7 @@ def test_the_angular_tolerance_reaches_the_rounding(in_space):
     assert corners.shrunk[0]
 
 
-def test_planned_torques_are_the_arms_on_both_sides_of_jumps(job, study):
+def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     found = study.runs["proposed"]
     torques = planned_torques(found)
     plan, arm, t = found.trajectory, job.arm, 1.234
@@ -297,18 +281,12 @@ def test_planned_torques_are_the_arms_on_both_sides_of_jumps(job, study):
     states = ([plan(plan.breaks[1:-1], k, side=x) for k in range(3)] for x in ("left", "right"))
     both = [np.abs(arm.torque(*x)) for x in states]
     assert (torques.peak >= np.maximum(*both).max(axis=0)).all()
-
-
-def test_no_bodies_no_torques(job):
     arm, links = job.arm, (job.arm.link1, job.arm.link2)
     bodiless = ac.PlanarTwoLink(name="bare", base=arm.base, links=links, limits=arm.limits)
     bare = with_runs(job, job.runs[1], arm=bodiless)
     found = ac.run(bare).runs["conventional"]
     assert planned_torques(found) is None and angular_speed(found.execution) is None
     assert not bare.arm.has_bodies and found.evaluation.orientation_error is None
-
-
-def test_angular_speed_is_the_turning_of_the_tool(in_space):
     turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
     angle = np.trapezoid(angular_speed(found.execution), found.execution.t)

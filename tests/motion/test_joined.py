@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import JointPath, PathLaw, stand_still
-from armcontour.motion.joined import JoinedLaws
+from armcontour.motion import JointPath, stand_still
 
 LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
 
@@ -52,27 +51,9 @@ def test_many_laws_are_as_each_alone(many, order, side):
         np.testing.assert_array_equal(together[order].reshape(-1, 2), many(t, order, side=side))
 
 
-def test_few_times_and_many_in_blocks_are_the_same(many, monkeypatch):
+def test_many_times_are_evaluated_in_blocks(many, monkeypatch):
     t = np.linspace(0, many.duration, 500)
     np.testing.assert_array_equal(many(t, 2), [many(x, 2) for x in t])
     whole = many.motion(t)
     monkeypatch.setattr("armcontour.motion.trajectory.AT_ONCE", 97)
     np.testing.assert_array_equal(many.motion(t), whole)
-
-
-def test_a_kept_table_of_laws_gives_the_same_as_a_new_one(many, monkeypatch):
-    # All of a stretch without pauses, parts of it, others, and all.
-    for first, last in ((8, 13), (9, 12), (0, 4), (1, 4), (8, 13), (0, 13)):
-        t = np.linspace(many.starts[first], many.starts[last], 333)
-        for order in range(3):
-            fresh = ac.Trajectory(laws=many.laws, method="optimal")
-            np.testing.assert_array_equal(many(t, order), fresh(t, order))
-    # It is used again also beside a pause.
-    pauses = [k for k, law in enumerate(many.laws) if type(law) is not PathLaw]
-    begin, end = many.starts[pauses[0] + 1], many.starts[pauses[1]]
-    t, made, of = np.linspace(begin, end, 200)[1:-1], [], JoinedLaws.of
-    monkeypatch.setattr(JoinedLaws, "of", lambda *given: made.append(1) or of(*given))
-    again = ac.Trajectory(laws=many.laws, method="optimal")
-    for order in range(3):
-        again(t, order)
-    assert len(made) == 1

@@ -103,14 +103,6 @@ def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
     refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=1, s=1.0)
 
 
-def test_it_owns_its_arrays():
-    breaks, coefficients = np.array([0.0, 1.0]), np.ones((1, 6, 2))
-    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
-    breaks[1] = coefficients[0, 0, 0] = 9.0
-    assert path.breaks[1] == 1.0 and path.coefficients[0, 0, 0] == 1.0
-    assert not any(x.flags.writeable for x in (path.breaks, path.coefficients, path.stops))
-
-
 def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
     # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
     exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])

@@ -35,7 +35,7 @@ def path_law(rates, path=PATH, breaks=(0.0, 1.0, 2.0), s=(0.0, 0.6, 1.2)):
     return PathLaw(joint_path=path, breaks=np.array(breaks), s=np.array(s), rates=rates)
 
 
-def test_a_path_law_follows_its_path():
+def test_a_path_law_follows_its_path_by_the_chain_rule_on_its_own_side_of_joints():
     # Uniform acceleration, then uniform braking.
     law = path_law([[0.2, 0.8, 0.0], [1.0, -0.8, 0.0]])
     s_of = [Polynomial([0.0, 0.2, 0.4]), Polynomial([0.6, 1.0, -0.4])]
@@ -45,9 +45,6 @@ def test_a_path_law_follows_its_path():
             expected = s_of[k].deriv(order)(t - k)
             np.testing.assert_allclose(law.path_position(i, t, order), expected, atol=1e-13)
         np.testing.assert_allclose(law.on_interval(i, t, 0), PATH(s_of[k](t - k)), atol=1e-12)
-
-
-def test_a_path_laws_rates_belong_together_and_keep_the_chain_rule():
     # Acceleration that changes on the way, slow enough to stay inside the interval.
     law, h = path_law([[0.2, 0.3, 0.2], [0.5, -0.1, -0.3]]), 1e-6
     t = np.array([0.11, 0.37, 0.83, 1.21, 1.57, 1.93])
@@ -57,9 +54,6 @@ def test_a_path_laws_rates_belong_together_and_keep_the_chain_rule():
             after, before = (value(i, t + x, order - 1) for x in (h, -h))
             np.testing.assert_allclose(value(i, t, order), (after - before) / (2 * h), atol=near)
         assert np.ptp(law.path_position(i, t, order)[:3]) > 0.05
-
-
-def test_a_path_law_does_not_cross_a_joint_by_rounding():
     # Both sides of a kink at s = 1: at the common time each interval keeps its own side.
     coefficients = np.zeros((2, 6, 1))
     coefficients[:, :2, 0] = [(0.0, 1.0), (1.0, -5.0)]

@@ -34,13 +34,10 @@ def test_what_is_wrong(late):
         assert not find_misreading(T, right, WANTED, names="abc", late=late)
 
 
-def test_exchanged_columns_are_told_of_commands_alone():
+def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     q = _follow(WANTED)
     assert "are exchanged" in find_misreading(T, WANTED, q, late=0.25)
     assert not find_misreading(T, WANTED, q)
-
-
-def test_a_delay_of_half_a_period_is_no_turned_sign():
     u = np.sin(2 * np.pi * 2.0 * T)[:, None]
     late = np.interp(T - 0.25, T, u[:, 0])[:, None]
     assert not find_misreading(T, late, u, late=0.25)

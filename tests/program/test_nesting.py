@@ -37,7 +37,7 @@ def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
         assert parents(*program.placed(frame).contours, up=up) == [-1, 0]
 
 
-def test_areas_are_those_of_the_arcs_with_their_sign():
+def test_parents_and_areas_are_those_of_exact_arcs():
     hole = circle(0, 0, 0.02)
     turned = ac.Contour(path=reverse_path(hole.path))
     half = arc((0.02, 0), (0.02, 0.01), np.pi)
@@ -46,9 +46,6 @@ def test_areas_are_those_of_the_arcs_with_their_sign():
     areas = nest([hole, turned, d_shape], UP).areas
     expected = [np.pi * 4e-4, -np.pi * 4e-4, 4e-4 + np.pi * 1e-4 / 2]
     np.testing.assert_allclose(areas, expected, rtol=1e-12)
-
-
-def test_a_micrometre_beside_an_arc_is_inside_or_outside():
     # Between the chords of any sampling and the arc.
     for off in (1e-6, -1e-6):
         at = (0.5 - off) * np.array([np.cos(0.3), np.sin(0.3)])

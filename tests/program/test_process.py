@@ -1,7 +1,5 @@
 """Values of a process."""
 
-import pickle
-
 from tests.geometry.tables import refused
 
 import armcontour as ac
@@ -9,13 +7,6 @@ from armcontour.program import Process
 
 LINE = ac.Path.polyline([(0.3, 0.1), (0.4, 0.1)])
 LASER = ac.Switch(name="laser")
-
-
-def test_a_process_goes_to_other_processes():
-    process = Process(overlap=2e-3, by_layer={"cut": {"overlap": 1e-3}})
-    again = pickle.loads(pickle.dumps(process))
-    assert again.overlap == 2e-3 and again.of_layer("cut").overlap == 1e-3
-    assert dict(again.by_layer) == dict(process.by_layer)
 
 
 def test_a_pierce_needs_a_switch_and_an_active_lead():

@@ -157,6 +157,7 @@ def test_figures_come_again_after_a_reload_and_follow_a_drag_that_pauses(file, c
     assert len(lane.given) == 2
     session.close()
     session.begin()
+    tab, lane = Tab(session), NoLane.last
     clock.go()
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
     tab.edit(MOVE, final=False)

@@ -343,6 +343,7 @@ def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
     assert list(tabs.files) == numbers[2:]
     assert tabs.files[numbers[-1]].data == b"%d" % (MOST_FILES + 1)
     monkeypatch.setattr(module, "MOST_BYTES", 100)
+    tabs = Tabs()
     first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))
     assert list(tabs.files) == [second] and first != second
     third = tabs.keep_file("x.csv", "text/csv", bytes(200))

@@ -253,6 +253,7 @@ def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     anchor = float(here.header["anchor"][0])
     span = {"from": anchor + 0.01, "to": anchor + 0.02, "places": 2}
     data = coarse | {"placement": ASKED | {"over": {"x": span}, "absolute": True}}
+    found = ask("place", data, "optimal")
     np.testing.assert_allclose(found.arrays["by"], [[0.01, 0], [0.02, 0]], atol=1e-6)
     for options in ({"what": "base"}, {"over": {"z": [0, 0.1, 2]}}):
         with pytest.raises(InvalidInput):

@@ -6,9 +6,7 @@ import pytest
 import armcontour as ac
 
 
-def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(
-    arm, objective, conventional
-) -> None:
+def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, conventional):
     assert conventional.duration == pytest.approx(objective.length / 0.04, rel=1e-12)
     t = np.linspace(0, conventional.duration, 4001)
     tool = arm.forward(conventional(t))
@@ -25,7 +23,7 @@ def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(
 
 def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
     arm, objective, limits, conventional
-) -> None:
+):
     tight = limits.replace(joint_acceleration=1e-6, joint_velocity=1e-6, speed=0.04)
     planned = ac.plan(objective, arm, tight, method="conventional")
     assert planned.duration == pytest.approx(9.0655, abs=1e-3)

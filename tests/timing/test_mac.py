@@ -95,9 +95,7 @@ def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, ma
     assert errors[0] < 3e-3 and errors[2] < 2e-4
 
 
-def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(
-    arm, rounded, limits, mac
-) -> None:
+def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rounded, limits, mac):
     for knots in (8, 50, 600, None):
         planned = ac.plan(rounded, arm, limits, method="mac", knots=knots)
         t = np.linspace(0, planned.duration, 20001)
@@ -230,9 +228,7 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
 
 
-def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(
-    arm, limits, rounded
-) -> None:
+def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm, limits, rounded):
     arc = ac.Arc(start=(0.4, 0.2), center=(0.4, 0.25), angle=np.pi / 2)
     before = ac.Line(start=(0.35, 0.2), end=(0.4, 0.2))
     after = ac.Line(start=(0.45, 0.25), end=(0.45, 0.28))

@@ -45,7 +45,7 @@ def planned(traced, arm, limits):
 
 def test_the_papers_job_with_these_and_other_limits(
     planned, rounded, arm, limits, mac, kept, traced
-) -> None:
+):
     # The true optimum is 5.32606 s; shorter means a leak.
     assert 5.3260 <= planned.duration <= 5.3263
     assert planned.method == "optimal"

@@ -49,9 +49,7 @@ def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
         assert (near <= gap / 2 + 1e-9).all(), gap
 
 
-def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(
-    arm, limits
-) -> None:
+def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(arm, limits):
     short = ac.Path.polyline([(0.2, 0.2), (0.201, 0.2), (0.201, 0.21)])
     program = ac.Program(
         moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))
