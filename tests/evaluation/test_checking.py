@@ -285,6 +285,7 @@ def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
         ({"joint_torque": 1.0}, "cannot tell"),
     ):
         assert ac.check(log, arm, ac.Limits(**limits), resolution=coarse).verdict == verdict
+    log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
     for limit, verdict in ((1e-30, "violated"), (1e-20, "violated"), (1e12, "kept")):
         limits = ac.Limits(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
         assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict

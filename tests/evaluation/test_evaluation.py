@@ -127,6 +127,7 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     assert np.isnan(free.speed_ratio)
     by_arm = ac.evaluate(done, LINE)
     np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
+    demand = np.zeros((len(T), 2))
     demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
     executed = by_hand(arm, T, ALONG, demand=demand)
     both = ac.Limits(joint_acceleration=1.0)

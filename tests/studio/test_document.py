@@ -155,6 +155,7 @@ def test_saving_and_reloading_respect_changes_of_others(file):
     assert document.on_disk() == "missing"
     document.save()
     assert file.read_text() == document.text
+    file.write_text(TEXT)
     document = Document.open(file)
     document.apply(FASTER, "speed")
     file.write_text(THEIRS)
