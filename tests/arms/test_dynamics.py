@@ -44,7 +44,7 @@ def test_the_parts_along_a_path_make_the_torque(states):
     np.testing.assert_allclose(c, dynamics.torque(q, 0 * q, 0 * q), atol=1e-12)
 
 
-def test_the_mass_matrix_is_what_acceleration_costs(states):
+def test_the_mass_matrix_is_what_acceleration_costs_and_drives_pay_for_friction(states):
     q, _, ddq = states
     dynamics = Dynamics(chain())
     masses = dynamics.mass_matrix(q)
@@ -52,6 +52,13 @@ def test_the_mass_matrix_is_what_acceleration_costs(states):
     assert (np.linalg.eigvalsh(masses) > 0.29).all()  # at least the armature
     cost = dynamics.torque(q, 0 * q, ddq) - dynamics.torque(q, 0 * q, 0 * q)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", masses, ddq), cost, atol=1e-11)
+    q, dq, ddq = states
+    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
+    dq[0] = 0
+    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
+    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert (found[0] == 0).all()
 
 
 def test_energy_comes_from_the_drives_alone(states):
@@ -68,17 +75,7 @@ def test_energy_comes_from_the_drives_alone(states):
     assert (still.path_terms(q, dq, ddq)[2] == 0).all()
 
 
-def test_drives_pay_for_friction(states):
-    q, dq, ddq = states
-    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
-    dq[0] = 0
-    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
-    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert (found[0] == 0).all()
-
-
-def test_gravity_turns_with_the_base(states):
+def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(states):
     def weight(**changes):
         q = states[0]
         on_axis = [[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]
@@ -89,9 +86,6 @@ def test_gravity_turns_with_the_base(states):
     turned = weight(rotations=[exp([0.0, 0.0, 0.7]) @ first, *others])
     np.testing.assert_allclose(turned, weight(), atol=1e-12)
     assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
-
-
-def test_a_payload_is_a_part_of_the_last_link(states):
     load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
     base, tip = chain(), chain().tip
     at = tip.position + tip.rotation @ load.center

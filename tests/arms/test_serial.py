@@ -55,7 +55,7 @@ def difference(function, q, dq):
     return (function(q + STEP * dq) - function(q - STEP * dq)) / (2 * STEP)
 
 
-def test_the_jacobian_agrees_with_differences(arm3, states):
+def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states):
     q, dq, _ = states
     twist = arm3.tool_twist(q, dq)
     np.testing.assert_allclose(twist[:, :3], difference(arm3.forward, q, dq), atol=1e-8)
@@ -64,9 +64,6 @@ def test_the_jacobian_agrees_with_differences(arm3, states):
     np.testing.assert_allclose(twist[:, 3:], turn, atol=1e-8)
     np.testing.assert_array_equal(arm3.tool_velocity(q, dq), twist[:, :3])
     np.testing.assert_array_equal(arm3.jacobian(q), arm3.twist_jacobian(q)[:, :3])
-
-
-def test_the_jacobians_rate_and_the_drift_agree_with_differences(arm3, states):
     q, dq, ddq = states
     rate = difference(arm3.twist_jacobian, q, dq)
     np.testing.assert_allclose(arm3.jacobian_rate(q, dq), rate[:, :3], atol=1e-7)
@@ -359,7 +356,7 @@ def test_jerk_is_limited_where_it_is_finite():
     np.testing.assert_array_equal(some.for_joints(2).joint_jerk, [np.inf, 5.0])
 
 
-def test_what_a_chain_is_not_given_is_zero_and_all_is_locked():
+def test_a_chain_of_defaults_and_one_of_denavit_hartenberg_parameters():
     chain = Chain(**GOOD)
     assert len(chain) == 2
     for name in ("armature", "viscous", "coulomb"):
@@ -369,9 +366,6 @@ def test_what_a_chain_is_not_given_is_zero_and_all_is_locked():
         chain.masses[0] = 3
     np.testing.assert_array_equal(chain.replace(masses=[3, 4]).masses, [3, 4])
     assert chain.replace(masses=None, centers=None, inertias=None).masses is None
-
-
-def test_a_chain_of_denavit_hartenberg_parameters():
     # As the page on arms makes it, against the product of the four elementary transforms.
     rng = np.random.default_rng(3)
     dh = rng.uniform(-1, 1, (6, 4))

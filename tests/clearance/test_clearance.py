@@ -135,19 +135,13 @@ def test_the_nearest_pair_of_every_kind_is_told():
     assert "far" not in words
 
 
-def test_links_without_a_shape_are_named():
+def test_links_without_a_shape_touches_at_rest_and_moving_parts():
     left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
     assert {(x.second, x.reason) for x in left} == {("everything", "no shape of it is known")}
-
-
-def test_what_touches_at_rest_touches_from_the_beginning():
     scene = Scene(obstacles=(ball("ball", 0.05, tip(A)),))
     (pair,) = check_clearance(sweep_of(A, A, 1.0), BALL, scene).too_near
     assert pair.first_time == 0.0
-
-
-def test_obstacles_move_with_the_part():
     scene = Scene(obstacles=(ball("clamp", 0.02, [0.1, 0, 0], fixed_to="part"),))
     work = Frame(position=[0.5, 0.1, 0.2], rotation=exp(np.array([0.0, 0.0, 0.4])))
     moved = check_clearance(sweep_of(A, A, 1.0), BALL.with_work(work), scene)

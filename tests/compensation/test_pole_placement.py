@@ -56,19 +56,6 @@ def test_set_points_are_26_applied_to_the_trajectory():
             near = 1e-9 * max(np.abs(expected).max(), 1.0)
             q = taught.q[:-1, j] - start[j]
             np.testing.assert_allclose(q, expected, atol=near, err_msg=f"{poles}, {period}")
-
-
-def test_poles_per_joint():
-    motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
-    poles = [POLES[0], POLES[2]]
-    both = place(motion, UNEVEN, period=0.01, poles=poles)
-    for j in range(2):
-        one = place(motion, UNEVEN, period=0.01, poles=poles[j])
-        n = min(len(one.q), len(both.q)) - 1
-        np.testing.assert_allclose(both.q[:n, j], one.q[:n, j], atol=1e-12)
-
-
-def test_a_curved_motion_too():
     # Parabolas: SciPy converges to the set-points as its grid gets finer.
     motion = laps([0.0, 0.1, 0.2], [(0.0, 0.2), (0.3, 0.0)], [(3.0, -2.0), (-3.0, 1.0)], (0.0, 0.0))
     taught = place(motion, UNEVEN, period=0.01, poles=[-75] * 3)
@@ -81,7 +68,14 @@ def test_a_curved_motion_too():
     assert errors[1] < 1e-6
 
 
-def test_between_set_points_nothing_is_lost():
+def test_poles_per_joint_and_nothing_lost_between_set_points():
+    motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
+    poles = [POLES[0], POLES[2]]
+    both = place(motion, UNEVEN, period=0.01, poles=poles)
+    for j in range(2):
+        one = place(motion, UNEVEN, period=0.01, poles=poles[j])
+        n = min(len(one.q), len(both.q)) - 1
+        np.testing.assert_allclose(both.q[:n, j], one.q[:n, j], atol=1e-12)
     times, dq = [0.0, 0.0137, 0.1011, 0.2], [(0.0, 0.2), (0.3, 0.0), (1.0, 1.0)]
     motion = laps(times, dq, np.ones((3, 2)), (0, 0))
     coarse, fine = (place(motion, UNEVEN, period=x) for x in (0.05, 0.001))
@@ -94,7 +88,7 @@ def test_between_set_points_nothing_is_lost():
     np.testing.assert_array_equal(taught.q[-1], motion(0.2))
 
 
-def test_default_poles_cancel_the_zero():
+def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     placed = default_poles(UNEVEN.for_joints(2))
     np.testing.assert_array_equal(placed, [[-150, -150, -150], [-150, -150, -300]])
     for kv, (m1, m2, g) in zip(UNEVEN.kv, placed, strict=True):
@@ -103,9 +97,6 @@ def test_default_poles_cancel_the_zero():
         s = np.array([1j, 30j, 500j])
         together = (x * s - m1 * m2 * g) / ((s - m1) * (s - m2) * (s - g))
         np.testing.assert_allclose(together, 150**2 / (s + 150) ** 2, rtol=1e-12)
-
-
-def test_by_default_all_joints_trail_alike(arm):
     alike = laps([0.0, 0.2, 0.4], [(1.0, 1.0), (-1.0, -1.0)], np.zeros((2, 2)), (0.0, 0.0))
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits())
     gap = {}
@@ -264,16 +255,13 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
         assert (done.peak_demand > 0.72).any() == saturates
 
 
-def test_they_follow_better_than_the_default(arm, plan, rounded, limits):
+def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
         taught = ac.compensate(plan, SERVO, method="pole_placement", poles=poles)
         done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
         rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5
-
-
-def test_with_room_to_spare_they_stop_at_the_interval(plan):
     loose = ac.Limits(joint_acceleration=100.0)
     poles = fastest_poles(SERVO, plan, loose, period=0.02)
     np.testing.assert_allclose(poles[:, 0], -20 / 0.02)
@@ -337,15 +325,12 @@ def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
         assert errors[0] / errors[1] > 3, servo
 
 
-def test_without_the_lead_a_joint_is_late_by_the_dead_time(arm):
+def test_without_the_lead_a_joint_is_late(arm):
     late = ac.ServoModel(**gains("second"), dead_time=0.05)
     prompt = ac.ServoModel(**gains("second"))
     speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
     assert off(arm, prompt, 1e-3, plant=late) == pytest.approx(0.05 * speed, rel=0.02)
     assert off(arm, late, 1e-3) < 2e-6
-
-
-def test_a_held_set_point_is_led_by_half_an_interval(arm):
     held = ac.ServoModel(**gains("second"), interpolation="step")
     drawn = ac.ServoModel(**gains("second"))
     speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
@@ -353,7 +338,7 @@ def test_a_held_set_point_is_led_by_half_an_interval(arm):
     assert off(arm, held, 4e-3) < 0.02 * 2e-3 * speed
 
 
-def test_it_holds_before_and_after():
+def test_it_holds_before_and_after_and_none_leads_nothing():
     servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
     taught = ac.compensate(SWING, servo, method="inverse", period=0.01)
     assert taught.start_time == pytest.approx(-0.04)
@@ -371,6 +356,10 @@ def test_it_holds_before_and_after():
         u = q + dq / servo.kp[j] + ddq / (servo.kp[j] * servo.kv[j])
         np.testing.assert_allclose(taught.q[:, j], u, atol=3e-4)
     assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
+    servo = ac.ServoModel(**gains("second"), dead_time=0.05, interpolation="step")
+    taught = ac.compensate(SWING, servo, method="none", period=0.01)
+    assert taught.start_time == 0.0
+    np.testing.assert_allclose(taught.q, SWING(taught.t.clip(0, DURATION)), atol=1e-14)
 
 
 def test_pole_placement_leads_too(arm):
@@ -383,13 +372,6 @@ def test_pole_placement_leads_too(arm):
             done.append(ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=1e-3))
         first, second = (x.q[np.searchsorted(x.t, 0.0) :][:600] for x in done)
         np.testing.assert_allclose(first, second, atol=1e-6)
-
-
-def test_none_leads_nothing():
-    servo = ac.ServoModel(**gains("second"), dead_time=0.05, interpolation="step")
-    taught = ac.compensate(SWING, servo, method="none", period=0.01)
-    assert taught.start_time == 0.0
-    np.testing.assert_allclose(taught.q, SWING(taught.t.clip(0, DURATION)), atol=1e-14)
 
 
 def test_first_order_in_closed_form():

@@ -76,14 +76,13 @@ def test_logs_are_told_as_well_as_their_bounds_allow(kind, gains, seeds, samples
     assert all(x[3][3] is saturates for x in result["found"])
 
 
-def test_without_noise_the_parameters_are_exact(short):
+def test_the_standard_deviation_is_the_bound_and_without_noise_parameters_are_exact(
+    short, usual, white
+):
     joint = _one(*short)
     for x, expected in zip(joint.estimates, TRUTH.values(), strict=False):
         assert x.value == pytest.approx(expected, rel=1e-6)
     assert joint.r_squared == pytest.approx(1.0, abs=1e-12)
-
-
-def test_the_standard_deviation_is_the_bound(usual, white):
     expected = bound(*usual[:2], *TRUTH.values(), math.inf)
     for x, sd in zip(white.estimates[:3], expected[:3], strict=True):
         assert x.sd == pytest.approx(sd, rel=0.1)
@@ -91,15 +90,12 @@ def test_the_standard_deviation_is_the_bound(usual, white):
     assert white.noise == pytest.approx(NOISE, rel=0.05)
 
 
-def test_a_step_tells_the_position_loop_but_hardly_the_velocity_loop():
+def test_a_step_tells_the_position_loop_and_a_slow_ramp_the_lag():
     t, u = commands("step", 25.0, 150.0, 12.3e-3, 1)
     joint = _one(t, u, _measured(move(t, u, **TRUTH)))
     assert joint.kp.determined and joint.kp.low < 25 < joint.kp.high
     assert not joint.kv.determined and joint.kv.low < 150 < joint.kv.high
     assert not joint.acceleration.determined
-
-
-def test_a_slow_ramp_tells_the_lag_only():
     t = np.arange(3000) * 1e-3
     u = 0.02 * t
     found = identify(Log(t=t, command=u, measured=_measured(move(t, u, **TRUTH))))
@@ -287,7 +283,7 @@ def found():
     return ac.identify(log_of(1, **FED))
 
 
-def test_feed_forward_is_found(found):
+def test_feed_forward_is_found_where_it_is(found):
     (joint,) = found.joints
     estimates = (joint.kp, joint.kv, joint.velocity_feedforward)
     for x, name in zip(estimates, ("kp", "kv", "feed"), strict=True):
@@ -298,9 +294,6 @@ def test_feed_forward_is_found(found):
     predicted = found.predict(log_of(7, noise=0.0, **FED))
     assert predicted.rms[0] < 5e-5 < 0.02 * predicted.tracking_rms[0]
     assert predicted.explained[0] > 0.999
-
-
-def test_a_servo_without_feed_forward_gets_none():
     found = ac.identify(log_of(0, kp=25.0, kv=150.0, delay=6e-3))
     assert found.joints[0].velocity_feedforward is None
     assert not found.servo_model().has_feedforward
@@ -435,9 +428,10 @@ def test_positions_are_those_of_fine_steps():
         expected = move(t, u, kp=kp, kv=kv, q0=u[0] + 0.01, dq0=0.2, steps=10, **more)
         case = str((kp, kv, delay, feed, linear))
         np.testing.assert_allclose(q[0, :-2], expected[:-2], rtol=0, atol=1e-9, err_msg=case)
-
-
-def test_saturated_positions_are_those_of_fine_steps():
+    t, u = _log(7e-3)
+    q, _ = _run(t, u, True, 25.0, 150.0, 0.0123, math.inf)
+    expected = move(t, u, kp=25.0, kv=150.0, delay=0.0123, q0=u[0] + 0.01, dq0=0.2, steps=200)
+    np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7)
     for (kp, kv), limit, linear in product(GAINS, (20.0, 5.0), (True, False)):
         t, u = _log(1e-3)
         q, seen = _run(t, u, linear, kp, kv, 0.0123, limit)
@@ -446,13 +440,6 @@ def test_saturated_positions_are_those_of_fine_steps():
         case = str((kp, kv, limit, linear))
         np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7, err_msg=case)
         assert seen[0] > limit and seen[1] > 0.1, case
-
-
-def test_times_need_not_be_uniform():
-    t, u = _log(7e-3)
-    q, _ = _run(t, u, True, 25.0, 150.0, 0.0123, math.inf)
-    expected = move(t, u, kp=25.0, kv=150.0, delay=0.0123, q0=u[0] + 0.01, dq0=0.2, steps=200)
-    np.testing.assert_allclose(q[0], expected, rtol=0, atol=1e-7)
 
 
 def test_derivatives_are_those_of_differences():

@@ -89,9 +89,6 @@ def test_the_best_of_the_grid_is_that_of_all_plans(placed, brute):
     bounds = placed.values("bound").ravel()
     finite = np.isfinite(brute)
     assert (bounds[finite] <= brute[finite]).all() and (bounds[finite] > 0.9 * brute[finite]).all()
-
-
-def test_places_are_refused_where_there_is_no_plan(placed, brute):
     refused = np.array([bool(x.refusal) for x in placed.verdicts])
     assert refused.any() and not refused.all()
     assert (refused == np.isinf(brute)).all()
@@ -141,9 +138,6 @@ def test_the_worst_corner_counts(square):
     assert found.best.verdict.duration == pytest.approx(min(known), rel=SAME)
     assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
     assert found.best.verdict.duration > plain.best.verdict.duration
-
-
-def test_a_place_is_refused_if_a_corner_is(square):
     over = {"x": (0.0, 0.2, 2)}
     found = ac.place(square, over=over, uncertainty={"x": 0.2}, every=True, refined=False)
     assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
@@ -520,7 +514,7 @@ def test_other_arms_are_searched(tmp_path):
     assert Configurations(ac.load_arm("ur5e"), 5).closed is None
 
 
-def test_another_arm_has_its_own_limits_and_those_of_the_tool_stay(square):
+def test_another_arm_or_tool_keeps_the_rest(square, plane):
     arm = ac.load_arm("panda")
     found = with_arm(square, arm)
     assert found.arm is arm and found.servo.kp.shape == (7,)
@@ -533,9 +527,6 @@ def test_another_arm_has_its_own_limits_and_those_of_the_tool_stay(square):
     assert with_arm(uneven, ac.load_arm("ur10e")).servo.kp[5] == 30
     with pytest.raises(InvalidInput, match="moves its tool in 2 coordinates"):
         with_arm(square, ac.load_arm("pmk3s"))
-
-
-def test_another_tool_is_another_frame(square, plane):
     tool = ac.Frame(position=[0, 0, 0.1])
     found = with_tool(square, tool)
     assert found.arm.chain.tool is tool

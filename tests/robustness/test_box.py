@@ -24,13 +24,26 @@ ALL = Box(
 )
 
 
-def test_a_number_is_plus_and_minus_and_two_are_a_range():
+def test_a_box_its_columns_and_their_ranges(planar):
     np.testing.assert_array_equal(Box(payload=0.4).payload, [-0.4, 0.4])
     np.testing.assert_array_equal(Box(payload=[0.0, 2.0]).payload, [0.0, 2.0])
     np.testing.assert_array_equal(Box().friction, [0.0, 1.0])
     assert Box().of_bodies == ()
     box = Box(viscous=1.0, armature=0.1, payload_known=True)
     assert box.of_bodies == ("viscous", "armature", "payload_known")
+    arm, servo, _, _ = planar
+    u = Unknowns.of(ALL, arm, servo)
+    assert u.names[:4] == ("payload", "friction of joint 1", "friction of joint 2", "kp of joint 1")
+    assert u.names[-1] == "dead time" and len(u) == 10
+    corners = u.corners()
+    assert len(np.unique(corners, axis=0)) == 2**10
+    assert (corners.min(axis=0) == u.low).all() and (corners.max(axis=0) == u.high).all()
+    drawn = u.draw(500, 1)
+    assert ((u.low <= drawn) & (drawn <= u.high)).all()
+    assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
+    shared = Unknowns.of(Box(viscous=1.0, friction_shared=True), arm, servo)
+    assert shared.names == ("friction",)
+    assert len(Unknowns.of(Box(), arm, servo)) == 0
 
 
 def test_refusals(planar, refuses):
@@ -60,22 +73,6 @@ def test_refusals(planar, refuses):
         refuses(lambda x=(box, own, model): Unknowns.of(*x), ac.InvalidInput, *words)
 
 
-def test_columns_are_named_and_ranged(planar):
-    arm, servo, _, _ = planar
-    u = Unknowns.of(ALL, arm, servo)
-    assert u.names[:4] == ("payload", "friction of joint 1", "friction of joint 2", "kp of joint 1")
-    assert u.names[-1] == "dead time" and len(u) == 10
-    corners = u.corners()
-    assert len(np.unique(corners, axis=0)) == 2**10
-    assert (corners.min(axis=0) == u.low).all() and (corners.max(axis=0) == u.high).all()
-    drawn = u.draw(500, 1)
-    assert ((u.low <= drawn) & (drawn <= u.high)).all()
-    assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
-    shared = Unknowns.of(Box(viscous=1.0, friction_shared=True), arm, servo)
-    assert shared.names == ("friction",)
-    assert len(Unknowns.of(Box(), arm, servo)) == 0
-
-
 def test_a_robot_has_its_errors(planar):
     arm, servo, _, _ = planar
     u = Unknowns.of(ALL, arm, servo)
@@ -94,9 +91,6 @@ def test_a_robot_has_its_errors(planar):
     assert known is u.arm
     weighed = Unknowns.of(Box(payload=[0.0, 1.0], payload_known=True), arm, servo)
     assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
-
-
-def test_an_arm_without_payload_carries_it_at_the_tool():
     arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
     u = Unknowns.of(Box(payload=[0.0, 2.0]), arm, SERVO)
     load = u.robot(np.array([2.0]))[0].chain.payload

@@ -276,7 +276,7 @@ def test_nearest_places_are_those_of_the_whole_path(dimension):
         assert (found >= whole.distance - 1e-12).all() and own.mean() > 0.8
 
 
-def test_another_branch_is_not_the_nearest_and_a_lost_tool_finds_its_way_back():
+def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
     """There and back again, 0.1 mm beside the way there."""
     path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
     d2, segment = find_nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
@@ -289,10 +289,6 @@ def test_another_branch_is_not_the_nearest_and_a_lost_tool_finds_its_way_back():
         found, segment = find_nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
     expected = path.project(np.array([[x, y]])).distance[0]
     assert np.sqrt(found) == pytest.approx(expected)
-
-
-def test_closed_paths_are_closed():
-    """Overshoot behind the end of a circle is on the circle."""
     starts = (0.40, 0.2), (0.30, 0.2)
     half = [ac.Arc(start=x, center=(0.35, 0.2), angle=np.pi) for x in starts]
     path = ac.Path.from_segments(half)

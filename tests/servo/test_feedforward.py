@@ -158,7 +158,7 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
 OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
 
 
-def test_response_is_5():
+def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
     for kp, kv in ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0)):
         found = ac.ServoModel(kp=kp, kv=kv).response(1j * OMEGA)[:, 0]
         _, expected = signal.freqresp(([kp * kv], [1.0, kv, kp * kv]), OMEGA)
@@ -167,6 +167,10 @@ def test_response_is_5():
     # No static error.
     both = [(1, 1), (3750 / 4054, 1500 / 1804)]
     np.testing.assert_allclose(servo.response([0.0, 2.0]), both)
+    for kp, kv in [(25.0, 150.0), (25.0, 100.0), (25.0, 40.0)]:
+        slowest = -np.roots([1.0, kv, kp * kv]).real.max()
+        np.testing.assert_allclose(ac.ServoModel(kp=kp, kv=kv).slowest, slowest, rtol=1e-6)
+    assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0
 
 
 @pytest.mark.parametrize("tau", [0.0, 0.034])
@@ -217,10 +221,3 @@ def test_refusals(refuses):
     servo = ac.ServoModel(kp=25.0, kv=1e6)
     servo.refuse_too_fast(1e-3)
     refuses(lambda: servo.refuse_too_fast(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
-
-
-def test_the_slowest_rate_is_that_of_the_servo_s_slowest_pole():
-    for kp, kv in [(25.0, 150.0), (25.0, 100.0), (25.0, 40.0)]:
-        slowest = -np.roots([1.0, kv, kp * kv]).real.max()
-        np.testing.assert_allclose(ac.ServoModel(kp=kp, kv=kv).slowest, slowest, rtol=1e-6)
-    assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0

@@ -241,7 +241,7 @@ def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
     assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
 
 
-def test_far_out_of_reach_and_through_the_base(ur5e):
+def test_far_out_of_reach_through_the_base_and_ranges_that_are_left(ur5e, panda):
     path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
     with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
         ac.trace(path, ur5e)
@@ -254,9 +254,6 @@ def test_far_out_of_reach_and_through_the_base(ur5e):
     # A circle just outside: chords between its knots pass through the hole, the path does not.
     arc = ac.Arc(start=(0.1334, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
     assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
-
-
-def test_a_joint_range_is_named(ur5e, panda):
     circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
     once = ac.Path.from_segments([circle]).oriented(DOWN)
     assert len(trace_all(once, ur5e)) == 8  # it has two turns
@@ -272,7 +269,7 @@ def test_a_joint_range_is_named(ur5e, panda):
         np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
 
 
-def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
+def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
     path = PATHS["held"]
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
@@ -280,9 +277,6 @@ def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
     found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=None))
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
-
-
-def test_a_range_that_is_left_between_knots_is_seen(ur5e):
     # The largest value of a joint lies on the way; its range ends just below.
     path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
     s = np.linspace(0, path.length, 5001)

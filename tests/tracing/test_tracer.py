@@ -94,7 +94,7 @@ def test_full_turns_are_unwrapped(arm, branch):
         assert len(ac.trace(circle((0.3, 0.2), 0.1, phase), arm).breaks) < 500
 
 
-def test_out_of_reach_names_the_place(arm):
+def test_what_cannot_be_reached_is_found_and_named(arm):
     path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.9, 0.15)])
     with pytest.raises(ac.Unreachable) as caught:
         ac.trace(path, arm)
@@ -104,9 +104,6 @@ def test_out_of_reach_names_the_place(arm):
     np.testing.assert_allclose(path(error.s), error.point, atol=1e-12)
     assert error.needed == pytest.approx(np.hypot(error.point[0] - 0.135, error.point[1]))
     assert error.allowed == pytest.approx(0.465) and error.needed > error.allowed
-
-
-def test_what_cannot_be_reached_is_found(arm):
     for points, s, near, words in (
         # 1 mm into the hole around the base, over a way shorter than the first knots' spacing.
         ([(-0.1, 0.034), (0.41, 0.034)], 0.235, 0.01, "m along the path"),

@@ -70,7 +70,7 @@ def deviations(found):
     return {k: (true - x.value) / x.sd for k, (x, true) in (joints | center | common).items()}
 
 
-def test_everything_is_told_within_its_standard_deviation(found):
+def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
     assert found.determined and found.open == ()
     assert found.gravity == "nominal"
     off = np.array(list(deviations(found).values()))
@@ -79,9 +79,6 @@ def test_everything_is_told_within_its_standard_deviation(found):
     assert found.payload_mass.value == pytest.approx(2.0, rel=0.01)
     np.testing.assert_allclose([x.coulomb.value for x in found.joints], COULOMB, rtol=0.02)
     np.testing.assert_allclose([x.rms for x in found.joints], NOISE, rtol=0.15)
-
-
-def test_the_identified_robot_is_an_arm_and_a_servo(found, nominal):
     chain = found.arm.chain
     np.testing.assert_allclose(chain.coulomb, COULOMB, rtol=0.02)
     np.testing.assert_allclose(chain.viscous, VISCOUS, rtol=0.3)
