@@ -11,7 +11,7 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.execution import _mujoco, rigid_body_plant, stability
+from armcontour.execution import rigid_body_plant, stability
 from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
@@ -146,15 +146,6 @@ def test_coulomb_friction_leaves_its_dead_band():
         assert (np.ptp(pushed.q) > 0.1 * band) == moves
 
 
-def test_viscous_friction_is_lag():
-    # At a steady velocity v, J kv (kp e - v) = d v.
-    rate, viscous = 0.2, 30.0
-    arm = pendulum(gravity=WEIGHTLESS, viscous=[viscous])
-    t = np.arange(0, 2, 0.004)
-    lag = (rate * t[:, None] - run(arm, rate * t[:, None]).q[: len(t)])[-1, 0]
-    assert lag == pytest.approx(rate / KP * (1 + viscous / (INERTIA * KV)), rel=1e-3)
-
-
 def test_torque_saturation_in_closed_form_and_with_gravity():
     limit = 3.0
     arm = pendulum(gravity=WEIGHTLESS)
@@ -252,21 +243,6 @@ def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
     np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
     above = ac.Limits(joint_lower=[0.5, -1.0])
     np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
-
-
-def test_joints_disturb_each_other_and_work_is_energy():
-    # The elbow keeps its set-point; the shoulder's motion pushes it.
-    shoulder = swing(1.0, 0.4)
-    q = np.column_stack([shoulder, np.full(len(shoulder), 0.5)])
-    done = run(two_link(), q)
-    assert np.abs(done.q[:, 1] - 0.5).max() > 1e-3
-    assert np.abs(by_servo(two_link(), q).q[:, 1] - 0.5).max() < 1e-12
-    np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-6)
-    done = run(pendulum(), swing(), resolution=2.5e-4)
-    q, dq = done.q[:, 0], done.dq[:, 0]
-    energy = INERTIA * dq**2 / 2 + WEIGHT * np.sin(q)
-    work = np.cumsum(done.torque[:-1, 0] * np.diff(q))
-    np.testing.assert_allclose(energy[1:] - energy[0], work, atol=1e-9)
 
 
 def test_the_base_does_not_change_the_motion_and_gravity_does(monkeypatch):
@@ -470,44 +446,6 @@ def test_stiff_springs_are_rigid_joints():
         errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
     assert errors[1] < 1e-4
-
-
-def test_springs_keep_energy_and_dampers_take_it():
-    arm = two_link()
-    chain, stiffness = arm.chain, np.array([2e3, 3e3])
-
-    def energy(data):
-        link, motor, turning, spinning = np.concatenate([data.qpos, data.qvel]).reshape(4, 2)
-        moving = turning @ arm.dynamics.mass_matrix(link) @ turning
-        moving -= turning @ (chain.armature * turning)  # drives turn with their motors
-        spinning = spinning @ (chain.armature * spinning)
-        return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
-
-    def share_left(damping):
-        springs = _mujoco.Springs(stiffness, damping)
-        model = _mujoco.build(chain, 5e-5, friction=False, springs=springs)
-        data = _mujoco.load().MjData(model)
-        data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
-        before = energy(data)
-        _mujoco.load().mj_step(model, data, 4000)
-        assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
-        return energy(data) / before
-
-    assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
-    assert share_left(stiffness * 1e-4) < 0.95
-
-
-def test_errors_of_mujoco_are_exceptions(monkeypatch):
-    build = _mujoco.build
-
-    def broken(*args, **kwargs):
-        model = build(*args, **kwargs)
-        model.opt.integrator = 99
-        return model
-
-    monkeypatch.setattr(_mujoco, "build", broken)
-    with pytest.raises(_mujoco.load().FatalError, match="invalid integrator"):
-        run(two_link(), swing([0.5, 0.3]))
 
 
 def test_friction_acts_at_the_motor():

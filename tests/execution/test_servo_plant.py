@@ -69,22 +69,6 @@ def test_the_resolution_is_kept_and_changes_nothing(arm):
         assert np.abs(np.mod(0.02 / done.t[1] + 0.5, 1) - 0.5) < 1e-9, resolution
 
 
-def test_one_big_step_in_closed_form(arm):
-    # Held far away, the servo saturates from rest: q = A t² / 2 until the velocity loop gives in.
-    target = 1.0
-    done = ac.execute(
-        taught_data([(0.0, 0.0), (target, 0.0), (target, 0.0)], period=0.5),
-        plant(arm, limit=0.72, interpolation="step"),
-        resolution=0.01,
-    )
-    at = (done.t >= 0.5) & (done.t <= 1.5)
-    t = done.t[at] - 0.5
-    np.testing.assert_allclose(done.q[at, 0], 0.72 * t**2 / 2, atol=1e-12)
-    np.testing.assert_allclose(done.q[at, 1], 0, atol=1e-15)
-    assert done.peak_demand[0] >= 150 * 25 * target * (1 - 1e-12)
-    assert done.saturated[at, 0][1:].all() and not done.saturated[:, 1].any()
-
-
 def test_saturated_time_peak_demand_and_accelerations(arm):
     done = ac.execute(taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5)
     counted = (np.abs(done.demand) > [2.0, 5.0]).sum(axis=0) * done.t[1]
@@ -111,23 +95,6 @@ def test_what_does_not_saturate(arm, servo):
     np.testing.assert_array_equal(ac.ServoPlant(arm, servo).acceleration, [0.72, 0.72])
     free = ac.ServoPlant(arm, servo, ac.Limits())
     np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
-
-
-def test_an_unsaturated_servo_is_linear_and_a_hold_is_not_a_ramp(arm):
-    a, b = np.random.default_rng(1).normal(size=(2, 20, 2))
-    one, two, both = (
-        ac.execute(taught_data(x), plant(arm, kp=[25.0, 60.0], kv=[150.0, 40.0]), resolution=0.01)
-        for x in (a, b, 2 * a - 3 * b)
-    )
-    n = min(len(one.t), len(two.t), len(both.t))
-    np.testing.assert_allclose(both.q[:n], 2 * one.q[:n] - 3 * two.q[:n], atol=1e-10)
-    held, ramped = (
-        ac.execute(taught_data([(0, 0), (1, 1)], 1.0), plant(arm, interpolation=x), resolution=0.01)
-        for x in ("step", "linear")
-    )
-    np.testing.assert_allclose(held.q[:101], 0, atol=1e-15)
-    t = ramped.t[50:101]
-    np.testing.assert_allclose(ramped.q[50:101, 0], t - 1 / 25.0, atol=1e-4)  # the lag v / K_p
 
 
 def test_a_late_command_and_a_late_beginning(arm):

@@ -53,19 +53,6 @@ def test_it_is_symmetric_and_bends_evenly(turn):
     assert bends.max() * rounded.corners.radius[0] == pytest.approx(1.0, rel=2e-3)
 
 
-def test_it_is_the_path_of_constant_acceleration():
-    # Between two lines, from one velocity to another of the same size at a constant acceleration.
-    turn, error, speed = 1.2, 0.01, 0.3
-    path = corner(turn)
-    leg = 2 * error / np.sin(turn / 2)
-    before, after = path.tangents
-    time = 2 * leg / speed
-    t = np.linspace(0, time, 501)[:, None]
-    motion = -leg * before + speed * before * t + (after - before) * speed / time * t**2 / 2
-    rounded = round_with_parabolas(path, tolerance=error)
-    assert rounded.project(motion).distance.max() < 3e-4 * error
-
-
 def test_planes_in_space_demands_places_and_corners_beside_arcs():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]

@@ -72,17 +72,6 @@ def test_rates_are_the_derivatives_of_the_rotations(name):
     np.testing.assert_allclose(numeric, change, atol=1e-5 * (1 + np.abs(change).max()))
 
 
-@each("name", ["rounded", "following"])
-def test_a_rounded_orientation_and_its_rate_are_continuous(name):
-    orientation = PIECES[name]
-    assert len(orientation) > 6
-    inner = orientation.breaks[1:-1]
-    assert angles(orientation(inner), orientation(inner, side="left")).max() < 1e-12
-    right, left = (orientation.rates(inner, side=side)[0] for side in ("right", "left"))
-    np.testing.assert_allclose(right, left, atol=1e-9 * np.abs(right).max())
-    assert len(orientation.stops) == 0
-
-
 def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
     given = turns(5)
     orientation = PATH.oriented(given).orientation

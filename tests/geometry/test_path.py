@@ -282,18 +282,6 @@ def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
     )
 
 
-def test_a_table_owns_its_columns_and_new_ones_are_locked():
-    starts, ones = np.zeros((1, 2)), np.ones(1)
-    bare = {"normals": np.zeros((1, 2)), "curvatures": np.zeros(1), "lengths": ones}
-    given = Segments(starts=starts, tangents=np.array([(1.0, 0.0)]), **bare)
-    starts[0] = 7.0
-    assert given.starts[0].tolist() == [0, 0]
-    longer = given.replace(lengths=np.full(1, 2.0))
-    for table in (given, longer, longer[:1], Segments.join([given, longer])):
-        with pytest.raises(ValueError, match="read-only"):
-            table.lengths[0] = 3.0
-
-
 def test_segments_run_backwards_are_the_same_points():
     table = ROUNDED.segments
     n = len(table)

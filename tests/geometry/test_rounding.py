@@ -59,30 +59,6 @@ def test_both_cases_are_capped_by_the_tolerance_and_tiny_turns_keep_their_digits
     assert found[0] == pytest.approx(1e-18, rel=1e-12)
 
 
-@each("sense", [1, -1])
-def test_the_arc_turns_to_the_inside(sense):
-    path = ac.Path.polyline([(-1, 0), (0, 0), (0, sense)])
-    rounded = ac.round_corners(path, tolerance=0.1)
-    r = rounded.corners.radius[0]
-    center = np.array([-r, sense * r])
-    s = np.linspace(rounded.corners.start[0], rounded.corners.end[0], 33)
-    np.testing.assert_allclose(np.linalg.norm(rounded(s) - center, axis=1), r, rtol=1e-12)
-    # (17) as mended, with b from the start of the arc at heading 0.
-    b = (s - s[0]) / r
-    expected = np.stack([-r + r * np.sin(b), sense * r * (1 - np.cos(b))], axis=1)
-    np.testing.assert_allclose(rounded(s), expected, atol=1e-14)
-
-
-def test_the_papers_path_in_space_rounds_the_same():
-    flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
-    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
-    plane = ac.round_corners(ac.Path.polyline(flat), tolerance=5e-3)
-    space = ac.round_corners(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
-    np.testing.assert_allclose(space.corners.radius, plane.corners.radius, rtol=1e-12)
-    s = np.linspace(0, plane.length, 101)
-    np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
-
-
 def test_values_of_joints_and_segments_cap_the_corners():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0, 2)])
     found = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
