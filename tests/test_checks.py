@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-from collections import namedtuple
 from dataclasses import FrozenInstanceError
 from types import MappingProxyType
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import typeof, types
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
@@ -19,7 +17,6 @@ from armcontour import InvalidInput, _checks, errors
 from armcontour._banded import solve_banded
 from armcontour._checks import check_name, for_kernel
 from armcontour._sampling import interpolate
-from armcontour._signatures import from_text, to_text
 from armcontour.frames import (
     Frame,
     cross_matrix,
@@ -184,37 +181,6 @@ def test_solutions_are_those_of_scipy(m, width, sides, seed):
     solve_banded(bands, found)
     if m:
         np.testing.assert_allclose(found, solveh_banded(lower, right, lower=True), atol=1e-13)
-
-
-Pair = namedtuple("Pair", "first second")
-LOCKED = np.zeros(3, dtype=np.int64)
-LOCKED.flags.writeable = False
-
-
-def test_a_type_is_the_same_after_its_text():
-    for value, text in (
-        (1.0, "float64"),
-        (True, "boolean"),
-        (None, "none"),
-        (np.zeros(3), "float64[::1]"),
-        (np.zeros((2, 3)), "float64[:, ::1]"),
-        (np.zeros((2, 3)).T, "float64[::1, :]"),
-        (np.zeros((4, 3))[::2], "float64[:, :]"),
-        (LOCKED, "const(int64[::1])"),
-        ((1.0, 2), "Tuple((float64, int64, ))"),
-        ((1.0, 2.0), "Tuple((float64, float64, ))"),
-        (Pair(1.0, 2), f'named("{__name__}", "Pair", float64, int64)'),
-        (Pair(1.0, np.zeros(1)), f'named("{__name__}", "Pair", float64, float64[::1])'),
-        (Pair(1.0, 2.0), f'named("{__name__}", "Pair", float64, float64)'),
-    ):
-        assert to_text([typeof(value)]) == text
-        assert from_text(text) == (typeof(value),)
-    kinds = (types.float64, types.literal(3), types.int64[:])
-    assert to_text(kinds) == "float64, literal(3), int64[:]"
-    assert from_text(to_text(kinds)) == kinds
-    assert from_text("") == ()
-    with pytest.raises(ValueError):
-        to_text([types.ListType(types.float64)])
 
 
 SMALL = [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-4]

@@ -8,10 +8,8 @@ import inspect
 import pkgutil
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import typer
-from docs.site import links
 from docs.site.names import NO_LIBRARY
 from docs.site.written import written
 
@@ -86,21 +84,3 @@ def test_every_error_has_its_exit_code_its_attributes_and_what_mends_it():
     assert len(codes) > 8 and codes == {y for x in table for y in re.findall(r"\d+", x[0])}
     explained = {y for x in table for y in re.findall(r"`(\w+)`", x[0])}
     assert set(vars(ac.ArmContourError("No."))) <= explained
-
-
-def test_links_of_the_repository_become_links_of_the_site():
-    host, readme = "https://host/a", "reference/pages/project/readme"
-    for page, link, repository, mended in (
-        ("index", "[x](../README.md)", "", "[x](reference/pages/project/readme.md)"),
-        ("index", "[x](guides/job.md#results)", "", "[x](guides/job.md#results)"),
-        ("index", "[x](../examples)", "", "x"),
-        ("index", "[x](../examples)", host, f"[x]({host}/tree/main/examples)"),
-        ("concepts/jerk", "[x](../../Makefile)", host, f"[x]({host}/blob/main/Makefile)"),
-        ("guides/job", "[x](../../src/armcontour/__init__.py)", "",
-         "[x](../reference/pages/api/index.md)"),
-        (readme, "![x](docs/figures/studio_gasket.png)", "",
-         "![x](../../../figures/studio_gasket.png)"),
-    ):  # fmt: skip
-        source = [f"before {link} after"]
-        links.mend(SimpleNamespace(config=SimpleNamespace(repository=repository)), page, source)
-        assert source == [f"before {mended} after"]

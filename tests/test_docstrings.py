@@ -12,7 +12,7 @@ import pytest
 from soak.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour._describing import MOST_LINES, WIDTH, line_up
+from armcontour._describing import MOST_LINES, line_up
 from armcontour.identification.identification import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.io import parse_job
 from armcontour.io.job_model import TimingModel
@@ -255,16 +255,6 @@ def test_results_print_few_lines_and_their_repr_is_one():
         assert "\n" not in said and len(said) < 1000 and name in said
 
 
-def test_lines_are_aligned_wrapped_and_harmless():
-    rows = [("a", "1", "x"), ("nothing", "", ""), ("long name", "", "yy")]
-    assert line_up("Title", rows, columns="><") == "Title\n  a          1  x\n  long name     yy"
-    assert line_up("Title") == "Title"
-    text = line_up("Title", [("name", "word " * 30)])
-    first, *others = text.splitlines()[1:]
-    assert all(len(x) <= WIDTH and x.startswith(" " * 8 + "word") for x in others)
-    assert text.split() == ["Title", "name", *["word"] * 30]
-    lines = line_up("Title", [(f"{k}", "x") for k in range(100)]).splitlines()
-    assert len(lines) == MOST_LINES and lines[-2].split() == ["12", "x"] and "87" in lines[-1]
-    # Texts of other people do not control the terminal.
+def test_texts_of_other_people_do_not_control_the_terminal():
     text = line_up("a\x1b[2J", [("b\nc", "d\x07")])
     assert text.splitlines() == ["a\\x1b[2J", "  b\\nc  d\\x07"]

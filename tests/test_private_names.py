@@ -10,7 +10,6 @@ FILES = sorted(TESTS.rglob("*.py"))
 # Tests of code that is being rewritten; its new public functions will take the place of these.
 EXCEPTIONS = {
     "robustness/test_monte_carlo.py": {"_inertia", "_nearest", "_search_corners", "_table"},
-    "execution/test_endless.py": {"_limited", "_saturating"},
 }
 
 

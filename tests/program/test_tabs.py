@@ -34,7 +34,6 @@ def gaps(contour):
 
 
 def check_even(path, tabs):
-    """The middles of the tabs are evenly spaced."""
     middles = [(a + b) / 2 for a, b in gaps(cut(path, tabs))]
     expected = (np.arange(tabs.count) + 0.5) * path.length / tabs.count
     np.testing.assert_allclose(middles, expected, atol=1e-12)

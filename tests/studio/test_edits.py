@@ -67,13 +67,11 @@ def state_of(text, run="own"):
 
 
 def edited(text, run="own", **edit):
-    """The data after an edit."""
     changes = changes_of(edit, state := state_of(text, run))
     return change_data(state.data, changes)
 
 
 def again(text, run="own", **edit):
-    """The job after an edit, and its handles."""
     new = change_text(text, changes_of(edit, state_of(text, run)))
     job = parse_job(new)
     return job, handles_of(job, load(new, ""))

@@ -69,7 +69,6 @@ def studio(folder, heard):
 
 
 def refused(studio, **how):
-    """The status with which a socket is refused."""
     with pytest.raises(InvalidStatus) as caught, studio.socket(**how):
         pass
     return int(caught.value.response.status_code)

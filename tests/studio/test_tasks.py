@@ -41,7 +41,6 @@ def coarse(paper):
 
 @pytest.fixture
 def short(coarse):
-    """The same with a short path."""
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 

@@ -118,7 +118,6 @@ joints: ["a\e]52;c", second] => 'a\x1b]52;c' ... not printable
 
 
 def changed(data, line):
-    """The data as text with one key as in a line."""
     rest = {key: x for key, x in data.items() if key != line.partition(":")[0]}
     return f"{yaml.safe_dump(rest)}{line}\n"
 
