@@ -34,7 +34,6 @@ from armcontour.io.exports import (
     text,
     write_table,
 )
-from armcontour.io.exports.destination import put
 from armcontour.io.exports.text import event_data
 from armcontour.motion import TimedEvent
 
@@ -533,16 +532,6 @@ def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkey
     refusals(lambda x: export(six, x), places)
     assert bytes_of(place) == before
     assert [x.name for x in tmp_path.iterdir()] == [place.name]
-
-
-def test_any_other_failure_leaves_nothing_either(tmp_path):
-    def broken(path):
-        path.write_text("half")
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        put(tmp_path / "a.csv", broken)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
