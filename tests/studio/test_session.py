@@ -159,6 +159,8 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert tab.last("picture")["duration"] != whole
     assert kinds(tab.say("cancel_gesture")) == ["picture", "executed"]
     assert tab.last("picture")["duration"] == whole
+    assert session.document.text == changed
+    tab.say("undo")
     assert session.document.text == JOB and not session.document.can_undo
 
 
