@@ -226,7 +226,7 @@ def results():
     certificate, check = ac.certify(job), ac.check(x.trajectory, job.arm, x.run.limits)
     yield from (job, study, x, certificate, certificate.worst, check, check.worst, job.arm)
     yield from (x.evaluation, x.evaluation.contour_error, x.execution, x.explanation, x.joint_path)
-    yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1), x.run.limits)
+    yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     yield ac.Placement(
         job=job, run=job.runs[0], axes=(), moves=None, objective="cycle", best=best, refined=best,
