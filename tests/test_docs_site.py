@@ -7,13 +7,9 @@ import importlib
 import inspect
 import pkgutil
 import re
-import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import typer
-import yaml
-from docs.site import links
 from docs.site.names import NO_LIBRARY
 from docs.site.written import written
 
@@ -88,51 +84,3 @@ def test_every_error_has_its_exit_code_its_attributes_and_what_mends_it():
     assert len(codes) > 8 and codes == {y for x in table for y in re.findall(r"\d+", x[0])}
     explained = {y for x in table for y in re.findall(r"`(\w+)`", x[0])}
     assert set(vars(ac.ArmContourError("No."))) <= explained
-
-
-def test_a_beginner_finds_ten_questions_and_each_page_once():
-    heads = re.split(r"^## (.+)\n", read("questions.md"), flags=re.MULTILINE)
-    answers = dict(zip(heads[1::2], heads[2::2], strict=True))
-    assert len(answers) >= 10
-    further = r"\]\([\w/.]+\.md"
-    short = [x for x, y in answers.items() if len(y.split()) <= 20 or not re.search(further, y)]
-    assert short == []
-    named = re.findall(r"\]\(([\w./-]+)\)", read("index.md"))
-    assert sorted(x for x in set(named) if named.count(x) > 1) == []
-
-
-def test_links_of_the_repository_become_links_of_the_site():
-    host, readme = "https://host/a", "reference/pages/project/readme"
-    for page, link, repository, mended in (
-        ("index", "[x](../README.md)", "", "[x](reference/pages/project/readme.md)"),
-        ("index", "[x](guides/job.md#results)", "", "[x](guides/job.md#results)"),
-        ("index", "[x](../examples)", "", "x"),
-        ("index", "[x](../examples)", host, f"[x]({host}/tree/main/examples)"),
-        ("concepts/jerk", "[x](../../Makefile)", host, f"[x]({host}/blob/main/Makefile)"),
-        ("guides/job", "[x](../../src/armcontour/__init__.py)", "",
-         "[x](../reference/pages/api/index.md)"),
-        (readme, "![x](docs/figures/studio_gasket.png)", "",
-         "![x](../../../figures/studio_gasket.png)"),
-    ):  # fmt: skip
-        source = [f"before {link} after"]
-        links.mend(SimpleNamespace(config=SimpleNamespace(repository=repository)), page, source)
-        assert source == [f"before {mended} after"]
-
-
-def test_the_site_is_published_from_main_only_with_no_more_rights_than_it_needs():
-    flow = yaml.safe_load((ROOT / ".github/workflows/docs.yml").read_text(encoding="utf-8"))
-    assert flow["permissions"] == {"contents": "read"}
-    build, publish = flow["jobs"]["build"], flow["jobs"]["publish"]
-    assert "permissions" not in build
-    assert publish["permissions"] == {"pages": "write", "id-token": "write"}
-    assert "refs/heads/main" in publish["if"]
-    steps = [*build["steps"], *publish["steps"]]
-    used = [x["uses"] for x in steps if "uses" in x]
-    assert used and all(re.fullmatch(r"actions/[\w-]+@v\d+", x) for x in used)
-    assert [x["run"] for x in steps if "run" in x] == ["make site"]
-    # What the site needs is the extra docs.
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    needed = {re.split(r"[>=]", x)[0] for x in project["optional-dependencies"]["docs"]}
-    configuration = read("conf.py")
-    for package in needed - {"sphinx", "latex2mathml", "matplotlib"}:
-        assert package.replace("-", "_") in configuration

@@ -1,15 +1,28 @@
-"""Every public function and class is documented: a summary, and every parameter by its name.
-
-The style is Google's: a section `Args:` whose entries are `name: description`, four spaces deep,
-with further lines eight spaces deep.
-"""
+"""Docstrings, stated defaults and printed results."""
 
 import dataclasses
 import inspect
 import re
+from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+import pytest
+from soak.corner_job import CORNER_JOB
+
 import armcontour as ac
+from armcontour._describing import MOST_LINES, line_up
+from armcontour.identification.identification import DRIVE_CYCLE, LONGEST_DELAY
+from armcontour.io import parse_job
+from armcontour.io.job_model import TimingModel
+from armcontour.jobs import PlaceSearch
+from armcontour.placement.judging import Verdict
+from armcontour.placement.placement import Place
+from armcontour.scene.scene import MARGINS
+from armcontour.timing.grid import DEFAULT_INTERVALS
+from armcontour.timing.jerk.task import MOST_ITERATIONS
+from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS
 
 SECTIONS = ("Args", "Attributes", "Raises")
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*): *(.*)")
@@ -113,3 +126,136 @@ def faults(name):
 
 def test_public_docstrings_have_a_summary_and_all_parameters():
     assert [f"{name}: {x}" for name in DOCUMENTED for x in faults(name)] == []
+
+
+ROOT = Path(__file__).parents[1]
+SCALES = {"": 1, "ms": 1e-3, "mm": 1e-3, "um": 1e-6, "kg": 1, "m": 1, "s": 1, "rad/s": 1, "%": 1e-2}
+
+
+def default_of(call, name):
+    return inspect.signature(call).parameters[name].default
+
+
+def field(of, name):
+    return next(x.default for x in dataclasses.fields(of) if x.name == name)
+
+
+# A file, a pattern with the value and maybe its unit, and the value in use.
+STATED = [
+    ("docs/guides/identify.md", r"dead times up to this, (\S+) (ms)", LONGEST_DELAY),
+    ("docs/guides/identify.md", r"keep a torque, (\S+) (ms) by default", DRIVE_CYCLE),
+    (
+        "docs/guides/gcode.md",
+        r"tolerance \((\S+) (um) by default\)",
+        default_of(ac.read_path, "chord_tolerance"),
+    ),
+    (
+        "docs/guides/export.md",
+        r"`derivatives` \| `(\d)` \(default\)",
+        default_of(ac.export, "derivatives"),
+    ),
+    (
+        "docs/guides/checking.md",
+        r"`velocity_step`, (\S+) (rad/s) by",
+        default_of(ac.check, "velocity_step"),
+    ),
+    ("docs/guides/checking.md", r"and at (\d+)\s+random places", default_of(ac.check, "points")),
+    ("docs/concepts/clearance.md", r"`environment` \| (\S+) (mm)", MARGINS.environment),
+    ("docs/concepts/clearance.md", r"`own` \| (\S+) (mm)", MARGINS.own),
+    ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),
+    ("docs/tutorials/placement_and_clearance.md", r"by default (\S+) (mm), 2", MARGINS.environment),
+    ("docs/guides/placement.md", r"`(\w+)` \(default\), `manip", field(PlaceSearch, "objective")),
+    ("docs/guides/certificate.md", r"`plant` \| `(\w+)` \(default\)", field(ac.Goal, "plant")),
+    (
+        "docs/guides/certificate.md",
+        r"`saturation` \| `(\w+)` \(default\)",
+        field(ac.Goal, "saturation"),
+    ),
+    ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
+    ("docs/guides/optimal.md", r"The method `(\w+)` is the default", TimingModel().method),
+    ("docs/reference/job_keys.md", r"steps of the search; by default (\d+)\.", DEFAULT_ITERATIONS),
+    ("src/armcontour/timing/planner.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
+    ("src/armcontour/timing/planner.py", r"by default (\d+) and \d+\.", MOST_ITERATIONS),
+    ("src/armcontour/timing/planner.py", r"by default \d+ and (\d+)\.", DEFAULT_ITERATIONS),
+]
+
+
+@pytest.mark.parametrize(("file", "pattern", "used"), STATED, ids=[x[1] for x in STATED])
+def test_a_stated_default_is_the_one_in_use(file, pattern, used):
+    found = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"))
+    assert found is not None
+    value, unit = (*found.groups(), "")[:2]
+    if isinstance(used, str):
+        assert value == used
+    else:
+        assert float(value) * SCALES[unit] == pytest.approx(used, rel=1e-9)
+
+
+def test_defaults_of_compensation_are_those_of_its_page():
+    page = (ROOT / "docs/guides/compensations.md").read_text(encoding="utf-8")
+    bodies, others = re.findall(r"\| `(\w+)`, \*\*the default", page)
+    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
+    plan = ac.plan(ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)]), arm)
+    assert ac.compensate(plan, servo, arm=arm).method == bodies
+    assert ac.compensate(plan, servo).method == others
+    assert ac.compensate(plan, servo.replace(order="first", kv=None), arm=arm).method == others
+
+
+# Facts that are printed, by the class of the result.
+FACTS = {
+    "Certificate": ("contour error at most 0.00419", "of 0.1 mm"),
+    "CheckReport": ("joint acceleration", "rad/s²", "kept"),
+    "Evaluation": ("2.1855 s of motion", "mm RMS"),
+    "Explanation": ("joint 2 acceleration", "%"),
+    "RoundedPath": ("rounded 1 corner",),
+    "Study": ("only", "2.1855 s"),
+    "Placement": ("best place", "x 10 mm, yaw 90°", "refused", "1 by reach"),
+    "Program": ("2 contours, 0.5 m", "CUT 1, MARK 1"),
+    "Limits": ("joint_torque", "28 N m"),
+}
+
+
+class Jobs(list):
+    name = "grid"
+
+
+def results():
+    job = parse_job(CORNER_JOB)
+    study = ac.run(job)
+    x = study.runs["only"]
+    certificate, check = ac.certify(job), ac.check(x.trajectory, job.arm, x.run.limits)
+    yield from (job, study, x, certificate, certificate.worst, check, check.worst, job.arm)
+    yield from (x.evaluation, x.evaluation.contour_error, x.execution, x.explanation, x.joint_path)
+    yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1))
+    best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
+    yield ac.Placement(
+        job=job, run=job.runs[0], axes=(), moves=None, objective="cycle", best=best, refined=best,
+        verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
+        own=Verdict(refusal="reach"),
+    )  # fmt: skip
+    results = [*[{"status": "done", "error": None}] * 300]
+    results += [{"status": "refused", "error": "Unreachable"}] * 80
+    yield ac.Batch(plan=Jobs(range(380)), folder=FilePath("out"), rows=results)
+    square = ac.Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1], [0, 0]])
+    line = ac.Path.polyline([[0, 0], [0.1, 0]])
+    contours = ac.Contour(path=square, layer="CUT"), ac.Contour(path=line, layer="MARK")
+    yield ac.Program(moves=(contours[0], ac.Dwell(duration=0.5), contours[1]))
+    t = np.linspace(0.0, 1.0, 251)
+    q = np.column_stack([t, -t])
+    yield from (ac.Log(t=t, command=q, measured=q), ac.Recording(t=t, q=q))
+    yield dataclasses.replace(ac.load_arm("ur5e").limits, speed=0.25)
+
+
+def test_results_print_few_lines_and_their_repr_is_one():
+    for found in results():
+        name, text = type(found).__name__, " ".join(str(found).split())
+        lines = str(found).splitlines()
+        assert len(lines) <= MOST_LINES + 2 and max(map(len, lines)) < 100, name
+        assert all(x in text for x in FACTS.get(name, ())), text
+        said = repr(found)
+        assert "\n" not in said and len(said) < 1000 and name in said
+
+
+def test_texts_of_other_people_do_not_control_the_terminal():
+    text = line_up("a\x1b[2J", [("b\nc", "d\x07")])
+    assert text.splitlines() == ["a\\x1b[2J", "  b\\nc  d\\x07"]

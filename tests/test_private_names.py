@@ -10,7 +10,6 @@ FILES = sorted(TESTS.rglob("*.py"))
 # Tests of code that is being rewritten; its new public functions will take the place of these.
 EXCEPTIONS = {
     "robustness/test_monte_carlo.py": {"_inertia", "_nearest", "_search_corners", "_table"},
-    "execution/test_endless.py": {"_limited", "_saturating"},
 }
 
 
@@ -61,21 +60,3 @@ def test_no_test_imports_a_private_name():
         if more := found - EXCEPTIONS.get(name, set()):
             wrong[name] = more
     assert not wrong
-
-
-def test_a_private_name_is_found_and_a_public_one_is_not():
-    for code in (
-        "from armcontour.frames import _x",
-        "from armcontour.frames import _x as y",
-        "import armcontour as ac\nac.frames._x",
-        "from armcontour import frames\nframes._x()",
-        "from armcontour import frames\nmonkeypatch.setattr(frames, '_x', None)",
-    ):
-        assert list(private_names(ast.parse(code))) == ["_x"], code
-    for code in (
-        "from armcontour._text import to_line",
-        "from armcontour import _text\n_text.to_line",
-        "class A:\n    def f(self):\n        return self._x",
-        "from armcontour import __version__",
-    ):
-        assert not list(private_names(ast.parse(code))), code

@@ -1,15 +1,22 @@
-"""YAML that is made to do harm, and what stays readable."""
+"""YAML that is made to do harm, and work on too many values."""
 
+import dataclasses
 import math
 import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from soak.number_cases import PLANE, put
 
 import armcontour
-from armcontour._yaml import MOST_CHARACTERS, OTHERWISE, AngleLoader, Loader, QuickLoader, load
+import armcontour as ac
+from armcontour._yaml import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, load
 from armcontour.errors import InvalidInput
+from armcontour.io import parse_job
+from armcontour.io.cell import read_cell
+from armcontour.jobs import Experiment, teach
 
 
 def chain(first, rest, count):
@@ -85,13 +92,10 @@ def test_hostile_texts_are_refused_in_one_sentence(names):
         assert message.startswith("x ") and message.isprintable() and len(message) <= 2000, name
 
 
-def test_digits_that_are_no_number_are_text():
+def test_texts_that_somebody_writes_are_read_as_yaml_1_2():
     for end in ("!", "e", "e5!", "_", ":1"):
         text = "9" * 300_000 + end
         assert load(f"a: {text}", "job.yaml") == {"a": text}
-
-
-def test_numbers_are_those_of_yaml_1_2():
     text = "[0, 010, -5, +5, 1., .5, 1e3, -1.5E-3, 1:30, 1_000, 0x10, 0b1, 2026-01-01, 1e, '5']"
     wanted = [0, 10, -5, 5, 1.0, 0.5, 1e3, -1.5e-3, "1:30", "1_000", "0x10", "0b1", "2026-01-01"]
     found = load(text, "x")
@@ -99,14 +103,8 @@ def test_numbers_are_those_of_yaml_1_2():
     assert [type(x) for x in found[:8]] == [int] * 4 + [float] * 4
     endless = load("[.inf, -.INF, .nan]", "x")
     assert endless[:2] == [math.inf, -math.inf] and math.isnan(endless[2])
-
-
-def test_keys_are_text_where_yaml_1_1_has_truth_values():
     text = "{off: 0, on: 1, yes: off, no: on, y: true}"
     assert load(text, "a") == {"off": 0, "on": 1, "yes": False, "no": True, "y": True}
-
-
-def test_aliases_and_merges_that_somebody_writes_are_read():
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
     found = load(text, "x")
     assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
@@ -162,21 +160,70 @@ def test_with_libyaml_data_and_refusals_are_the_same():
     assert angles[-2:] == [(repr({"a": math.pi / 2}), True), outcome(texts[-1], SlowAngles)]
 
 
-@pytest.mark.skipif(not yaml.__with_libyaml__, reason="This PyYAML has no libyaml.")
-def test_robot_files_are_read_by_libyaml(monkeypatch):
-    used = []
-
-    class Told(QuickLoader):
-        def __init__(self, stream):
-            used.append(stream)
-            super().__init__(stream)
-
-    monkeypatch.setattr("armcontour._yaml.QuickLoader", Told)
-    assert load("q: 1", "x", AngleLoader) == {"q": 1}
-    assert load("q: !degrees 180", "x", AngleLoader) == {"q": math.pi}
-    assert used == ["q: 1"]
+def job(**changes):
+    """The small job in the plane, with values at keys with dots."""
+    data = PLANE
+    for place, value in changes.items():
+        data = put(data, tuple(place.split("__")), value)
+    return parse_job(yaml.safe_dump(data))
 
 
-def test_texts_that_libyaml_reads_otherwise_are_left_to_pyyaml():
-    for text in ("a:\tb", "[0? ]", "|# x", "!", "\ufeff|", "a\rb", "%YAML 1.2"):
-        assert OTHERWISE.search(text), text
+def teach_with_a_dwell_of_a_day(folder):
+    file = folder / "part.ngc"
+    file.write_text("G21 G90 G17\nG0 X10 Y10\nF600\nG1 X20 Y10\nG4 P99999\nG1 X20 Y20\nM2\n")
+    job = read_cell("pmk3s", file)
+    runs = tuple(dataclasses.replace(x, period=1e-3) for x in job.runs)
+    teach(dataclasses.replace(job, runs=runs))
+
+
+def test_large_motions_are_refused(tmp_path):
+    for call in (
+        lambda: teach(job(limits__speed=1e-6, command_interval=1e-3)),
+        lambda: teach_with_a_dwell_of_a_day(tmp_path),
+    ):
+        with pytest.raises(ac.InvalidInput, match="longer command interval") as caught:
+            call()
+        assert caught.value.needed > caught.value.allowed == 5e7
+    with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*raise speed"):
+        job(limits__speed=1e-12)
+
+
+def test_numbers_out_of_range_are_refused():
+    for interval in (1e9, 5e-324, 2e-7):
+        with pytest.raises(ac.InvalidInput, match="command interval must be from 1e-06 to 10 s"):
+            job(command_interval=interval)
+    for step in (1e-12, 1e-300, 5e-324, 1e-9, 1e9):
+        with pytest.raises(ac.InvalidInput, match="drives must be from 1e-06 to 0.1 s"):
+            Experiment(step=step)
+    with pytest.raises(ac.InvalidInput, match=r"between -1e\+12 and 1e\+12 m, but is 1e\+300"):
+        ac.Path.polyline([[1e300, 0.0], [0.0, 0.0]])
+    with pytest.raises(ac.InvalidInput, match="speed must be at least 1e-30 m/s"):
+        ac.Limits(speed=5e-324)
+    with pytest.raises(ac.InvalidInput, match=r"joint_lower must be between"):
+        ac.Limits(joint_lower=np.array([-1e300]))
+
+
+def test_compensation_and_execution_have_their_own_bounds():
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=0.1)
+    path = ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]])
+    plan = ac.plan(path, arm, limits.replace(speed=1e-3), intervals=50)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    plant, taught = ac.ServoPlant(arm, servo), ac.compensate(plan, servo)
+    for call, words in (
+        (
+            lambda: ac.compensate(plan, servo, period=1e-6),
+            "command interval of 1e-06 s would",
+        ),
+        (lambda: ac.execute(taught, plant, resolution=1e-9), "The simulation of .* every 1e-09 s"),
+        (
+            lambda: ac.plan(path, arm, limits, intervals=10**7),
+            "intervals must be",
+        ),
+        (
+            lambda: ac.compensate(plan, servo, method="pole_placement", poles=[-1e6, -1e6, -150.0]),
+            "pole of 1e",
+        ),
+    ):
+        with pytest.raises(ac.InvalidInput, match=words):
+            call()

@@ -34,24 +34,14 @@ def states():
     return np.random.default_rng(0).normal(size=(3, 100, 3))
 
 
-def test_the_parts_along_a_path_make_the_torque(states):
-    q, dq_ds, d2q_ds2 = states
-    dynamics = Dynamics(chain())
-    a, b, c = dynamics.path_terms(q, dq_ds, d2q_ds2)
-    u, x = np.random.default_rng(1).uniform(0, 3, (2, 100, 1))
-    torque = dynamics.torque(q, dq_ds * np.sqrt(x), d2q_ds2 * x + dq_ds * u)
-    np.testing.assert_allclose(a * u + b * x + c, torque, atol=1e-11)
-    np.testing.assert_allclose(c, dynamics.torque(q, 0 * q, 0 * q), atol=1e-12)
-
-
-def test_the_mass_matrix_is_what_acceleration_costs(states):
-    q, _, ddq = states
-    dynamics = Dynamics(chain())
-    masses = dynamics.mass_matrix(q)
-    np.testing.assert_array_equal(masses, np.swapaxes(masses, 1, 2))
-    assert (np.linalg.eigvalsh(masses) > 0.29).all()  # at least the armature
-    cost = dynamics.torque(q, 0 * q, ddq) - dynamics.torque(q, 0 * q, 0 * q)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", masses, ddq), cost, atol=1e-11)
+def test_drives_pay_for_friction(states):
+    q, dq, ddq = states
+    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
+    dq[0] = 0
+    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
+    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert (found[0] == 0).all()
 
 
 def test_energy_comes_from_the_drives_alone(states):
@@ -68,17 +58,7 @@ def test_energy_comes_from_the_drives_alone(states):
     assert (still.path_terms(q, dq, ddq)[2] == 0).all()
 
 
-def test_drives_pay_for_friction(states):
-    q, dq, ddq = states
-    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
-    dq[0] = 0
-    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
-    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert (found[0] == 0).all()
-
-
-def test_gravity_turns_with_the_base(states):
+def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(states):
     def weight(**changes):
         q = states[0]
         on_axis = [[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]
@@ -89,9 +69,6 @@ def test_gravity_turns_with_the_base(states):
     turned = weight(rotations=[exp([0.0, 0.0, 0.7]) @ first, *others])
     np.testing.assert_allclose(turned, weight(), atol=1e-12)
     assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
-
-
-def test_a_payload_is_a_part_of_the_last_link(states):
     load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
     base, tip = chain(), chain().tip
     at = tip.position + tip.rotation @ load.center

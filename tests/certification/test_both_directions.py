@@ -37,7 +37,6 @@ def executed(found):
 
 
 def written(found):
-    """What certificate.json says of the only contour."""
     return json.loads(certificate_json(found))["certificate"]["contours"][0]
 
 

@@ -13,7 +13,7 @@ from armcontour.io import parse_job
 JOB = CORNER_JOB.replace("[0.36, 0.20], [0.36, 0.24]", "[0.38, 0.20], [0.38, 0.26]")
 
 
-def test_a_point_is_what_certify_finds():
+def test_a_point_is_what_certify_finds_or_says_why_not():
     job = parse_job(JOB)
     (this,) = job.runs
     wide, slow = ac.sweep(job, tolerances=[4e-3], speeds=[0.05])
@@ -26,15 +26,9 @@ def test_a_point_is_what_certify_finds():
         assert point.refusal is None
     assert (wide.tolerance, wide.speed, slow.tolerance, slow.speed) == (4e-3, None, None, 0.05)
     assert slow.duration > 1.2 * wide.duration
-
-
-def test_a_refused_point_says_why():
     job = parse_job(JOB.replace("pole_placement", "none"))
     (fast,) = ac.sweep(job, speeds=[0.15], goal=ac.Goal(servo=2e-5, slowest=1.05))
     assert fast.duration is None and "contour error comes down to" in fast.refusal
-
-
-def test_a_tolerance_of_the_whole_contour_is_the_goal():
     goal = ac.Goal(tolerance=2e-3)
     narrow, wide = ac.sweep(parse_job(JOB), tolerances=[1e-3, 3e-3], goal=goal)
     assert wide.duration < narrow.duration

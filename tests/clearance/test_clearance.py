@@ -1,15 +1,18 @@
-"""Certified distances: bounds hold between samples, and what comes too near is found."""
+"""Clearance of motions, distances between bodies, and ways around obstacles."""
 
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour import scene as cell
+from armcontour.arms.chain import link_poses
 from armcontour.clearance import check_clearance
+from armcontour.clearance.distances import Distances
+from armcontour.clearance.pairs import pairs_of
 from armcontour.errors import Collision, InvalidInput
 from armcontour.frames import Frame, exp
 from armcontour.motion import LapLaw, Trajectory
-from armcontour.scene import ArmShapes, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
+from armcontour.scene import ArmShapes, Box, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
 
 UR5E = ac.load_arm("ur5e")
 END = LinkShape(name="end", link=6, shape=Sphere(radius=0.03))
@@ -132,19 +135,13 @@ def test_the_nearest_pair_of_every_kind_is_told():
     assert "far" not in words
 
 
-def test_links_without_a_shape_are_named():
+def test_links_without_a_shape_touches_at_rest_and_moving_parts():
     left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
     assert {(x.second, x.reason) for x in left} == {("everything", "no shape of it is known")}
-
-
-def test_what_touches_at_rest_touches_from_the_beginning():
     scene = Scene(obstacles=(ball("ball", 0.05, tip(A)),))
     (pair,) = check_clearance(sweep_of(A, A, 1.0), BALL, scene).too_near
     assert pair.first_time == 0.0
-
-
-def test_obstacles_move_with_the_part():
     scene = Scene(obstacles=(ball("clamp", 0.02, [0.1, 0, 0], fixed_to="part"),))
     work = Frame(position=[0.5, 0.1, 0.2], rotation=exp(np.array([0.0, 0.0, 0.4])))
     moved = check_clearance(sweep_of(A, A, 1.0), BALL.with_work(work), scene)
@@ -201,3 +198,31 @@ def test_a_body_decides_where_its_hull_comes_too_near():
     )
     assert found.kept and not near.kept
     assert found.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
+
+
+def test_distances_are_those_between_the_links_frames():
+    """The nearest points, which are in the work frame, are as far apart as the distances say."""
+    arm = ac.load_arm("ur5e").with_work(ac.Frame.rpy((0.1, 0.2, 0.3), (0.3, -0.2, 0.5)))
+    block = Obstacle(
+        name="block", shape=Box(size=(0.1, 0.2, 0.3)), place=ac.Frame(position=(0.6, 0.5, 0.2))
+    )
+    pairs, _ = pairs_of(arm, Scene(obstacles=(block,)))
+    found = Distances(arm.chain, pairs)
+    rng = np.random.default_rng(6)
+    for q in rng.uniform(-2, 2, (5, 6)):
+        every = np.arange(len(pairs))
+        near = found.measure(q[None], np.zeros(len(pairs), dtype=np.intp), every)
+        points = found.points(np.tile(q, (len(pairs), 1)))
+        apart = near > 1e-3
+        assert apart.sum() > 12
+        np.testing.assert_allclose(
+            np.linalg.norm(points[:, 0] - points[:, 1], axis=1)[apart], near[apart], atol=1e-6
+        )
+        # Each point lies in its body: within the ball that holds it.
+        poses = link_poses(arm.chain, q[None])[0]
+        for pair, ends in zip(pairs, points, strict=True):
+            for body, point in zip((pair.first, pair.second), ends, strict=True):
+                middle, radius = body.shape.ball
+                there = body.place.position + body.place.rotation @ middle
+                centre = poses[body.link, :, :3] @ there + poses[body.link, :, 3]
+                assert np.linalg.norm(point - centre) <= radius + 1e-6

@@ -54,9 +54,6 @@ def test_rounded_postures_are_smooth():
     speeds = np.linalg.norm(path(np.linspace(0, path.breaks[-1], 200), 1), axis=1)
     assert (speeds <= 1 + 1e-12).all() and speeds.min() >= np.sqrt(0.5) - 1e-12
     assert len(round_postures(postures, 0.0).stops) == 2
-
-
-def test_through_postures_without_obstacles_is_rounded_most():
     free = Cell(ARM, Scene())
     path = through(free, np.array([A, A + 0.1, B]))
     assert len(path.stops) == 0

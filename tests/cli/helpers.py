@@ -4,5 +4,4 @@ import json
 
 
 def summary(folder):
-    """The summary of a result."""
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

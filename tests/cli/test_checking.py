@@ -128,7 +128,6 @@ def test_wrong_files_and_options_are_refused(folder, refused):
         ("bad", "t,q1,q2\n0,1,2\n0,1,2\n"),
         ("huge", HUGE),
         ("instant", INSTANT),
-        ("jumps", JUMPS.replace("0.03,1,0", "0.03,1,1e308")),
         ("bare", "0,1,2,open\n1,2,3,open\n"),
     ):
         (folder / f"{name}.csv").write_text(text)
@@ -138,11 +137,8 @@ def test_wrong_files_and_options_are_refused(folder, refused):
         (f"none.csv {arm}", ["There is no trajectory file"]),
         (f"bad.csv {arm}", ["bad.csv, line 3: times must increase"]),
         (f"huge.csv {arm}", ["line 3: '1e308' in the column 'q1'"]),
-        (f"huge.csv {arm} --json", ["line 3: '1e308' in the column 'q1'"]),
         (f"instant.csv {arm}", ["line 3: times must increase by at least 1 ns"]),
-        (f"jumps.csv {arm}", ["line 5: '1e308' in the column 'q2'"]),
         (f"bare.csv {arm}", []),
-        ("planned.csv --arm pmk4", ["no built-in arm"]),
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits none.yaml", ["There is no limits file"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
@@ -173,7 +169,7 @@ def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
         assert use["highest"]["ratio"] == pytest.approx(ratio)
 
 
-def test_what_run_writes_can_be_checked(tmp_path, check, command_in):
+def test_the_motion_of_a_run_is_checked_with_the_arm_of_its_job(tmp_path, check, command_in):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     assert command_in(tmp_path, "run", "job.yaml", "--out", "out", "--no-simulation").code == 0
     (tmp_path / "limits.yaml").write_text("speed: 0.151\njoint_acceleration: 0.73\n")

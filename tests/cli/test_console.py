@@ -42,12 +42,3 @@ def test_commands_print_only_through_the_console():
                     continue
                 shown = ast.unparse(node.args[0])
                 assert "json" in shown, f"{file.name}: print({shown})"
-
-
-def test_names_are_folded_and_not_cut(capsys, monkeypatch):
-    monkeypatch.setattr("armcontour.cli.console.WIDTH", 40)
-    Console().show_table(["run", *("motion [s]",) * 3], [("compensated-by-poles", "1", "2", "3")])
-    shown = capsys.readouterr().out
-    assert "…" not in shown
-    cells = [line.split("│")[1].strip() for line in shown.splitlines() if "│" in line]
-    assert "".join(cells) == "compensated-by-poles"

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from soak.corner_job import CORNER_JOB
-from soak.number_cases import ROBOT
 from tests.cli.helpers import summary
 
 from armcontour.cli.running import run_job
@@ -186,16 +185,6 @@ def test_a_simulated_robot(command, shop, tmp_path, done):
     # Set-points for a robot that does not exist are no robot program.
     code, _, said = command("export", out, tmp_path / "robot.csv")
     assert code == 2 and "simulated robot" in said
-
-
-def test_an_arm_without_masses_has_no_simulated_bodies(tmp_path, refused):
-    (tmp_path / "robot.urdf").write_bytes(ROBOT)
-    text = "arm: {file: robot.urdf, tip: tcp, locked: {lift: 0.1}}\n"
-    text += "path: {points: [[0.40, 0.20, 0], [0.42, 0.20, 0]]}\n"
-    text += "limits: {speed: 0.1, joint_acceleration: 1}\nservo: {kp: 25, kv: 150}\nname: bare\n"
-    (tmp_path / "job.yaml").write_text(text + "runs: {only: {}}\n", encoding="utf-8")
-    rows = [("learn job.yaml --simulate 1 --out out", ["has no masses"])]
-    assert refused(tmp_path, rows, codes=(2,)) == []
 
 
 def test_a_log_is_judged_without_learning(shop, tmp_path, done):

@@ -1,19 +1,34 @@
-"""The command line: results, and errors with their exit codes."""
+"""The command line: runs, options, help, signals, cells, and errors with their exit codes."""
 
 import errno
+import inspect
 import json
 import os
 import re
+import shlex
+import signal
 import subprocess
 import sys
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path as FilePath
+from typing import Annotated
 
 import numpy as np
 import pytest
+import typer
 import yaml
 from tests.cli.helpers import summary
+from typer.testing import CliRunner
 
 import armcontour as ac
+from armcontour._quantities import Angle, Length, Speed, Tolerance
+from armcontour.cli.commands import app
+from armcontour.cli.interrupts import run_interruptibly
+from armcontour.cli.options import grouped
+from armcontour.cli.quantities import read_option, read_option_list
+from armcontour.errors import InvalidInput
+from armcontour.io.cell import cell_names
 
 JOB = {
     "name": "bracket",
@@ -134,15 +149,6 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     assert (tmp_path / "out" / "one" / "taught.csv").is_file()
 
 
-def test_tables_have_units_and_coarse_set_points_a_warning(run):
-    shown, found = run({**JOB, "title": "A [s] title", "command_interval": "0.5 s"})
-    for words in ("A [s] title", "motion [s]", "RMS error [mm]"):
-        assert words in shown
-    warning = "the command interval of 0.5 s is more than a tenth of the motion"
-    assert f"Warning: Runs compensated, planned: {warning}" in shown
-    assert warning in found["runs"]["planned"]["warnings"][0]
-
-
 def test_lists_arms_version_and_schema(done):
     lines = done("arms").splitlines()
     for words in ("pmk3s: PMK-3s, 2 joints", "ur5e: UR5e, 6 joints", "panda: Panda, 7 joints"):
@@ -173,3 +179,234 @@ def test_identify_finds_gains_in_a_log(tmp_path, done):
     np.testing.assert_allclose(found["kp"], 25.0, rtol=0.02)
     np.testing.assert_allclose(found["kv"], 150.0, rtol=0.02)
     np.testing.assert_allclose(found["dead_time"], 0.02, atol=1e-3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    wide: Annotated[float, typer.Option("--wide", help="Width.")] = 1.0
+    layer: Annotated[list[str] | None, typer.Option("--layer", help="Layers.")] = None
+
+
+def test_the_fields_of_a_group_are_options_of_its_command():
+    app = typer.Typer()
+
+    @app.command()
+    @grouped
+    def draw(
+        name: Annotated[str, typer.Argument(help="Name.")],
+        size: Size,
+        deep: Annotated[bool, typer.Option("--deep", help="Depth.")] = False,
+    ) -> None:
+        typer.echo(f"{name} {size.wide:g} {size.layer} {deep}")
+
+    assert list(inspect.signature(draw).parameters) == ["name", "wide", "layer", "deep"]
+    for line, said in (
+        ("a", "a 1 None False"),
+        ("a --layer x --wide 2 --layer y --deep", "a 2 ['x', 'y'] True"),
+    ):
+        assert CliRunner().invoke(app, line.split()).output.strip() == said
+
+
+def test_a_quantity_has_a_unit_unless_it_is_zero():
+    assert read_option("--speed", None, Speed) is None
+    assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)
+    assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
+    assert read_option_list("--speeds", "0.1 m/s, 0.2m/s,50 mm/s", Speed) == (0.1, 0.2, 0.05)
+    assert read_option_list("--speeds", None, Speed) is None
+    assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)
+    (turn,) = read_option_list("--turn", "90 deg", Angle) or ()
+    assert turn == pytest.approx(1.5707963267948966, rel=1e-15)
+
+
+def test_other_texts_are_refused_with_the_option():
+    for text, words in (
+        ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
+        ("0", "^--speed: must be above zero, but is 0 m/s.$"),
+        ("1e300 m/s", "^--speed: must be between -1e\\+12 and 1e\\+12 m/s"),
+        ("5", "^--speed: '5' has no unit: write one, as in '0.15 m/s'.$"),
+        ("fast", "^--speed: 'fast' is not a quantity in m/s"),
+        ("", "^--speed: '' is not a quantity in m/s"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            read_option("--speed", text, Speed)
+        with pytest.raises(InvalidInput, match=words):
+            read_option_list("--speed", f"0.1 m/s, {text}", Speed)
+    # The unit is that of the text.
+    with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
+        read_option("--servo", " -0.5 mm ", Tolerance)
+    with pytest.raises(InvalidInput, match="--at takes 2 or 3 values"):
+        read_option_list("--at", "1 m", Length, counts=(2, 3), example="1 m, 2 m")
+
+
+GROUP = typer.main.get_command(app)
+COMMANDS = {"armcontour": GROUP, **GROUP.commands}
+
+
+def is_sentence(text):
+    """Whether a text has two words at least, begins in capitals or with a code, and ends."""
+    return (
+        text is not None
+        and text == text.strip()
+        and text.endswith(".")
+        and len(text.split()) > 1
+        and not text[0].islower()
+    )
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_has_help_in_short_sections_that_ends_with_an_example(name):
+    command = COMMANDS[name]
+    assert is_sentence(command.help), command.help
+    labels = {"/".join([*x.opts, *x.secondary_opts]): x for x in command.params}
+    assert {label: x.help for label, x in labels.items() if not is_sentence(x.help)} == {}
+    names = Counter(opt for x in command.params for opt in (*x.opts, *x.secondary_opts, x.name))
+    # An argument's name is its only one, and is listed twice.
+    assert {x for x, n in names.items() if n > 1 and x.startswith("-")} == set()
+    assert all(n <= 2 for n in names.values())
+    done = CliRunner().invoke(app, ["--help"] if name == "armcontour" else [name, "--help"])
+    assert done.exit_code == 0
+    said = " ".join(done.output.split())
+    assert " ".join(command.help.split()) in said
+    for label in labels:
+        assert label.split("/")[0] in said or label.upper() in said
+    sections = re.split(r"^\S.*:$", done.output, flags=re.MULTILINE)
+    counts = [len(re.findall(r"^  (?=\S)(?:-|\w+ {2})", x, re.MULTILINE)) for x in sections[1:]]
+    assert 1 <= max(counts) <= 10
+    if name != "armcontour":
+        program, example, *arguments = shlex.split(done.output.strip().splitlines()[-1])
+        assert (program, example) == ("armcontour", name)
+        command.make_context(name, arguments).close()
+
+
+@pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])
+def test_help_imports_nothing_heavy(line):
+    code = (
+        "import sys\n"
+        f"sys.argv = ['armcontour', *{line!r}]\n"
+        "from armcontour.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'plotly', 'pint', 'yaml', 'jinja2'}\n"
+        "sys.exit(len(heavy & set(sys.modules)))\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+
+
+def test_gives_the_exit_code_and_raises_errors():
+    before = signal.getsignal(signal.SIGTERM)
+    assert run_interruptibly(lambda: 3) == 3
+
+    def broken():
+        raise KeyError("broken")
+
+    with pytest.raises(KeyError, match="broken"):
+        run_interruptibly(broken)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("ignored", [True, False])
+def test_an_ignored_signal_stays_ignored(ignored):
+    handler = signal.SIG_IGN if ignored else signal.SIG_DFL
+    before = signal.signal(signal.SIGTERM, handler)
+    try:
+        assert run_interruptibly(lambda: signal.getsignal(signal.SIGTERM) is handler) is ignored
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+# A plate of 30 x 20 mm with its corner cut; millimetres, the pen down at z = 0.
+DRAWING = "G21 G90 F1500\nG0 X5 Y5\nG1 X30 Y5\nG1 X30 Y20\nG1 X5 Y12\n"
+
+
+def call(*arguments):
+    done = CliRunner().invoke(app, arguments)
+    assert done.exception is None or isinstance(done.exception, InvalidInput | SystemExit)
+    said = done.output if done.exit_code == 0 else str(done.exception)
+    return done.exit_code, " ".join(said.split())
+
+
+@pytest.mark.parametrize("cell", cell_names())
+def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, said = call("init", cell)
+    assert code == 0 and f"--cell {cell}.yaml" in said
+    text = (tmp_path / f"{cell}.yaml").read_text()
+    assert f"arm: {cell}\n" in text and text.count("#") > 5
+    (tmp_path / "plate.ngc").write_text(DRAWING)
+    line = ("run", "plate.ngc", "--cell", f"{cell}.yaml", "--out", "out", "--no-simulation")
+    assert call(*line, "--scale", "0.5")[0] == 0
+    run = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["taught"]
+    assert 0 < run["duration"] < 10
+
+
+def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("init", "-o", "shop.yaml")[0] == 0
+    written = (tmp_path / "shop.yaml").read_text()
+    assert "arm: ur5e\n" in written
+    code, said = call("init", "panda", "-o", "shop.yaml")
+    assert code != 0 and "shop.yaml is there already" in said and "--force" in said
+    assert (tmp_path / "shop.yaml").read_text() == written
+    assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
+    assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()
+    for arguments, words in (
+        (("lathe",), "There is no cell 'lathe'"),
+        (("ur5e", "-o", "cell.dxf"), "A cell is a .yaml file"),
+        (("ur5e", "-o", "none/cell.yaml"), "Cannot write none/cell.yaml: "),
+    ):
+        code, said = call("init", *arguments)
+        assert code != 0 and words in said
+    assert [x.name for x in tmp_path.iterdir()] == ["shop.yaml"]
+
+
+def test_a_command_imports_nothing_from_its_folder(tmp_path):
+    folder = tmp_path / "stranger"
+    folder.mkdir()
+    code = f"import os; open({str(tmp_path / 'imported')!r}, 'a').write(__file__ + '\\n')\n"
+    for x in ("pickle", "typing", "yaml", "numpy", "scipy", "numba", "armcontour"):
+        (folder / f"{x}.py").write_text(code)
+    # Numba would load compiled functions from the folder that this file names.
+    (folder / ".numba_config.yaml").write_text("cache_dir: compiled\n")
+    (folder / "line.csv").write_text("x [m],y [m]\n0.3,0.2\n0.3,0.21\n")
+    main = "from armcontour.cli import main; main()"
+    line = [sys.executable, "-P", "-c", main, "show", "line.csv"]
+    own = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(line, cwd=folder, env=own, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "imported").exists() and not (folder / "compiled").exists()
+
+
+GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
+
+
+def show(*arguments):
+    done = CliRunner().invoke(app, ["show", *map(str, arguments)])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_prints_or_chooses_layers_and_size():
+    said = show(GASKET)
+    assert "140.00 x 122.50 mm" in said
+    words = {x.strip() for line in said.splitlines() for x in line.split("│")}
+    assert {"MARK", "CUT", "895.06"} <= words
+    data = json.loads(show(GASKET, "--layer", "CUT", "--scale", 2, "--json"))
+    assert list(data["layers"]) == ["CUT"]
+    assert data["layers"]["CUT"]["contours"] == data["layers"]["CUT"]["closed"] == 8
+    assert data["layers"]["CUT"]["length"] == pytest.approx(2 * 0.89506, abs=1e-4)
+    size = [b - a for a, b in zip(*data["extent"], strict=True)]
+    assert size == pytest.approx([0.28, 0.245], abs=1e-12)
+
+
+def test_tools_have_diameters(tmp_path):
+    file = tmp_path / "part.ngc"
+    file.write_text("F600\nG41 D1 G1 X10\nG42.1\n")
+    with pytest.raises(InvalidInput, match="--tool '1: 3 mm'"):
+        show(file)
+    file.write_text("F600\nG41 D2 G1 X10\nX20\nM2\n")
+    data = json.loads(show(file, "--tool", "1: 3 mm, 2:4mm", "--json"))
+    assert data["extent"][1] == pytest.approx([0.02, 2e-3])
+    for text in ("3 mm", "x: 3 mm", "1: 3", "1: 3 mm, 1: 4 mm", "123456789: 1 mm"):
+        with pytest.raises(InvalidInput, match="--tool"):
+            show(file, "--tool", text)

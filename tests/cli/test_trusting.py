@@ -4,12 +4,10 @@ import shutil
 
 import pytest
 import yaml
-from tests.cli.helpers import summary
 from typer.testing import CliRunner
 
 from armcontour.cli.commands import app
 from armcontour.errors import InvalidInput
-from armcontour.io.robots.xacro_file import expand_xacro
 
 pytest.importorskip("xacro")
 
@@ -97,14 +95,3 @@ def test_check_takes_packages_and_arguments(folder):
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
     of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *given)
     assert "--package and --xacro-arg go with --arm" in str(of_job.exception)
-
-
-def test_notes_on_a_description_are_printed_once_and_in_the_summary(folder):
-    (folder / "robot.urdf").write_text(expand_xacro(folder / "robot.xacro"))
-    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "robot.urdf"}))
-    note = "Note: robot.urdf: no link has a mass, so limits of effort are left out"
-    for line in (LINES["run"], ("check", "q.csv", "--arm", "robot.urdf")):
-        assert armcontour(*line).output.count(note) == 1
-    limited, assumed = summary(folder / "out")["arm"]["notes"]
-    assert "no accelerations" in assumed
-    assert limited.startswith(note.removeprefix("Note: "))

@@ -74,7 +74,7 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
         assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
 
 
-def test_the_arm_stands_at_the_start_of_the_plan_first():
+def test_rests_and_ends_are_the_plans():
     # At full acceleration from rest, as optimal plans begin.
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
@@ -83,9 +83,6 @@ def test_the_arm_stands_at_the_start_of_the_plan_first():
         np.testing.assert_array_equal(taught.q[0], plan(0.0), err_msg=method)
         q = ac.compensate(still, UNEVEN, method=method, period=0.05).q
         np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
-
-
-def test_none_teaches_the_trajectory_itself():
     trajectory = smooth()
     taught = ac.compensate(trajectory, UNEVEN, method="none", period=0.1)
     np.testing.assert_allclose(taught.q, trajectory(taught.t.clip(0, 1)), atol=1e-14)

@@ -99,16 +99,12 @@ def test_a_square_at_full_speed(light, corners, fast, armature, period, rms, lar
     assert found[0] < rms and found[1] < largest
 
 
-def test_the_papers_job(arm, rounded, limits):
+def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
     """The servo's own inverse has 0.017 / 0.032 mm."""
     plan = smooth(ac.plan(rounded, arm, limits), 4e-3)
     assert plan.duration < 5.335
     found = contour_error(arm, rounded, plan)
     assert found[0] < 2e-4 and found[1] < 1e-3
-
-
-def test_a_short_line(light):
-    """Without compensation 0.237 mm, with the servo's own inverse 0.286 mm."""
     path = ac.Path.polyline([CORNER, (0.5, 0.08, 0.2)]).oriented(DOWN)
     plan = ac.plan(path, light, LIMITS, smoothing=[0.02])
     assert contour_error(light, path, plan)[0] < 0.001
@@ -124,7 +120,7 @@ def test_the_joints_do_at_t_what_the_plan_says_at_t(heavy):
         assert dead == 0.0 or off(heavy, servo, plant=strong(heavy)) > 1e-4, servo
 
 
-def test_means_of_the_interpolated_command_are_those_of_the_exact_one(heavy):
+def test_means_of_the_command_are_those_of_the_exact_one(heavy):
     """Means weighted by a triangle about every set-point, from sums over dense times.
 
     Simpson's rule is exact for lines only; of a cubic it leaves a share.
@@ -145,9 +141,6 @@ def test_means_of_the_interpolated_command_are_those_of_the_exact_one(heavy):
             assert gap < 2e-5
             # Which set-points at the exact command's values do not have.
             assert k != 5 or gap < left * np.abs(points - taught.q[k]).max()
-
-
-def test_held_set_points_are_means_over_their_intervals(heavy):
     servo = SERVO.replace(interpolation="step").for_joints(6)
     taught = compensate(SWING, heavy, servo, period=0.02)
     drives = Drives(arm=heavy, servo=servo)
@@ -229,9 +222,6 @@ def test_refused(light, refuses):
         (partial(compensate, plan, rods), "masses of the arm rods"),
     ):
         refuses(call, ac.InvalidInput, words)
-
-
-def test_other_methods_do_not_use_the_arm(light):
     for method in ("none", "inverse", "pole_placement"):
         first, second = (ac.compensate(SWING, SERVO, method=method, arm=x).q for x in (None, light))
         np.testing.assert_array_equal(first, second)

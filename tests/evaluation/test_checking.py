@@ -159,7 +159,7 @@ def test_the_tool_on_a_circle(arm):
         assert use.name == "centripetal_acceleration", names
 
 
-def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm):
+def test_lines_and_rests_have_no_centripetal_acceleration(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.35, 0.20)])
     t = np.linspace(0, 1, 501)
     s, ds = 0.1 * t**2, 0.2 * t
@@ -172,9 +172,6 @@ def test_speeding_up_on_a_line_is_no_centripetal_acceleration(arm):
         assert not found.violated, found.worst
         assert found["centripetal_acceleration"].certain < 1e-3
         assert found["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
-
-
-def test_where_the_tool_stands_no_centripetal_acceleration_is_defined(arm):
     still = np.zeros((3, 2))
     log = SimpleNamespace(t=[0.0, 1.0, 2.0], q=[[0.3, 0.9]] * 3, dq=still, ddq=still)
     found = ac.check(log, arm, ac.Limits(centripetal_acceleration=0.09, speed=1.0))
@@ -194,14 +191,11 @@ def test_the_distance_from_a_path(arm):
     assert not ac.check(log, arm, ac.Limits(), path).violated
 
 
-def test_a_law_is_judged_on_both_sides_of_its_breaks(arm):
+def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
     """A lap of a nanosecond with too much acceleration hides from any sampling."""
     hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
     found = ac.check(hidden, arm, ac.Limits(joint_acceleration=0.1))
     assert found["joint_acceleration"].ratio == pytest.approx(50)
-
-
-def test_jumps_of_a_law(arm):
     law = LapLaw(
         breaks=np.array([0.0, 1.0, 2.0]),
         q=np.array([[0.3, 0.9], [0.4, 0.9], [0.5, 0.9]]),
@@ -258,7 +252,7 @@ def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(k, q, seed):
             assert after[name].ratio == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
-def test_the_three_verdicts(arm):
+def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
     """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
     log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
     for limit, digit, verdict in (
@@ -277,9 +271,6 @@ def test_the_three_verdicts(arm):
         assert found["joint_velocity"].verdict == found.verdict == verdict, (limit, digit)
         assert found.violated is (verdict == "violated")
         assert found["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
-
-
-def test_the_worst_verdict_on_a_limit_is_that_on_all(arm):
     log = SimpleNamespace(t=np.arange(4.0), q=[[0.0, 0.9], [0.1, 0.9], [0.0, 0.9], [0.1, 0.9]])
     coarse = {"q": 0.05}
     kept = {"joint_velocity": 1.0}
@@ -294,6 +285,11 @@ def test_the_worst_verdict_on_a_limit_is_that_on_all(arm):
         ({"joint_torque": 1.0}, "cannot tell"),
     ):
         assert ac.check(log, arm, ac.Limits(**limits), resolution=coarse).verdict == verdict
+    log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
+    for limit, verdict in ((1e-30, "violated"), (1e-20, "violated"), (1e12, "kept")):
+        limits = ac.Limits(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
+        assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict
+        assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
 
 
 def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(arm):
@@ -323,14 +319,6 @@ def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
     tally = Tally(arm, ac.Limits(joint_velocity=1.0), None, None)
     tally.offer("speed", np.zeros(1), np.array([np.inf]), 1.0, np.zeros((1, 2)), np.inf)
     assert tally.uses(1e-9)[0].verdict == "cannot tell"
-
-
-def test_a_limit_of_any_size(arm):
-    log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
-    for limit, verdict in ((1e-30, "violated"), (1e-20, "violated"), (1e12, "kept")):
-        limits = ac.Limits(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
-        assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict
-        assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
 
 
 def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm):

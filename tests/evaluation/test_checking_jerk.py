@@ -99,24 +99,19 @@ def test_a_jump_of_acceleration_is_found_with_its_place():
         assert (tool.value, tool.t) == pytest.approx((np.linalg.norm(jump), place))
 
 
-def test_a_law_that_starts_and_ends_in_motion_may_have_any_acceleration_there():
+def test_laws_that_start_in_motion_jump_or_have_no_third_derivative():
     def part(t, order=0, *, side="right"):
         return SMOOTH(t, order, side=side)
 
     part.breaks, part.duration = SMOOTH.breaks[1:-1], 0.0
     assert np.abs(part(part.breaks, 2)).min() > 0.4
     assert ac.check(part, ARM, LIMITS).verdict == "kept"
-
-
-def test_plans_that_know_no_jerk_jump():
     path = ac.JointPath.spline([START, START + [0.5, -0.2]])
     planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=2.0))
     use = ac.check(planned, ARM, ac.Limits(joint_jerk=[np.inf, 5.0]))["acceleration_step"]
     # From 0.8 to -0.8 in the middle.
     assert (use.value, use.joint, use.t) == pytest.approx((1.6, 2, planned.duration / 2))
 
-
-def test_a_law_without_a_third_derivative_is_not_judged():
     class Older(Phases):
         def __call__(self, t, order=0, *, side="right"):
             if order > 2:
@@ -216,7 +211,7 @@ def test_the_tools_jerk_is_bounded_from_below():
         assert found.joint is None
 
 
-def test_digits_are_forgiven_and_no_more():
+def test_digits_are_forgiven_and_few_samples_say_little():
     log = sampled(SMOOTH, times(1e-3), ["q"])
     log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
     found = ac.check(log, ARM, LIMITS)
@@ -226,10 +221,6 @@ def test_digits_are_forgiven_and_no_more():
     assert ac.check(log, ARM, LIMITS, resolution={"q": 0.0}).violated
     tight = ac.Limits(joint_jerk=np.array([JERK, 2.0]) / 1.2)
     assert ac.check(log, ARM, tight)["joint_jerk"].verdict == "violated"
-
-
-def test_few_samples_say_little():
-    """From rest to rest in one interval: 6 (v0 + v1 - 2 d / T) / T²."""
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=np.zeros((2, 2)))
     found = ac.check(log, ARM, ac.Limits(joint_jerk=1.0))["joint_jerk"]
     assert (found.value, found.joint, found.t) == pytest.approx((1.2, 1, 0.5))

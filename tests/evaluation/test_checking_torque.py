@@ -61,21 +61,15 @@ def test_dry_friction_at_rest_helps(robot):
     assert found["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
 
 
-def test_printed_digits_leave_torque_in_doubt(planned, robot):
+def test_torque_is_judged_as_far_as_digits_columns_and_masses_allow(planned, robot, arm, mac):
     limits = robot.limits
     coarse = {"q": 1e-3, "dq": 1e-2, "ddq": 1.0}
     exact = ac.check(sampled(planned), robot, limits)["joint_torque"]
     found = ac.check(sampled(planned), robot, limits, resolution=coarse)["joint_torque"]
     assert exact.slack < 1e-9 < 1e-3 < found.slack
-
-
-def test_torque_needs_velocities_and_accelerations(planned, robot):
     for missing in ("dq", "ddq"):
         found = ac.check(sampled(planned, **{missing: True}), robot, robot.limits)
         assert "joint_torque" in found.not_judged and "joint_lower" not in found.not_judged
-
-
-def test_what_is_not_known_is_not_judged(planned, robot, arm, mac):
     chain = robot.chain.replace(masses=None, centers=None, inertias=None)
     bare = SerialArm(name="bare", chain=chain, limits=robot.limits)
     assert ac.check(planned, bare).not_judged == ("joint_torque",)

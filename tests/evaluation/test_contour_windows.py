@@ -33,7 +33,7 @@ def planned():
     return ac.plan(PROGRAM, ARM, LIMITS)
 
 
-def test_samples_keep_to_a_program(planned):
+def test_samples_and_trajectories_keep_to_a_program_but_in_rapids(planned):
     found = ac.check(planned.sample(4e-3), ARM, LIMITS, PROGRAM, deviation=1e-4)
     assert found.verdict == "kept"
     assert found.path_deviation is not None and found.path_deviation.distance < 1e-6
@@ -44,6 +44,9 @@ def test_samples_keep_to_a_program(planned):
     ).max()
     assert fastest > 1.5 * 0.05
     assert found["speed"].ratio == pytest.approx(1.0, abs=1e-3)
+    found = ac.check(planned, ARM, LIMITS, PROGRAM, deviation=1e-6, points=3)
+    assert found.verdict == "kept"
+    assert found.path_deviation is not None and found.path_deviation.distance < 1e-7
 
 
 @pytest.mark.parametrize("contour", [0, 1, 2])
@@ -73,12 +76,6 @@ def test_a_rapid_may_go_anywhere(planned):
     moved = Log(samples.t, q)
     found = ac.check(moved, ARM, LIMITS.replace(joint_acceleration=None), PROGRAM, deviation=1e-4)
     assert found.verdict == "kept"
-
-
-def test_a_trajectory_is_compared_with_its_program(planned):
-    found = ac.check(planned, ARM, LIMITS, PROGRAM, deviation=1e-6, points=3)
-    assert found.verdict == "kept"
-    assert found.path_deviation is not None and found.path_deviation.distance < 1e-7
 
 
 def test_what_does_not_follow_a_program_is_refused(planned, refuses):

@@ -38,7 +38,7 @@ T = np.linspace(0, 2, 201)
 ALONG = np.stack([0.3 + 0.1 * T / 2, np.full_like(T, 0.2)], axis=1)
 
 
-def test_on_the_path_the_contour_error_is_zero(arm):
+def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm):
     found = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
     assert found.contour_error.max < 1e-15 and found.objective_error.max < 1e-15
     assert found.tracking_error.max < 1e-15
@@ -51,9 +51,6 @@ def test_on_the_path_the_contour_error_is_zero(arm):
     assert (error.t_max, error.s_max) == pytest.approx((1.3, 0.065))
     # Without an objective there are no corners.
     assert found.objective_error is None and found.objective_missed is None and found.corners == ()
-
-
-def test_delay_along_the_path_is_tracking_but_not_contour_error(arm):
     late = np.clip(ALONG[:, :1] - 0.01, 0.3, None)
     tool = np.concatenate([late, ALONG[:, 1:]], axis=1)
     found = ac.evaluate(by_hand(arm, T, tool, planned=ALONG), LINE)
@@ -63,16 +60,13 @@ def test_delay_along_the_path_is_tracking_but_not_contour_error(arm):
     assert found.tracking_error.rms == pytest.approx(expected, rel=1e-6)
 
 
-def test_errors_are_weighted_by_time(arm):
+def test_errors_are_weighted_by_time_until_a_given_one(arm):
     # The tool stands 1 mm off for most of the time, with few samples; and on it with many.
     t = np.concatenate([np.linspace(0, 0.1, 101), [10.0]])
     tool = np.tile((0.3, 0.2), (102, 1))
     tool[-2:] += (0, 1e-3)
     found = ac.evaluate(by_hand(arm, t, tool), LINE, until=10.0).contour_error
     assert found.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
-
-
-def test_until(arm):
     off = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
     for until in (0.5, 2.0, 8.0):
         found = ac.evaluate(by_hand(arm, T, off), LINE, until=until)
@@ -83,7 +77,7 @@ def test_until(arm):
         assert error.rms == pytest.approx(expected, rel=1e-3)
 
 
-def test_settled_is_when_the_tool_stays_slow(arm):
+def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_then(arm):
     # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
     speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
     x = 0.3 + np.concatenate([[0], np.cumsum(speed[1:] * np.diff(T))])
@@ -94,9 +88,6 @@ def test_settled_is_when_the_tool_stays_slow(arm):
     # Without motion it is settled from the start.
     found = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
     assert found.settled == 0.0 and found.speed < 1e-12
-
-
-def test_by_default_errors_are_covered_until_the_tool_rests(arm):
     done = by_hand(arm, T, ALONG)
     law = LapLaw(breaks=np.array([0.0, 0.5]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1])
     short = ac.Trajectory(laws=(law,), method="hand")
@@ -121,7 +112,7 @@ def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_t
     assert given.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
 
-def test_ratios_to_the_limits(arm):
+def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[50] = (1.44, -0.36)
     done = by_hand(arm, T, ALONG, demand)
@@ -136,6 +127,15 @@ def test_ratios_to_the_limits(arm):
     assert np.isnan(free.speed_ratio)
     by_arm = ac.evaluate(done, LINE)
     np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
+    demand = np.zeros((len(T), 2))
+    demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
+    executed = by_hand(arm, T, ALONG, demand=demand)
+    both = ac.Limits(joint_acceleration=1.0)
+    assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
+    weak = both.replace(joint_deceleration=[0.5, 2.0])
+    found = ac.evaluate(executed, LINE, limits=weak)
+    np.testing.assert_allclose(found.demand_ratio, [1.2, 0.3])
+    np.testing.assert_array_equal(found.demand, [0.9, 0.6])
 
 
 def test_moving_arm_and_path_together_changes_nothing(arm):
@@ -202,15 +202,3 @@ def test_a_tool_that_is_turned_is_off_by_that_angle():
     # The tool turned about its own axis, which does not count where only the axis is asked for.
     free = bare.oriented(down, axis_only=True)
     assert ac.evaluate(executed, free).orientation_error.max < 2e-3
-
-
-def test_a_demand_is_counted_in_its_own_direction(arm):
-    demand = np.zeros((len(T), 2))
-    demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
-    executed = by_hand(arm, T, ALONG, demand=demand)
-    both = ac.Limits(joint_acceleration=1.0)
-    assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
-    weak = both.replace(joint_deceleration=[0.5, 2.0])
-    found = ac.evaluate(executed, LINE, limits=weak)
-    np.testing.assert_allclose(found.demand_ratio, [1.2, 0.3])
-    np.testing.assert_array_equal(found.demand, [0.9, 0.6])

@@ -201,7 +201,7 @@ def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
             assert ac.evaluate(cut, path).contour_error.max <= most * (1 + AGREE), (kv, part)
 
 
-def test_of_another_plant_nothing_is_believed():
+def test_of_another_plant_nothing_is_believed_and_peaks_do_not_count_for_the_mean():
     arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
     coarse, _ = executions(trajectory, plant, 4e-3, "none", 1e-3)
@@ -212,11 +212,6 @@ def test_of_another_plant_nothing_is_believed():
     assert changed.contour_error.max == plain.contour_error.max
     # Of a log only the samples are known.
     assert plain.objective_error.max == pytest.approx(largest(coarse, objective), rel=1e-12)
-
-
-def test_a_peak_does_not_count_for_the_mean():
-    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
-    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
     coarse, _ = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
     plain = replace(coarse, plant=None)
     known, sampled = (

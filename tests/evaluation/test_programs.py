@@ -138,11 +138,19 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
         assert [x.max for x in found.contours] == [found.contour_error.max]
 
 
-def test_the_objective_gives_corners_of_every_contour(execution, program, objective):
+def test_the_objective_gives_corners_and_short_contours_are_judged_too(
+    execution, program, objective
+):
     found = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
     assert found.objective_error is not None
     assert len(found.corners) == 5  # four of the square, which begins on a side, and one
     assert found.objective_error.max >= found.contour_error.max * 0.5
+    dot = Path.polyline([[0.3, 0.2], [0.3, 0.2 + 1e-6]])
+    moves = (Contour(path=dot), Rapid(), Contour(path=BEND))
+    program = Program(moves=moves)
+    found = ac.evaluate(executed(program), program, limits=LIMITS)
+    assert len(found.contours) == 2
+    assert np.isfinite([x.rms for x in found.contours]).all()
 
 
 def test_a_rapid_is_not_judged_by_limits_of_the_tool():
@@ -187,12 +195,3 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     planned, whole = plain.taught.trajectory, Program(moves=(Contour(path=BEND),))
     found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
     assert found[0] == found[1]
-
-
-def test_a_contour_shorter_than_an_interval_is_judged_too():
-    dot = Path.polyline([[0.3, 0.2], [0.3, 0.2 + 1e-6]])
-    moves = (Contour(path=dot), Rapid(), Contour(path=BEND))
-    program = Program(moves=moves)
-    found = ac.evaluate(executed(program), program, limits=LIMITS)
-    assert len(found.contours) == 2
-    assert np.isfinite([x.rms for x in found.contours]).all()

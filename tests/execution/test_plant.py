@@ -1,6 +1,5 @@
 """What holds of every plant of the package: once made, it does not change."""
 
-import inspect
 from dataclasses import FrozenInstanceError
 
 import pytest
@@ -27,22 +26,6 @@ class Noted(ac.ServoPlant):
     def __init__(self, arm, servo, note):
         super().__init__(arm, servo)
         self.note = note
-
-
-def test_nothing_of_a_plant_can_be_set(arm):
-    for plant, arrays in (
-        (ac.ServoPlant(arm, SERVO), ("lower", "acceleration")),
-        (ac.ServoPlant(arm, SERVO, saturation="none"), ("acceleration",)),
-        (ac.RigidBodyPlant(arm, SERVO), ("reference", "nominal_inertia", "torque_limit")),
-    ):
-        for name in (*arrays, "arm", "servo"):
-            with pytest.raises(FrozenInstanceError, match=f"^The {name} of a .*: make another one"):
-                setattr(plant, name, None)
-        for name in arrays:
-            with pytest.raises(ValueError, match="read-only"):
-                getattr(plant, name)[0] = 1.0
-    names = list(inspect.signature(ac.ServoPlant).parameters)
-    assert names == ["arm", "servo", "limits", "saturation"]
 
 
 def test_users_make_plants_of_their_own(arm):

@@ -59,7 +59,6 @@ def line(start, end, **demand):
 
 
 def arc(start, center, angle, **values):
-    """An arc."""
     return ac.Arc(start=start, center=center, angle=angle, **values)
 
 

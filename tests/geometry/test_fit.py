@@ -165,7 +165,7 @@ def test_rational_splines_whose_weights_differ_by_thousands(seed):
     assert path.turns.max() < 1e-9 and len(path) < 400
 
 
-def test_a_line_that_goes_on_as_an_arc_is_two_segments():
+def test_corners_at_breaks_and_lines_that_go_on_as_arcs():
     def curve(t, order):
         u = t - 1
         before = [t, 0 * t] if order == 0 else [1 + 0 * t, 0 * t]
@@ -175,8 +175,6 @@ def test_a_line_that_goes_on_as_an_arc_is_two_segments():
     path = judged(curve, [0, 1, 2], 1e-5)
     np.testing.assert_allclose(path.curvatures, [0, 1], atol=1e-12)
 
-
-def test_a_corner_at_a_break_stays_and_the_derivative_may_jump_there():
     def curve(t, order):
         u = t - 0.5
         return np.column_stack([t, np.abs(u)] if order == 0 else [1 + 0 * t, np.sign(u)])
@@ -209,7 +207,7 @@ def test_ends_of_closed_curves_cusps_and_curves_that_stand_still():
     assert len(fitted(ellipse(0.05, 0.025), np.arange(5) * QUARTER, 1e-5)) <= 56
 
 
-def test_many_breaks_at_one_place_are_no_gap():
+def test_many_breaks_at_one_place_and_thousands_of_intervals():
     def curve(t, order):
         # It waits at (1, 0) from 1 to 2, but for steps of less than a nanometre.
         wait = np.clip(t - 1, 0, 1)
@@ -219,6 +217,10 @@ def test_many_breaks_at_one_place_are_no_gap():
 
     path = fitted(curve, np.concatenate([[0], np.linspace(1, 2, 50), [3]]), 1e-5)
     assert path.length == pytest.approx(2, abs=1e-8) and len(path) <= 4
+    t = np.arange(4001.0)
+    spline = CubicSpline(t, np.column_stack([np.cos(t / 100), np.sin(t / 76)]))
+    path = fitted(lambda x, order: spline(x, order), t, 1e-5)
+    assert len(path) <= 8002 and path.turns.max() < 1e-9
 
 
 def test_what_is_no_curve_is_refused(monkeypatch):
@@ -234,10 +236,3 @@ def test_what_is_no_curve_is_refused(monkeypatch):
     )
     monkeypatch.setattr("armcontour.geometry.fit.MOST_INTERVALS", 100)
     refused((lambda: fitted(ellipse(1, 0.5), [0, 6], 1e-8), "more than 200 arcs", "1e-08 m"))
-
-
-def test_thousands_of_intervals():
-    t = np.arange(4001.0)
-    spline = CubicSpline(t, np.column_stack([np.cos(t / 100), np.sin(t / 76)]))
-    path = fitted(lambda x, order: spline(x, order), t, 1e-5)
-    assert len(path) <= 8002 and path.turns.max() < 1e-9

@@ -1,15 +1,18 @@
-"""Tool orientation along a path: its rates by differences, where it stops, and what is refused."""
+"""Tool orientation along a path: rates, stops, blends, smoothing and refusals."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.frames import exp, log
+from armcontour.frames import angle_between, exp, log
 from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.smooth_axes import smooth_axes
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = np.array([(0.0, 0, 0), (0.1, 0, 0), (0.1, 0.2, 0), (0.2, 0.2, 0.1), (0.3, 0.1, 0.1)])
@@ -69,17 +72,6 @@ def test_rates_are_the_derivatives_of_the_rotations(name):
     np.testing.assert_allclose(numeric, change, atol=1e-5 * (1 + np.abs(change).max()))
 
 
-@each("name", ["rounded", "following"])
-def test_a_rounded_orientation_and_its_rate_are_continuous(name):
-    orientation = PIECES[name]
-    assert len(orientation) > 6
-    inner = orientation.breaks[1:-1]
-    assert angles(orientation(inner), orientation(inner, side="left")).max() < 1e-12
-    right, left = (orientation.rates(inner, side=side)[0] for side in ("right", "left"))
-    np.testing.assert_allclose(right, left, atol=1e-9 * np.abs(right).max())
-    assert len(orientation.stops) == 0
-
-
 def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
     given = turns(5)
     orientation = PATH.oriented(given).orientation
@@ -116,7 +108,7 @@ def test_the_tool_stops_where_its_rate_of_turning_jumps():
     assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
-def test_a_jump_is_told_as_an_angle():
+def test_a_jump_is_an_angle_and_repeated_points_take_one_orientation_each():
     last = exp([0, 0, 3.0])
     starts = np.stack([np.eye(3), last, exp([1e-7, 0, 0]) @ last])
     sharp = Orientation.even(np.ones(3), starts, np.zeros((3, 3)))
@@ -125,9 +117,6 @@ def test_a_jump_is_told_as_an_angle():
     tilted = exp(np.array([[0, 0, 0.0], [0.3, 0, 0]]))
     free = Orientation.even(np.ones(2), tilted, np.zeros((2, 3)), axis_only=True)
     np.testing.assert_allclose(free.jumps, [0.3])
-
-
-def test_repeated_points_take_one_orientation_each():
     given = turns(4)
     given[2] = given[1]
     path = ac.Path.polyline(REPEATED)
@@ -204,7 +193,7 @@ def test_pointing_points_and_keeps_from_spinning():
     assert len(one.stops) == 0
 
 
-def test_a_tool_that_follows_keeps_its_angle_to_the_tangent():
+def test_a_tool_that_follows_keeps_its_angle_to_the_tangent_and_does_not_turn_about_it():
     bend = arc((0.2, 0, 0), (0.2, 0.1, 0), 2.0, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.2, 0, 0)), bend)
     tool, s = turns(1)[0], np.linspace(0, path.length, 301)
@@ -214,9 +203,6 @@ def test_a_tool_that_follows_keeps_its_angle_to_the_tangent():
     for rotation, x, z, up in ((held, tool[0], tool[2], 1), (by_default, (1, 0, 0), (0, 0, 1), -1)):
         np.testing.assert_allclose(rotation @ x, path(s, 1), atol=1e-14)
         np.testing.assert_allclose(rotation @ z, np.tile([0, 0, up], (301, 1)), atol=1e-14)
-
-
-def test_a_tool_that_follows_does_not_turn_about_the_tangent():
     # Round three quarters of a cube's corner it comes back turned, as it is carried, not steered.
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1)]
     path = ac.Path.polyline(points).following_tangent([0, 0, 1])
@@ -247,3 +233,57 @@ def test_a_tool_held_in_one_way_is_constant_and_one_held_in_two_ways_jumps(axis_
     assert one.constant and not one.jumps.any()
     assert two.fixed and not two.constant
     assert two.jumps[0] == 0.0 and (two.jumps[1:] > 0.1).all()
+
+
+def ring(n, noise, *, closed=True, seed=1):
+    """Points of a circle, or of nearly one, with tilted axes: true ones and ones with errors."""
+    rng = np.random.default_rng(seed)
+    turn = np.linspace(0, 2 * np.pi if closed else 6.0, n)
+    points = 0.1 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    true = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn - 1], axis=1)
+    axes = true + rng.normal(scale=noise, size=true.shape)
+    if closed:
+        points[-1], axes[-1] = points[0], axes[0]
+    return points, *(x / np.linalg.norm(x, axis=1)[:, None] for x in (true, axes))
+
+
+def bends(axes):
+    return np.sqrt((np.diff(axes, 2, axis=0) ** 2).sum(axis=1).mean())
+
+
+@each("closed", [True, False])
+def test_errors_go_and_turns_stay(closed):
+    points, true, axes = ring(400, 3e-3, closed=closed)
+    largest = angle_between(axes, true).max()
+    found = smooth_axes(points, axes, largest)
+    assert angle_between(found, axes).max() <= largest
+    # The true axes are among those that are allowed, so that the smoothest bend no more.
+    assert bends(found) < 1.05 * bends(true) < 0.1 * bends(axes)
+    if closed:
+        np.testing.assert_array_equal(found[0], found[-1])
+        before, after = found[-1] - found[-2], found[1] - found[0]
+        assert np.linalg.norm(after - before) < 3 * bends(true)
+
+
+@given(
+    st.integers(3, 60), st.floats(0.0, 0.3), st.floats(1e-4, 0.5), st.booleans(), st.integers(0, 99)
+)
+@settings(max_examples=20)
+def test_no_axis_turns_by_more_than_the_angle(n, noise, tolerance, closed, seed):
+    points, _, axes = ring(max(n, 5) if closed else n, noise, closed=closed, seed=seed)
+    # Rows at uneven distances.
+    points[1] += 0.9 * (points[2] - points[1])
+    found = smooth_axes(points, axes, tolerance)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=1e-12)
+    assert angle_between(found, axes).max() <= tolerance
+
+
+def test_what_is_not_to_be_smoothed_is_kept():
+    points, true, axes = ring(20, 0.0)
+    for few, tolerance in ((2, 0.1), (20, 0.0)):
+        found = smooth_axes(points[:few], true[:few], tolerance)
+        np.testing.assert_allclose(found, true[:few], atol=1e-15)
+    refused(
+        (lambda: smooth_axes(np.zeros((20, 3)), axes, 0.1), "points that differ"),
+        (lambda: smooth_axes(points, 0 * axes, 0.1), "with a length"),
+    )

@@ -1,15 +1,20 @@
-"""Paths: evaluation against independent formulas, two-sidedness, what they merge and refuse."""
+"""Paths, their segments and arcs: evaluation by formulas, what is merged and refused."""
 
 import dataclasses
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
+from armcontour.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
+from armcontour.geometry.cutting import join_paths
+from armcontour.geometry.placing import lift_path, place_path
 
 R = 0.3
 NORMAL = np.array([1.0, -2.0, 0.5])
@@ -246,13 +251,147 @@ def test_segments_demands_and_columns_that_do_not_fit_are_refused():
     refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
 
 
-def test_a_path_is_frozen_and_owns_its_arrays():
-    lengths = np.ones(1)
-    path = path_with(lengths=lengths)
-    lengths[0] = 7.0
-    assert path.lengths[0] == 1.0
-    for name in ("starts", "tangents", "lengths", "breaks", "speeds"):
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(path, name)[0] = 2.0
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        path.lengths = lengths
+ROUNDED = ac.round_corners(ac.Path.polyline([(0, 0), (1, 0), (1, 2), (3, 3)]), tolerance=0.1)
+
+
+def gapped(gap):
+    """Two lines with a gap between them, in the direction of y."""
+    lines = Segments.lines(np.array([(0.0, 0), (1, 0), (2, 0)]))
+    return dataclasses.replace(lines, starts=lines.starts + np.array([(0, 0), (0, gap)]))
+
+
+def test_a_path_of_checked_segments_shares_them():
+    path = lift_path(ROUNDED)
+    others = path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))
+    for other in (*others, dataclasses.replace(path, merged=(1,))):
+        assert other.segments is path.segments
+    queries = np.random.default_rng(0).normal(size=(50, 3))
+    plain, held = path.project(queries), others[0].project(queries)
+    np.testing.assert_array_equal(plain.s, held.s)
+    np.testing.assert_array_equal(plain.distance, held.distance)
+
+
+def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
+    near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
+    assert place_path(near, Frame(position=[1, 2, 3])).length == 2
+    away, n = place_path(ROUNDED, Frame(position=[9, 9, 0])), len(ROUNDED)
+    refused(
+        (lambda: place_path(near, Frame(), scale=10), "Segment 2", {"index": 1}),
+        (lambda: place_path(ROUNDED, far), "must be continuous"),
+        (lambda: join_paths([ROUNDED, away]), f"Segment {n + 1}", {"index": n}),
+    )
+
+
+def test_segments_run_backwards_are_the_same_points():
+    table = ROUNDED.segments
+    n = len(table)
+    back = table.run(np.arange(n), np.arange(n) % 2 == 0)
+    share = np.linspace(0, 1, 9)[:, None] * table.lengths
+    every = np.broadcast_to(np.arange(n), share.shape)
+    turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
+    np.testing.assert_allclose(back.at(every, turned), table.at(every, share), atol=1e-13)
+
+
+@each("dimension", [2, 3])
+def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
+    rng = np.random.default_rng(dimension)
+    for _ in range(30):
+        arcs = []
+        start = rng.normal(size=dimension)
+        for _ in range(4):
+            center = start + rng.normal(size=dimension)
+            normal = np.cross(center - start, rng.normal(size=3)) if dimension == 3 else None
+            arcs.append(arc(start, center, rng.uniform(0.1, 6.2), normal=normal))
+            start = path_of(arcs[-1]).vertices[-1]
+        path = path_of(*arcs)
+        low, high = path.segments.extent
+        points = path(np.union1d(np.linspace(0, path.length, 20_000), path.breaks))
+        assert (points >= low - 1e-12).all() and (points <= high + 1e-12).all()
+        # A chord of 1/20000 of the length is off by less than its square over eight radii.
+        np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1e-5)
+
+
+def test_nothing_is_left_of_a_transition_that_is_cut_at_both_ends():
+    path = ac.round_corners(
+        ac.Path.polyline([(0, 0), (1, 0), (1, 2)]), tolerance=0.1, continuity="curvature"
+    )
+    rows = path.segments
+    (bent,) = np.nonzero(rows.bent)
+    middle = rows.lengths[bent] / 2
+    cut = rows.cut(bent, middle, middle)
+    assert len(bent) and (cut.lengths == 0).all() and (cut.curvatures == 0).all()
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.sampled_from([2, 3]),
+    first=st.floats(0.05, 6.2),
+    share=st.floats(0.05, 0.95),
+)
+def test_an_arc_through_three_points(seed, dimension, first, share):
+    rng = np.random.default_rng(seed)
+    radius, side = 10.0 ** rng.uniform(-2, 1), rng.choice([-1.0, 1.0])
+    phases = rng.uniform(0, 2 * np.pi) + side * np.array([0.0, share * first, first])
+    points = np.zeros((3, 3))
+    points[:, :2] = radius * np.column_stack([np.cos(phases), np.sin(phases)])
+    if dimension == 3:
+        points = points @ exp(rng.normal(size=3)).T
+    points = points[:, :dimension] + rng.normal(size=dimension)
+    path = path_of(ac.Arc.through(*points))
+    assert path.length == pytest.approx(radius * first, rel=1e-9)
+    assert path.curvatures[0] == pytest.approx(1 / radius, rel=1e-9)
+    at = path(np.array([0, share, 1]) * path.length)
+    np.testing.assert_allclose(at, points, atol=1e-9 * (1 + radius))
+
+
+def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends():
+    a, b, c = points = np.array([(0.1, 0.2, 0.3), (0.4, 0.1, 0.5), (0.2, 0.6, 0.4)])
+    # Its centre by linear equations.
+    normal = np.cross(b - a, c - a)
+    right = [(b @ b - a @ a) / 2, (c @ c - a @ a) / 2, normal @ a]
+    center = np.linalg.solve(np.array([b - a, c - a, normal]), right)
+    arc = ac.Arc.through(*points)
+    np.testing.assert_allclose(arc.center, center, atol=1e-12)
+    path = path_of(arc)
+    off = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
+    np.testing.assert_allclose(off, np.linalg.norm(a - center), rtol=1e-12)
+    # A sagitta of a micrometre on a metre.
+    path = path_of(ac.Arc.through((0, 0), (0.5, 1e-6), (1, 0)))
+    np.testing.assert_allclose(path(path.length), (1, 0), atol=1e-9)
+    assert path.curvatures[0] == pytest.approx(8e-6, rel=1e-5)
+
+
+def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():
+    on_a_line = (
+        [(0, 0), (1, 0), (2, 0)],
+        [(0, 0, 0), (1, 1, 1), (2, 2, 2)],
+        [(0, 0), (2, 0), (1, 0)],
+        [(0, 0), (0, 0), (1, 1)],
+        [(0, 0), (1, 1), (1, 1)],
+        [(0, 0), (0, 0), (0, 0)],
+        [(0, 0), (0.5, 1e-14), (1, 0)],
+        [(0, 0, 0), (1, 0, 0), (0, 0, 0)],
+    )
+    refused(*((lambda x=x: ac.Arc.through(*x), "lie on one line") for x in on_a_line))
+
+    def circle(normal):
+        return lambda: path_of(ac.Arc.circle((1, 0, 0), (0, 0, 0), normal=normal))
+
+    refused(
+        (lambda: ac.Arc.through((0, 0), (1, 0, 0), (1, 1)), "all have 2 or all have 3"),
+        (lambda: ac.Arc.through((0,), (1,), (2,)), "all have 2 or all have 3"),
+        (lambda: ac.Arc.through((0, 0), (np.nan, 0), (1, 1)), "via point", "finite"),
+        (circle(None), "needs its normal"),
+        (circle((1, 0, 0)), "right angles to its radius"),
+    )
+
+
+def test_full_circles():
+    through = path_of(ac.Arc.through((0, 0), (2, 0), (0, 0)))
+    flat = path_of(ac.Arc.circle((1, 0), (0, 0)))
+    upright = path_of(ac.Arc.circle((1, 0, 5), (0, 0, 5), normal=(0, -2, 0)))
+    quarter = (flat, 0.25, (0, 1)), (upright, 0.25, (0, 0, 6))
+    for path, share, point in ((through, 0.5, (2, 0)), *quarter):
+        assert path.length == pytest.approx(2 * np.pi)
+        np.testing.assert_allclose(path(share * path.length), point, atol=1e-12)
+        np.testing.assert_allclose(path(path.length), path(0.0), atol=1e-12)

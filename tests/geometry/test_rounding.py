@@ -46,7 +46,7 @@ def test_case_one_is_the_smallest_radius_13_and_error_14(turn):
     assert rounded.corners.speed[0] == pytest.approx(v, rel=1e-12)
 
 
-def test_with_both_cases_the_tolerance_caps_case_one():
+def test_both_cases_are_capped_by_the_tolerance_and_tiny_turns_keep_their_digits():
     path, case_one = corner(np.pi / 2), {"speed": 0.3, "acceleration": 0.09}
     free = ac.round_corners(path, **case_one).corners
     capped = ac.round_corners(path, **case_one, tolerance=0.01).corners
@@ -54,48 +54,18 @@ def test_with_both_cases_the_tolerance_caps_case_one():
     assert capped.error[0] == pytest.approx(0.01)
     loose = ac.round_corners(path, **case_one, tolerance=100.0).corners
     np.testing.assert_array_equal(loose.radius, free.radius)
-
-
-def test_corner_error_of_a_tiny_turn_keeps_its_digits():
     # (10): r (1 - cos h) / cos h is r h² / 2 for small h; printed, it cancels to nothing.
     found = corner_error(np.array([2.0]), np.array([1e-9]))
     assert found[0] == pytest.approx(1e-18, rel=1e-12)
 
 
-@each("sense", [1, -1])
-def test_the_arc_turns_to_the_inside(sense):
-    path = ac.Path.polyline([(-1, 0), (0, 0), (0, sense)])
-    rounded = ac.round_corners(path, tolerance=0.1)
-    r = rounded.corners.radius[0]
-    center = np.array([-r, sense * r])
-    s = np.linspace(rounded.corners.start[0], rounded.corners.end[0], 33)
-    np.testing.assert_allclose(np.linalg.norm(rounded(s) - center, axis=1), r, rtol=1e-12)
-    # (17) as mended, with b from the start of the arc at heading 0.
-    b = (s - s[0]) / r
-    expected = np.stack([-r + r * np.sin(b), sense * r * (1 - np.cos(b))], axis=1)
-    np.testing.assert_allclose(rounded(s), expected, atol=1e-14)
-
-
-def test_the_papers_path_in_space_rounds_the_same():
-    flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
-    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
-    plane = ac.round_corners(ac.Path.polyline(flat), tolerance=5e-3)
-    space = ac.round_corners(ac.Path.polyline(flat @ basis.T), tolerance=5e-3)
-    np.testing.assert_allclose(space.corners.radius, plane.corners.radius, rtol=1e-12)
-    s = np.linspace(0, plane.length, 101)
-    np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
-
-
-def test_one_value_per_joint():
+def test_values_of_joints_and_segments_cap_the_corners():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0, 2)])
     found = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
     np.testing.assert_allclose(found.error, [0.01, 0, 0.02], atol=1e-15)
     np.testing.assert_array_equal(found.stopped, [False, True, False])
     np.testing.assert_array_equal(found.vertex, [1, 2, 3])
     np.testing.assert_array_equal(found.point, [(1, 0), (1, 1), (0, 1)])
-
-
-def test_the_segments_own_tolerance_caps_and_arcs_take_the_lower_speed():
     points = (0, 0), (1, 0), (1, 1), (0, 1)
     values = {"speed": 0.2}, {"speed": 0.1, "tolerance": 2e-3}, {"tolerance": 1e-3}
     lines = (line(a, b, tag="x", **x) for a, b, x in zip(points, points[1:], values, strict=False))
@@ -149,7 +119,7 @@ def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
     np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
 
 
-def test_beside_an_arc_of_a_huge_radius_a_corner_is_that_between_lines():
+def test_beside_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     turn, big = 1.2, 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])
     bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
@@ -159,9 +129,6 @@ def test_beside_an_arc_of_a_huge_radius_a_corner_is_that_between_lines():
         rest = 9.0 if name in ("start", "end") else 0.0
         expected = getattr(straight, name)[0] - rest
         assert getattr(found, name)[0] == pytest.approx(expected, rel=1e-5)
-
-
-def test_beside_an_arc_a_speed_asks_for_the_smallest_blend():
     path, v, a = bridge(), 0.03, 0.09
     found = ac.round_corners(path, speed=v, acceleration=a).corners
     np.testing.assert_allclose(found.radius, v**2 / a, rtol=1e-6)
@@ -261,7 +228,7 @@ def test_arcs_that_leave_the_plane_are_rounded_too():
     assert stopped.reason.tolist() == ["tangent followed out of its plane"]
 
 
-def test_arcs_that_meet_share_their_line():
+def test_arcs_that_meet_share_their_line_and_ends_can_be_used_up():
     # A square zigzag of side 1 with room for tangents of 0.5 only.
     path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
     found = ac.round_corners(path, tolerance=10.0).corners
@@ -273,9 +240,6 @@ def test_arcs_that_meet_share_their_line():
     found = ac.round_corners(path, tolerance=[small, 10.0]).corners
     np.testing.assert_allclose(found.tangent, [0.1, 0.9])
     assert found.shrunk.tolist() == [False, True]
-
-
-def test_the_first_and_last_line_can_be_used_up():
     path = ac.Path.polyline([(-0.3, 0), (0, 0), (0, 9)])
     rounded = ac.round_corners(path, tolerance=10.0)
     np.testing.assert_allclose(rounded.corners.tangent, 0.3)
@@ -284,7 +248,7 @@ def test_the_first_and_last_line_can_be_used_up():
     np.testing.assert_allclose(rounded(0.0, 1), (1, 0), atol=1e-12)
 
 
-def test_round_corners_refuses():
+def test_round_corners_refuses_and_questions_large_tolerances():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1)])
     options = (
         ({}, "tolerance (case II)", "speed and an acceleration (case I)"),
@@ -302,6 +266,9 @@ def test_round_corners_refuses():
         ({"speed": [0.1], "acceleration": 0.1}, "corner speed has 1 values", "2 vertices"),
     )
     refused(*((lambda x=x: ac.round_corners(path, **x), *more) for x, *more in options))
+    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1)])
+    with pytest.warns(UserWarning, match="for 2 mm give 0.002"):
+        ac.round_corners(path, tolerance=2)
 
 
 def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
@@ -329,9 +296,3 @@ def test_a_circle_stays_as_it_is(continuity):
             np.testing.assert_array_equal(found.orientation(s), path.orientation(s))
             assert found.orientation.axis_only == path.orientation.axis_only
     refused((lambda: ac.round_corners(flat, tolerance=-1.0), "corner error tolerance"))
-
-
-def test_a_tolerance_larger_than_the_path_is_questioned():
-    path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1)])
-    with pytest.warns(UserWarning, match="for 2 mm give 0.002"):
-        ac.round_corners(path, tolerance=2)

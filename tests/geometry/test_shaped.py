@@ -1,7 +1,6 @@
 """Shaped paths: the curve that the tool follows, places, and what makes no shaped path."""
 
 import dataclasses
-import pickle
 
 import numpy as np
 import pytest
@@ -93,11 +92,3 @@ def test_places_lead_from_the_objective_to_the_path(shaped):
     back = [[0, 0], [0.1, 0.2], [0.05, 0.25], [1, 1]]
     for places in (scale * [[0, 0], [1, 0.1]], scale * back, [0, 1]):
         refused((lambda x=places: dataclasses.replace(shaped, places=x), "places"))
-
-
-def test_an_outcome_says_what_was_gained():
-    assert OUTCOME.gain == 0.25
-    again = pickle.loads(pickle.dumps(dataclasses.replace(OUTCOME, note="too long")))
-    assert (again.note, again.start, again.durations) == ("too long", "arcs", OUTCOME.durations)
-    with pytest.raises(TypeError):
-        OUTCOME.durations["arcs"] = 0.0

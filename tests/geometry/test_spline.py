@@ -142,13 +142,6 @@ def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
     np.testing.assert_allclose(path.vertices[path.waypoints], flat)
 
 
-def test_thousands_of_points():
-    t = np.linspace(0, 8, 2000)
-    points = np.column_stack([np.cos(t), np.sin(1.3 * t), 0.1 * t])
-    path = ac.Path.spline(points, tolerance=1e-6)
-    assert len(path) < 6000 and path.turns.max() < 1e-12
-
-
 def test_what_makes_no_spline_is_refused():
     options = (
         ([(0, 0)], {}, "at least two different points"),

@@ -71,15 +71,12 @@ def test_units_order_comments_and_columns_that_are_not_needed(separator):
     np.testing.assert_allclose(np.degrees(log.measured[0, 1]), 93)
 
 
-def test_cells_may_be_separated_by_blanks_and_others_may_hold_anything():
+def test_units_cells_and_columns_that_are_not_needed():
     # As the recorder of a UR's RTDE writes its logs.
     log = parse_log(("t,u1,q1" + ROWS).replace(",", "  "))
     np.testing.assert_array_equal(log.command, parse_log("t,u1,q1" + ROWS).command)
     rows = "\n".join(f"{i},{i * 0.1},{i * 0.1},ready,,nan" for i in range(60))
     assert len(parse_log("t,u1,q1,state,load,current\n" + rows).t) == 60
-
-
-def test_units_of_the_documented_names():
     rows = "".join(f"{i},{i},{i + 1}\n" for i in range(60))
     for names in ("t [s],q1_cmd [deg],q1_actual [deg]\n", "t,q1_cmd_deg,q1_actual_deg\n"):
         log = parse_log(names + rows)
@@ -162,15 +159,12 @@ def found(log):
     return identify(log)
 
 
-def test_the_servo_file_is_what_a_job_takes(found):
+def test_the_servo_file_and_the_json(found):
     data = yaml.safe_load(servo_yaml(found))
     assert data["servo"]["order"] == "second" and data["servo"]["interpolation"] == "linear"
     np.testing.assert_allclose(data["servo"]["kp"], [25, 40], rtol=0.02)
     np.testing.assert_allclose(data["servo"]["dead_time"], [12.3e-3, 4e-3], atol=1e-3)
     assert "limits" not in data  # that of the first joint is not known
-
-
-def test_json_has_no_infinities_and_the_report_stands_alone(found):
     data = json.loads(identification_json(found, files=["summary.json"]))
     first, second = (x["parameters"][3] for x in data["joints"])
     assert data["determined"] is True

@@ -138,7 +138,6 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
 
 BAD = r"""
 process: {by_layer: {"": {order: drawn}}} => process.by_layer ... order
-process: {by_layer: {"": {dwell: 1 mm}}} => process.by_layer ... dwell
 process: {by_layer: {"": {passes: null}}} => by_layer ... passes
 path: {file: no.csv} => There is no file ... no.csv
 path: {file: two.step} => two.step ... .dxf
@@ -149,15 +148,11 @@ path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 path: {units: kg} => units ... 'kg'
 path: {unknown: {skip: [M6]}} => is for G-code
-process: {overlap: -1 mm} => process.overlap
-process: {overlap: 1 s} => process.overlap ... 1 s
 process: {lead_in: {length: 0}} => process ... lead
-process: {lead_in: {shape: spiral}} => process.lead_in.shape
 process: {approach: 5 mm} => in the plane
 process: {from_s: 5 m} => 5 m
 process: {begin: [0.3, 0.1, 0.0]} => begin
 process: {events: [{name: x, at: 1 m}]} => x ... contour a
-process: {speed: 1} => process.speed
 runs: {one: {until: 9 s}} => until is for a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of the job has the character U+001B
 title: "x\u202e" => title of the job has the character U+202E

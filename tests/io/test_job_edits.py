@@ -1,16 +1,13 @@
 """Keys of job files are set in their text; the rest stays as it was written."""
 
 import copy
-import json
 from importlib import resources
 
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.io.tables import refusals
 
 from armcontour._yaml import load
-from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import (
     REMOVE,
     Change,
@@ -54,31 +51,6 @@ def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
     found = set_keys("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
     assert found == "corners: {tolerance: 0.001} # so\na: 1\n"
     assert set_keys("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
-
-
-NAMES = st.text("abcd", min_size=1, max_size=3)
-TREES = st.recursive(
-    st.integers() | NAMES,
-    lambda x: st.dictionaries(NAMES, x, max_size=3) | st.lists(x, max_size=2),
-    max_leaves=8,
-)
-
-
-@given(st.dictionaries(NAMES, TREES, min_size=1), st.lists(NAMES, min_size=1, max_size=3), TREES)
-def test_only_the_key_is_changed_in_any_text(data, keys, value):
-    for style in (False, True):
-        text = yaml.safe_dump(data, default_flow_style=style, sort_keys=False)
-        at = wanted = json.loads(json.dumps(data))
-        for key in keys[:-1]:
-            if not isinstance(at.get(key), dict):
-                at[key] = {}
-            at = at[key]
-        at[keys[-1]] = value
-        try:
-            assert load(set_keys(text, {tuple(keys): value}), "") == wanted
-        except InvalidInput as error:
-            # YAML writes equal parts once, by an alias.
-            assert "shared" in str(error) and "*" in text
 
 
 def test_files_are_named_from_another_folder(tmp_path):

@@ -16,9 +16,8 @@ from tests.io.tables import refusals
 from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
-from armcontour.io.cell import cell_data, cell_names, cell_text, read_cell
-from armcontour.io.job_file import job_of
-from armcontour.io.job_model import CellModel, JobModel
+from armcontour.io.cell import cell_names, cell_text
+from armcontour.io.job_model import CellModel
 from armcontour.io.json_text import plain, to_json
 from armcontour.io.keys import Given, Keys, descriptions, read_keys, schema_of
 from armcontour.io.si_data import in_si, quantity_of
@@ -171,17 +170,6 @@ def test_a_key_has_its_quantity():
     }
     found = {x: quantity_of(CellModel, x.split(".")) for x in units}
     assert {x: y and y.unit for x, y in found.items()} == units
-
-
-def test_a_drawing_in_a_cell_is_data_of_a_job(tmp_path):
-    drawing = tmp_path / "line.csv"
-    drawing.write_text("x [mm],y [mm]\n300,200\n330,200\n")
-    data, source, folder = cell_data("pmk3s", drawing)
-    job = job_of(read_keys(Keys(JobModel), data, source), folder, None, False)
-    want = read_cell("pmk3s", drawing)
-    assert (job.name, job.title) == (want.name, want.title) == ("line", job.title)
-    assert job.program.length == want.program.length
-    assert [x.name for x in job.runs] == [x.name for x in want.runs]
 
 
 def test_arrays_are_lists_and_numbers_that_are_not_finite_null():

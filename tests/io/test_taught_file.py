@@ -1,19 +1,25 @@
-"""Taught data that a robot has executed, and files of lessons, which are exact."""
+"""Results as files: taught data, placements and summaries."""
 
 import dataclasses
 import json
+import sys
 import zipfile
 
 import numpy as np
 import pytest
+import yaml
 from soak.corner_job import CORNER_JOB
 from tests.io.tables import refusals
 
-from armcontour.io import parse_job, write_taught
+from armcontour import PlanarTwoLink, load_arm
+from armcontour.io import parse_job, parse_trajectory, write_planned, write_taught, write_torque
 from armcontour.io.exports import export
 from armcontour.io.lesson_file import read_lesson, write_lesson
+from armcontour.io.summary import summary
 from armcontour.io.taught_file import LESSON, read_taught
+from armcontour.jobs import run
 from armcontour.jobs.learning import plan_run
+from armcontour.jobs.quantities import unknown_notes
 from armcontour.learning import LearnedRun, Lesson
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
@@ -179,3 +185,170 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
     (tmp_path / "text.npz").write_text("t,q1\n")
     others = [("no.npz", "There is no file of learning"), ("text.npz", "no file of learning")]
     refusals(lambda x: read_lesson(tmp_path / x, plan.trajectory), others)
+
+
+JOB = yaml.safe_load("""
+name: corner
+arm: {name: ur5e, payload: {mass: 1 kg}}
+path:
+  points: [[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]]
+  orientation: [&a {rpy: [180 deg, 0, 0]}, *a, {rpy: [180 deg, 0, 0.2]}]
+limits: {speed: 0.25, centripetal_acceleration: 1}
+corners: {tolerance: 1 mm, angular_tolerance: 0.05 deg}
+servo: {kp: 25, kv: 150}
+experiment:
+  {runs: [tried], noise: 1.0e-6, seed: 5, payload: {mass: 1.2 kg}, viscous: 0.1 N m s/rad}
+runs: {plain: {compensation: {method: none}}, tried: {}}
+""")
+PLAIN = """
+name: plain
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.40, 0.20]]}
+limits: {speed: 0.1}
+servo: {kp: 25, kv: 150}
+runs: {plain: {}}
+"""
+STOPS = """
+name: stops
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24], [0.36, 0.20]]}
+limits: {speed: 0.15, joint_acceleration: 3}
+servo: {kp: 25, kv: 150}
+runs:
+  round: {corners: {tolerance: 1 mm}}
+  sharp: {}
+  through: {timing: {method: conventional}}
+"""
+
+
+@pytest.fixture(scope="module")
+def study():
+    return run(parse_job(yaml.safe_dump(JOB)))
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    return json.loads(summary(study))
+
+
+def test_the_summary_of_a_study(found, study):
+    arm, plain, tried = found["arm"], found["runs"]["plain"], found["runs"]["tried"]
+    assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
+    assert arm["assumed"] == load_arm("ur5e").chain.assumed
+    for torque in (plain["torque"], tried["experiment"]["torque"]):
+        assert torque["assumed"] == arm["assumed"]
+    for name, result in study.runs.items():
+        start = found["runs"][name]["start"]
+        assert list(start) == list(study.job.arm.joint_names)
+        assert list(start.values()) == result.trajectory(0.0).tolist()
+    torque = plain["torque"]
+    assert torque["limit"] == [150, 150, 150, 28, 28, 28]
+    np.testing.assert_allclose(plain["torque_ratio"], np.divide(torque["peak"], torque["limit"]))
+    peak = np.abs(study.runs["tried"].experiment.execution.torque).max(axis=0)
+    np.testing.assert_array_equal(tried["experiment"]["torque"]["peak"], peak)
+    # How the tool turned.
+    assert tried["angular_speed"] > 0.1
+    assert 0 < tried["orientation_error"]["rms"] < tried["orientation_error"]["max"] < 0.02
+    assert tried["corners"][0]["angular_error"] == pytest.approx(np.radians(0.05), rel=1e-6)
+    units = {x: found["units"][x] for x in ("angular_error", "torque", "start")}
+    assert units == {"angular_error": "rad", "torque": "N m", "start": "rad"}
+
+
+def test_the_experiment_stands_beside_the_servo(found, study):
+    assert "experiment" not in found["runs"]["plain"]
+    experiment = found["runs"]["tried"]["experiment"]
+    result = study.runs["tried"].experiment
+    assert experiment["plant"] == "RigidBodyPlant"
+    assert (experiment["noise"], experiment["seed"]) == (1e-6, 5)
+    assert experiment["contour_error"]["rms"] == result.evaluation.contour_error.rms
+    assert experiment["contour_error"]["rms"] > found["runs"]["tried"]["contour_error"]["rms"]
+    assert experiment["settled"] == result.evaluation.settled
+    known = {"payload": 1.0, "armature": [0.0] * 6, "viscous": [0.0] * 6, "coulomb": [0.0] * 6}
+    rigid = {"joint_stiffness": None, "joint_damping": None}
+    assert experiment["controller"] == known
+    assert experiment["robot"] == {**known, **rigid, "payload": 1.2, "viscous": [0.1] * 6}
+    (note,) = unknown_notes(study)
+    assert "a payload of 1.2 kg; viscous friction of 0.1 N m s/rad." in note
+
+
+def written(tmp_path, write, *given):
+    """What a function writes to a file."""
+    write(tmp_path / "written.csv", *given)
+    return (tmp_path / "written.csv").read_text(encoding="utf-8")
+
+
+def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path):
+    plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
+    text = written(tmp_path, write_planned, plan.sample(4e-3), names)
+    assert text.startswith("t [s],q shoulder_pan_joint [rad],")
+    samples = parse_trajectory(text, names)
+    t = np.minimum(samples.t, plan.duration)
+    np.testing.assert_allclose(samples.q, plan(t), atol=1e-11)
+    np.testing.assert_allclose(samples.dq, plan(t, 1), atol=1e-11)
+    assert samples.ddq is not None
+    # Joints that are only numbered keep their numbers.
+    text = written(tmp_path, write_planned, plan.sample(0.1))
+    numbered = [f"joint {j + 1}" for j in range(6)]
+    assert written(tmp_path, write_planned, plan.sample(0.1), numbered) == text
+    assert text.startswith("t [s],q 1 [rad],q 2 [rad]")
+
+
+def test_taught_data_is_written_as_plans_are_and_read_again(study, tmp_path):
+    taught = study.runs["plain"].taught
+    for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
+        text = written(tmp_path, write_taught, taught, names)
+        title = f"q {names[0].removeprefix('joint ')} [rad]"
+        assert text.startswith(f"t [s],{title},")
+        # Files of older versions have the joint's name alone.
+        older = text.replace("q ", "joint " if names[0] == "joint 1" else "")
+        for each in (text, older):
+            samples = parse_trajectory(each, names)
+            np.testing.assert_allclose(samples.t, taught.t, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(samples.q, taught.q, rtol=0, atol=1e-12)
+            assert samples.dq is None
+
+
+def test_torques_as_a_table(study, tmp_path):
+    plan, arm = study.runs["plain"].trajectory, study.job.arm
+    header, *rows = written(tmp_path, write_torque, plan.sample(0.05), arm).splitlines()
+    assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    t = table[3, 0]
+    np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)
+
+
+def test_what_is_not_known_of_an_arm_is_not_there():
+    job = parse_job(PLAIN)
+    own = job.arm
+    links = (own.link1, own.link2)
+    arm = PlanarTwoLink(name=own.name, base=own.base, links=links, limits=own.limits)
+    found = json.loads(summary(run(dataclasses.replace(job, arm=arm))))
+    assert not found["arm"]["masses_known"] and found["arm"]["assumed"] is None
+    assert not {"torque", "angular_speed", "experiment"} & set(found["runs"]["plain"])
+
+
+def test_long_lists_are_cut_and_counted(study, monkeypatch):
+    whole = json.loads(summary(study))["runs"]["plain"]
+    assert "left_out" not in whole
+    # The package's name for the function hides the module.
+    monkeypatch.setattr(sys.modules["armcontour.io.summary"], "MOST_LISTED", 0)
+    cut = json.loads(summary(study))["runs"]["plain"]
+    assert cut["left_out"] == {"corners": 1, "cornering": 1}
+    assert cut["corners"] == cut["cornering"] == cut["explanation"]["bindings"] == []
+    assert cut["explanation"]["left_out"]["bindings"] == len(whole["explanation"]["bindings"])
+
+
+def test_full_stops_are_counted_with_their_reasons():
+    study = run(parse_job(STOPS))
+    found = json.loads(summary(study))["runs"]
+    assert found["round"]["full_stops"] == {"count": 1, "reasons": {"turn-back": 1}}
+    assert [x["reason"] for x in found["round"]["corners"]] == [None, "turn-back"]
+    sharp = {"rounding off": 1, "turn-back": 1}
+    assert found["sharp"]["full_stops"] == {"count": 2, "reasons": sharp}
+    note = "Run sharp: 2 full stops inside contours (1 rounding off, 1 turn-back)."
+    assert study.runs["sharp"].stops_note == note
+    # The conventional way goes through corners, and back, at its uniform speed.
+    assert found["through"]["full_stops"] == {"count": 0, "reasons": {}}
+    through = study.runs["through"]
+    assert through.stops_note is None
+    assert through.trajectory.speed_at([0.06, 0.10]) == pytest.approx(0.15)

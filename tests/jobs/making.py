@@ -14,7 +14,6 @@ def a_run(name="one", **values):
 
 
 def a_job(path, *runs, arm=ARM, process=None):
-    """A job of an arm with one servo."""
     process = process or ac.Process()
     values = {"servo": SERVO, "plant_servo": SERVO, "process": process, "runs": runs}
     return Job(name="j", title="j", arm=arm, path=path, **values)

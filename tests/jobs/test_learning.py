@@ -42,7 +42,7 @@ def study(job, plan):
     return found
 
 
-def test_errors_of_a_simulated_robot_are_those_of_its_links(job, plan, study):
+def test_errors_are_those_of_links_or_of_encoders(job, plan, study):
     robot, _ = unknown_robot(job, plan)
     executed = ac.execute(plan.taught, robot(0))
     error = ac.evaluate(executed, plan.path, limits=plan.run.limits).contour_error
@@ -50,29 +50,12 @@ def test_errors_of_a_simulated_robot_are_those_of_its_links(job, plan, study):
     assert study.profile(0).rms == error.rms
     assert study.errors(1)[0] < 0.2 * study.errors(0)[0]
     assert study.has_path and len(study.lesson.runs) == 2
-
-
-def test_errors_of_logs_are_those_that_the_encoders_show(job, plan, study):
     real = LearningStudy(job=job, plan=plan, lesson=study.lesson)
     run = study.lesson.runs[0]
     assert real.errors(0) == (run.contour_rms, run.contour_max)
     # Stiff links and little noise: encoders show what the tool does.
     assert real.profile(0).rms == pytest.approx(study.errors(0)[0], rel=0.02)
     assert not any("simulated" in x for x in real.notes)
-
-
-def test_the_verdict(study):
-    def notes(**values):
-        return dataclasses.replace(study, lesson=dataclasses.replace(study.lesson, **values)).notes
-
-    assert notes(finished=False, reason="")[0].startswith("Go on: the next run should have ")
-    done = notes(finished=True, reason="three setbacks")
-    assert done[0].startswith("Finished: three setbacks; the set-points are those of run 2")
-    assert "a payload of 0.12 kg" in done[-1]
-    assert any("0.2 mrad" in x and "3 mrad" in x for x in notes(misfits=(3e-3, 2e-4)))
-    *before, last = study.lesson.runs
-    fast = (*before, dataclasses.replace(last, rate=1.004))
-    assert any("+0.400 %" in x for x in notes(runs=fast))
 
 
 def test_the_robot_of_the_job_is_taken_where_it_differs(job):

@@ -33,7 +33,7 @@ def plans():
     return teach(a_job(BEND, a_run(), *others, *more))
 
 
-def test_the_run_is_shaped_for_its_limits_less_the_reserve(plans):
+def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
     path = plans["free"].path.path
     assert isinstance(path, ShapedPath) and path.objective is BEND
     assert plans["free"].trajectory.method == "optimal"
@@ -42,9 +42,6 @@ def test_the_run_is_shaped_for_its_limits_less_the_reserve(plans):
     alone = ac.plan(BEND, ARM, kept, method="shaped", tolerance=1e-3, iterations=3, intervals=300)
     assert plans["r"].trajectory.duration == pytest.approx(alone.duration, rel=1e-12)
     assert plans["r"].trajectory.duration > plans["free"].trajectory.duration
-
-
-def test_runs_share_a_shape_if_limits_corners_and_reserve_are_the_same(plans):
     free = plans["free"]
     assert plans["b"].path is free.path and plans["b"].traced is free.traced
     assert plans["r"].path is not free.path and plans["d"].path is not free.path
@@ -98,16 +95,6 @@ def test_the_step_is_called_shaping_says_its_share_and_may_be_interrupted():
     assert steps_of(a_run(rounding=None))[0] == "rounding"
     with pytest.raises(KeyboardInterrupt):
         teach(job, progress=stop)
-
-
-def test_what_is_said_of_a_shaped_run(plans):
-    strict = dataclasses.replace(BEND.segments, tolerances=np.array([np.nan, 5e-3]))
-    plan = teach(a_job(Path(segments=strict), a_run()))["free"]
-    assert f"shaped: {plan.shaped.durations['shaped']:.4g} s (arcs " in plan.shape_note
-    assert 0 <= plan.shaped.gain < 1
-    (said,) = [x for x in plan.weak_points if "capped" in x]
-    assert "5 mm of segment 2 is capped at 1 mm by corners.tolerance" in said
-    assert plans["sharp"].shape_note is None
 
 
 def test_sums_over_contours_leave_out_starts_that_one_does_not_have(plans):

@@ -1,10 +1,14 @@
-"""A study is the arrows one after the other, and nothing else."""
+"""Studies as the arrows one after the other, the chosen run, and jobs out of reach."""
 
 import dataclasses
+import re
 import sys
 
 import numpy as np
 import pytest
+import yaml
+from soak.corner_job import CORNER_JOB
+from soak.number_cases import PLANE, SPACE
 from tests.geometry.tables import refused
 from tests.jobs.making import a_run
 
@@ -12,8 +16,10 @@ import armcontour as ac
 from armcontour import jobs
 from armcontour.errors import Collision, CompensationError, NotRealizable
 from armcontour.frames import from_rpy, log
+from armcontour.io import parse_job
 from armcontour.jobs import STEPS, Experiment, Rounding, build_plant, teach
 from armcontour.jobs.avoiding import Cleared
+from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
 from armcontour.tracing.tracer import trace_all
 
@@ -92,13 +98,6 @@ def test_what_flows_is_linked_and_cannot_be_changed(job, study):
     np.testing.assert_allclose(found.path.path.corners.speed, [0.03242, 0.03044], atol=1e-5)
     with pytest.raises(TypeError):
         study.runs["other"] = study.runs["conventional"]
-
-
-def test_progress_is_told_before_every_step(job, study, told):
-    begun = [x.names for x in told if x.done is None]
-    assert begun == [(x.name, step) for x in job.runs for step in STEPS]
-    # The two runs trace and time one contour each.
-    assert [x.done for x in told if x.done is not None] == [1.0] * 4
 
 
 def test_the_branch_reaches_the_tracer(job):
@@ -204,12 +203,6 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
     assert not started
 
 
-def test_an_experiment_with_slow_drives_has_as_many_results_as_there_are(job):
-    this = changed(job.runs[0], experiment=Experiment(step=2e-3))
-    found = ac.run(with_runs(job, this)).runs["proposed"]
-    assert np.diff(found.experiment.execution.t).max() == pytest.approx(2e-3)
-
-
 def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
     def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
@@ -266,7 +259,7 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     assert found["slow"].joint_path is not found["one"].joint_path
 
 
-def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space):
+def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     (this,) = in_space.runs
     assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
     found = teach(in_space)["one"].trajectory
@@ -277,9 +270,6 @@ def test_the_configuration_is_the_fastest_or_the_one_that_is_asked_for(in_space)
     other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
     asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
     np.testing.assert_allclose(teach(asked)["one"].trajectory(0.0), other(0.0), atol=1e-6)
-
-
-def test_the_angular_tolerance_reaches_the_rounding(in_space):
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
     this = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
@@ -288,7 +278,7 @@ def test_the_angular_tolerance_reaches_the_rounding(in_space):
     assert corners.shrunk[0]
 
 
-def test_planned_torques_are_the_arms_on_both_sides_of_jumps(job, study):
+def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     found = study.runs["proposed"]
     torques = planned_torques(found)
     plan, arm, t = found.trajectory, job.arm, 1.234
@@ -297,18 +287,12 @@ def test_planned_torques_are_the_arms_on_both_sides_of_jumps(job, study):
     states = ([plan(plan.breaks[1:-1], k, side=x) for k in range(3)] for x in ("left", "right"))
     both = [np.abs(arm.torque(*x)) for x in states]
     assert (torques.peak >= np.maximum(*both).max(axis=0)).all()
-
-
-def test_no_bodies_no_torques(job):
     arm, links = job.arm, (job.arm.link1, job.arm.link2)
     bodiless = ac.PlanarTwoLink(name="bare", base=arm.base, links=links, limits=arm.limits)
     bare = with_runs(job, job.runs[1], arm=bodiless)
     found = ac.run(bare).runs["conventional"]
     assert planned_torques(found) is None and angular_speed(found.execution) is None
     assert not bare.arm.has_bodies and found.evaluation.orientation_error is None
-
-
-def test_angular_speed_is_the_turning_of_the_tool(in_space):
     turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
     angle = np.trapezoid(angular_speed(found.execution), found.execution.t)
@@ -353,3 +337,79 @@ def test_orientation_error_is_the_angle_to_what_is_asked_for(in_space):
         tilted = in_space.path.oriented(other, axis_only=axis_only)
         error = ac.evaluate(found.execution, tilted).orientation_error
         np.testing.assert_allclose(error.values, expected, atol=2e-4)
+
+
+def test_the_run_is_chosen_by_its_name_or_the_only_one():
+    job = parse_job(CORNER_JOB + "  other: {compensation: {method: none}}\n")
+    only, other = job.runs
+    assert choose_run(job, "other", "learned") is other
+    assert choose_run(job, None, "learned", [only]) is only
+    refused(
+        (lambda: choose_run(job, None, "placed"), "be placed, with --run (only, o"),
+        (lambda: choose_run(job, "cut", "placed"), "no run 'cut'", "only, other"),
+    )
+
+
+# A square of 40 mm beside the base of the planar arm, whose reach is 465 mm, and far from it.
+SQUARE = [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04], [0, 0]]
+
+
+def taught(base, **changed):
+    return teach(parse_job(yaml.safe_dump(base | changed)))
+
+
+def refusal(base, **changed):
+    with pytest.raises(ac.Unreachable) as caught:
+        taught(base, **changed)
+    return caught.value, str(caught.value)
+
+
+def way(said):
+    """The way of the part that the message proposes [mm]."""
+    found = re.search(r"move the part by \(([^)]*)\) mm", said)
+    return np.array([float(x) for x in found[1].split(",")])
+
+
+def in_place(points, *position, **more):
+    return {"points": points, "frame": {"position": [float(x) for x in position]}, **more}
+
+
+def test_the_worst_place_is_said_in_the_coordinates_of_the_drawing():
+    error, said = refusal(PLANE, path=in_place(SQUARE, 0.6, 0.0, 0.0))
+    # The corner that is farthest from the base, at (135, 0) mm, and nothing before it.
+    far = np.hypot(0.64 - 0.135, 0.04)
+    assert error.point == pytest.approx((0.64, 0.04)) and error.s == pytest.approx(0.08)
+    assert error.needed == pytest.approx(far - 0.465) and error.limit == "reach"
+    assert f"by up to {(far - 0.465) * 1e3:.4g} mm, most at (640, 40) mm" in said
+    assert "which is (40, 40) mm before path.frame" in said
+
+
+def test_what_is_said_to_mend_it_does():
+    # Too far from the base, and too near.
+    for position in ([0.6, 0.0], [0.12, -0.02]):
+        said = refusal(PLANE, path=in_place(SQUARE, *position, 0.0))[1]
+        assert "armcontour place" in said
+        assert taught(PLANE, path=in_place(SQUARE, *(position + 1e-3 * way(said)), 0.0))
+
+
+def test_contours_are_refused_before_the_rapids_to_them():
+    def approached(x, height):
+        path = in_place([[*p, 0.0] for p in SQUARE], x, 0.0, 0.2, orientation={"axis": [0, 0, -1]})
+        process = {"approach": height}
+        return refusal(SPACE, path=path, process=process, corners="sharp", start=None)
+
+    error, said = approached(0.9, 0.3)
+    assert "Run one: The path is out of reach" in said or "contour 1 is out" in said.lower()
+    assert error.point[2] == pytest.approx(0.2)
+    # The part stays on its table.
+    assert way(said)[2] == 0
+    _, said = approached(0.45, 1.0)
+    assert "Rapid to contour 1 is out of reach" in said and "take a smaller approach" in said
+
+
+def test_of_very_many_contours_the_worst_is_found():
+    near, far = (ac.Path.polyline([(x, 0.2), (x + 0.01, 0.2)]) for x in (0.3, 0.8))
+    moves = (*[ac.Contour(path=near)] * 299, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
+    job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))
+    with pytest.raises(ac.Unreachable, match="Contour 300 is out of reach"):
+        teach(dataclasses.replace(job, path=ac.Program(moves=moves)))

@@ -35,7 +35,6 @@ def runs_of(taught, robot, noise, count, servo=SERVO):
 
 
 def with_set_points():
-    """An arm, and set-points for it."""
     arm = with_inertias()
     limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
     return arm, ac.compensate(smooth(ac.plan(rounded(), arm, limits), 0.02), SERVO)

@@ -154,13 +154,27 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
         assert kind == "smoothed" or (sign * trajectory.s(t, 2, side=side) > 0.01).all()
 
 
-def test_a_speed_that_jumps_has_two_sides():
+def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question():
     trajectory, vertex = plan("conventional, uneven"), UNEVEN.breaks[1]
     t = float(trajectory.time_at(vertex))
     assert t == pytest.approx(0.04 / 0.05)
     for side, speed in (("left", 0.05), ("right", 0.025)):
         assert float(trajectory.speed_at(vertex, side=side)) == speed
         assert float(trajectory.s(t, 1, side=side)) == pytest.approx(speed)
+    for name in ("optimal", "smoothed", "mac", "program, mac"):
+        trajectory = plan(name)
+        for shape in ((), (3,), (2, 3), (0,)):
+            share = np.full(shape, 0.3)
+            for order in (0, 1, 2):
+                assert trajectory.s(share * trajectory.duration, order).shape == shape
+            assert trajectory.time_at(share * ROUNDED.length).shape == shape
+            assert trajectory.speed_at(share * ROUNDED.length).shape == shape
+        places = np.array([0.9, 0.1, 0.5]) * ROUNDED.length
+        times = [float(trajectory.time_at(s)) for s in places]
+        assert trajectory.time_at(places).tolist() == times
+    for name, method in (("optimal", Method.OPTIMAL), ("program, mac", Method.MAC)):
+        assert plan(name).method is method
+    assert plan("smoothed").method == "optimal, smoothed" and f"{plan('mac').method}" == "mac"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -196,23 +210,6 @@ def test_a_program_may_stand_at_both_of_its_ends(method):
     assert contour.t[0] == 0.1 and trajectory.duration == pytest.approx(contour.t[1] + 0.2)
     assert float(trajectory.speed_at(0.0, side="left")) == 0
     assert float(trajectory.speed_at(ROUNDED.length)) == 0
-
-
-def test_answers_have_the_shape_of_the_question_and_methods_their_names():
-    for name in ("optimal", "smoothed", "mac", "program, mac"):
-        trajectory = plan(name)
-        for shape in ((), (3,), (2, 3), (0,)):
-            share = np.full(shape, 0.3)
-            for order in (0, 1, 2):
-                assert trajectory.s(share * trajectory.duration, order).shape == shape
-            assert trajectory.time_at(share * ROUNDED.length).shape == shape
-            assert trajectory.speed_at(share * ROUNDED.length).shape == shape
-        places = np.array([0.9, 0.1, 0.5]) * ROUNDED.length
-        times = [float(trajectory.time_at(s)) for s in places]
-        assert trajectory.time_at(places).tolist() == times
-    for name, method in (("optimal", Method.OPTIMAL), ("program, mac", Method.MAC)):
-        assert plan(name).method is method
-    assert plan("smoothed").method == "optimal, smoothed" and f"{plan('mac').method}" == "mac"
 
 
 def test_refusals(refuses):

@@ -1,11 +1,20 @@
-"""Laws of motion against parabolas and the chain rule."""
+"""Laws and joint paths: closed forms, derivatives, bounds, and many laws together."""
 
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scipy.interpolate import CubicSpline
 
 import armcontour as ac
-from armcontour.motion import LapLaw, PathLaw, Rates
+from armcontour.motion import (
+    JointPath,
+    LapLaw,
+    PathLaw,
+    Rates,
+    largest_shares,
+    smooth,
+    stand_still,
+)
 
 
 def test_laps_are_parabolas_21():
@@ -35,7 +44,7 @@ def path_law(rates, path=PATH, breaks=(0.0, 1.0, 2.0), s=(0.0, 0.6, 1.2)):
     return PathLaw(joint_path=path, breaks=np.array(breaks), s=np.array(s), rates=rates)
 
 
-def test_a_path_law_follows_its_path():
+def test_a_path_law_follows_its_path_by_the_chain_rule_on_its_own_side_of_joints():
     # Uniform acceleration, then uniform braking.
     law = path_law([[0.2, 0.8, 0.0], [1.0, -0.8, 0.0]])
     s_of = [Polynomial([0.0, 0.2, 0.4]), Polynomial([0.6, 1.0, -0.4])]
@@ -45,9 +54,6 @@ def test_a_path_law_follows_its_path():
             expected = s_of[k].deriv(order)(t - k)
             np.testing.assert_allclose(law.path_position(i, t, order), expected, atol=1e-13)
         np.testing.assert_allclose(law.on_interval(i, t, 0), PATH(s_of[k](t - k)), atol=1e-12)
-
-
-def test_a_path_laws_rates_belong_together_and_keep_the_chain_rule():
     # Acceleration that changes on the way, slow enough to stay inside the interval.
     law, h = path_law([[0.2, 0.3, 0.2], [0.5, -0.1, -0.3]]), 1e-6
     t = np.array([0.11, 0.37, 0.83, 1.21, 1.57, 1.93])
@@ -57,9 +63,6 @@ def test_a_path_laws_rates_belong_together_and_keep_the_chain_rule():
             after, before = (value(i, t + x, order - 1) for x in (h, -h))
             np.testing.assert_allclose(value(i, t, order), (after - before) / (2 * h), atol=near)
         assert np.ptp(law.path_position(i, t, order)[:3]) > 0.05
-
-
-def test_a_path_law_does_not_cross_a_joint_by_rounding():
     # Both sides of a kink at s = 1: at the common time each interval keeps its own side.
     coefficients = np.zeros((2, 6, 1))
     coefficients[:, :2, 0] = [(0.0, 1.0), (1.0, -5.0)]
@@ -78,3 +81,263 @@ def test_breaks_in_disorder_are_refused():
             LapLaw(breaks=np.array(breaks), **arrays)
         with pytest.raises(ac.InvalidInput, match="start at 0 and increase"):
             path_law(np.zeros((n - 1, 3)), line, breaks, np.zeros(n))
+
+
+LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
+
+
+@pytest.fixture(scope="module")
+def many():
+    """A dozen laws along bent joint paths, of which each goes on from the last, and two pauses."""
+    rng = np.random.default_rng(3)
+    laws, q = [], np.zeros(2)
+    for k in range(12):
+        points = np.concatenate([[q], q + rng.uniform(-1, 1, (k % 4 + 1, 2))])
+        laws += ac.plan(JointPath.spline(points), limits=LIMITS, intervals=40).laws
+        q = points[-1]
+        if k in (3, 7):
+            laws.append(stand_still(q, 0.25))
+    return ac.Trajectory(laws=tuple(laws), method="optimal")
+
+
+def alone(many, t, order, side):
+    """The value at one time, by the law that is found by looking at all of them."""
+    inside = [
+        (law, i, t - start)
+        for law, start in zip(many.laws, many.starts[:-1], strict=True)
+        for i, (a, b) in enumerate(zip(start + law.breaks, start + law.breaks[1:], strict=False))
+        if (a <= t < b if side == "right" else a < t <= b)
+    ]
+    ((law, i, since),) = inside
+    return law.on_interval(np.array([i]), np.array([since]), order)[0]
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("order", range(4))
+def test_many_laws_are_as_each_alone(many, order, side):
+    rng = np.random.default_rng(order)
+    # In no order; at seams of laws and at breaks within them, where accelerations jump.
+    inside = rng.choice(many.breaks[1:-1], 50), rng.uniform(0, many.duration, 58)
+    t = rng.permutation(np.concatenate([many.starts[1:-1], *inside]))
+    t = t[: len(t) // 3 * 3]
+    expected = np.array([alone(many, x, order, side) for x in t])
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(many(t, order, side=side), expected, rtol=0, atol=1e-9 * scale)
+    together = many.motion(t.reshape(3, -1), side=side)
+    if order < 3:
+        np.testing.assert_array_equal(together[order].reshape(-1, 2), many(t, order, side=side))
+
+
+def test_many_times_are_evaluated_in_blocks(many, monkeypatch):
+    t = np.linspace(0, many.duration, 500)
+    np.testing.assert_array_equal(many(t, 2), [many(x, 2) for x in t])
+    whole = many.motion(t)
+    monkeypatch.setattr("armcontour.motion.trajectory.AT_ONCE", 97)
+    np.testing.assert_array_equal(many.motion(t), whole)
+
+
+def derivatives(polynomials, s, count):
+    """Value and derivatives of one polynomial per joint."""
+    return [np.stack([p.deriv(k)(s) for p in polynomials], axis=-1) for k in range(count)]
+
+
+def test_hermite_is_exact_for_quintics():
+    rng = np.random.default_rng(0)
+    polynomials = [Polynomial(rng.normal(size=6)) for _ in range(3)]
+    breaks = np.array([-0.5, 0.1, 0.2, 1.5])
+    ends = (derivatives(polynomials, x, 3) for x in (breaks[:-1], breaks[1:]))
+    path = ac.JointPath.hermite(breaks, *ends)
+    s = np.linspace(-0.5, 1.5, 101)
+    for order, expected in enumerate(derivatives(polynomials, s, 6)):
+        # The third to fifth derivative come from differences over a short interval.
+        tolerance = (1e-10 if order < 3 else 1e-7) * np.abs(expected).max()
+        np.testing.assert_allclose(path(s, order), expected, atol=tolerance)
+    np.testing.assert_array_equal(path(s, 6), 0)
+    assert path.dof == 3 and abs(path.length - 2.0) < 1e-12
+    assert path(0.1).shape == (3,) and path(np.zeros((2, 4)), 1).shape == (2, 4, 3)
+
+
+def test_hermite_meets_any_data_at_both_ends():
+    rng = np.random.default_rng(1)
+    breaks = np.cumsum(rng.uniform(0.1, 1, 6))
+    begin, end = rng.normal(size=(2, 3, 5, 2))
+    end[0, :-1] = begin[0, 1:]  # positions are continuous, derivatives need not be
+    path = ac.JointPath.hermite(breaks, tuple(begin), tuple(end))
+    for order in range(3):
+        np.testing.assert_allclose(path(breaks[:-1], order, side="right"), begin[order], atol=1e-9)
+        np.testing.assert_allclose(path(breaks[1:], order, side="left"), end[order], atol=1e-9)
+    np.testing.assert_array_equal(path.stops, breaks[1:-1])  # where the direction jumps
+
+
+def test_spline_is_scipys():
+    for n in (3, 4, 20):
+        rng = np.random.default_rng(n)
+        points, own = rng.normal(size=(n, 2)), np.cumsum(rng.uniform(0.1, 1, n))
+        chords = np.cumsum([0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
+        for given, s, ends in (
+            (given, s, ends)
+            for given, s in ((own, own), (None, chords))
+            for ends in ("natural", "clamped")
+        ):
+            path = ac.JointPath.spline(points, given, ends=ends)
+            reference, at = CubicSpline(s, points, bc_type=ends), np.linspace(s[0], s[-1], 77)
+            for k in range(3):
+                case = f"{n} points, {ends}, order {k}"
+                np.testing.assert_allclose(path(at, k), reference(at, k), atol=1e-8, err_msg=case)
+            assert path.tool_path is None and len(path.stops) == 0
+    line = ac.JointPath.spline([(0.0, 1.0), (3.0, 5.0)])
+    np.testing.assert_allclose(line([0.0, 2.5, 5.0]), [(0, 1), (1.5, 3), (3, 5)], atol=1e-14)
+    np.testing.assert_allclose(line(1.0, 1), (0.6, 0.8))
+
+
+def test_refusals(refuses):
+    two = [(0.0, 1.0), (1.0, 1.0)]
+    for points, s in (
+        ([(0.0, 1.0)], None),
+        ([0.0, 1.0], None),
+        ([(0.0, 1.0), *two], None),  # a point twice
+        (two, [1.0, 0.0]),
+        (two, [0.0, 1.0, 2.0]),
+        ([(0.0, np.nan), (1.0, 1.0)], None),
+    ):
+        refuses(lambda x=points, s=s: ac.JointPath.spline(x, s), ac.InvalidInput)
+    good = {"breaks": np.array([0.0, 1.0]), "coefficients": np.zeros((1, 6, 2))}
+    assert ac.JointPath(**good).dof == 2
+    for change in (
+        {"breaks": np.array([0.0])},
+        {"coefficients": np.zeros((2, 6, 2))},
+        {"coefficients": np.zeros((1, 4, 2))},
+        {"coefficients": np.zeros((1, 6))},
+        {"breaks": np.array([1.0, 1.0])},
+        {"coefficients": np.full((1, 6, 2), np.nan)},
+    ):
+        refuses(lambda x=change: ac.JointPath(**good | x), ac.InvalidInput)
+    path = ac.JointPath.spline(two, [1.0, 2.0])
+    for s in (0.9, 2.1, np.nan):
+        words = "outside the joint path", "from 1 to 2"
+        refuses(lambda s=s: path([1.5, s]), ac.InvalidInput, *words, s=s)
+
+
+def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
+    line = np.zeros((2, 6, 1))
+    line[:, 1] = line[1, 0] = 1.0
+
+    def make(**more):
+        return ac.JointPath(breaks=[0.0, 1.0, 2.0], coefficients=line, **more)
+
+    assert len(make().stops) == 0
+    for stop in (0.5, 3.0, 2.0):
+        refuses(lambda stop=stop: make(stops=[stop]), ac.InvalidInput)
+    line[1, 0] = 1.1
+    refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=1, s=1.0)
+
+
+def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
+    # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
+    exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
+    s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))
+    ends = (tuple(x[own, None] for x in values) for own in (slice(-1), slice(1, None)))
+    path = ac.JointPath.hermite(s, *ends)
+    at = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
+    assert np.abs(path(at, 2)).max() < 0.2
+    np.testing.assert_allclose(path(at)[:, 0], np.sin(at - 50.0), atol=1e-12)
+
+
+# The peaks of the laws below are above the largest value at dense places by less.
+NEAR = 1e-5
+
+
+def planned(jerk):
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.45, -0.1, 0.2), (0.6, 0.1, 0.25), (0.4, 0.2, 0.3)])
+    continuity = "tangent" if jerk is None else "curvature"
+    path = ac.round_corners(path, tolerance=5e-3, continuity=continuity)
+    limits = ac.Limits(speed=0.2, joint_acceleration=2.0, joint_jerk=jerk)
+    return ac.plan(path.oriented(np.diag([1, -1, -1])), arm, limits, intervals=200)
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        (None, ()),
+        (None, (8e-3,)),
+        (None, (4e-3, 4e-3)),
+        (None, (30e-3, 7e-3)),
+        (20.0, ()),
+        (20.0, (30e-3, 7e-3)),
+    ],
+    ids=str,
+)
+def case(request):
+    """A law, and limits that it takes in full."""
+    jerk, windows = request.param
+    plan = planned(jerk)
+    law = (smooth(plan, *windows) if windows else plan).laws[0]
+    return law, *limits_of(law)
+
+
+def dense(law):
+    """The largest of every joint's states and of ds, at 60 places of every interval, (4, ...)."""
+    shares = (1 - np.cos(np.linspace(0, np.pi, 60))) / 2
+    i = np.repeat(np.arange(len(law.breaks) - 1), 60)
+    width = np.diff(law.breaks)[:, None]
+    t = np.clip((law.breaks[:-1, None] + width * shares).ravel(), law.breaks[i], law.breaks[i + 1])
+    ddq = law.on_interval(i, t, 2)
+    dq = np.abs(law.on_interval(i, t, 1))
+    return ddq.max(axis=0), -ddq.min(axis=0), dq.max(axis=0), law.path_position(i, t, 1).max()
+
+
+def limits_of(law):
+    """Limits that the densest look at a law takes in full, each by a joint of its own or by ds."""
+    up, down, pace, ds = dense(law)
+    pieces = len(law.joint_path.breaks) - 1
+    # A joint that stands still takes rounding only.
+    return np.maximum([up, down, pace], 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
+
+
+def test_what_is_taken_in_full_is_proven_up_to_what_a_dense_look_misses(case):
+    law, limits, speeds = case
+    found = largest_shares(law, limits, speeds, 1 + NEAR)
+    assert (found <= 1 + NEAR).all()
+    assert found == pytest.approx([1, 1, 1, 1, 0.5], rel=2e-3)
+    # At random times it is no more.
+    t = np.random.default_rng(0).uniform(0, law.breaks[-1], 50_000)
+    i = np.clip(np.searchsorted(law.breaks, t) - 1, 0, len(law.breaks) - 2)
+    ddq = law.on_interval(i, t, 2)
+    assert (ddq / limits[0]).max() <= 1 + NEAR and (-ddq / limits[1]).max() <= 1 + NEAR
+    assert (np.abs(law.on_interval(i, t, 1)) / limits[2]).max() <= 1 + NEAR
+    assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, found[3])
+    none = np.full_like(limits, np.inf), np.full_like(speeds, np.inf)
+    np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
+
+
+def test_a_peak_above_is_found_where_the_middles_of_intervals_miss_it(case):
+    law, limits, speeds = case
+    for k, name in enumerate(("acceleration", "deceleration", "velocity", "speed", "bent")):
+        # All others are out of reach.
+        wide = [100 * limits, 100 * speeds]
+        (wide[0] if k < 3 else wide[1].T)[k % 3] = (limits if k < 3 else speeds.T)[k % 3]
+        full = 0.5 if k == 4 else 1.0
+        assert largest_shares(law, *wide, (1 - 1e-7) * full)[k] > (1 - 1e-7) * full, name
+        assert largest_shares(law, *wide, (1 + NEAR) * full)[k] <= (1 + NEAR) * full, name
+
+
+@pytest.mark.parametrize("jerk", [None, 10.0])
+def test_long_intervals_lose_no_peak(jerk):
+    # Few and long intervals, on which a bound has to make up for what its polynomial leaves out.
+    random = np.random.default_rng(1)
+    arm = ac.load_arm("ur5e")
+    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=1.0, joint_jerk=jerk)
+    for k in range(6 if jerk is None else 3):
+        joint_path = ac.JointPath.spline(random.uniform(-1.5, 1.5, (4, 6)))
+        plan = ac.plan(joint_path, arm, limits, intervals=12)
+        for windows in ((), (0.3,), (0.2, 0.1)):
+            law = (smooth(plan, *windows) if windows else plan).laws[0]
+            full, speeds = limits_of(law)
+            for row in range(3):
+                only = np.full((3, 6), 1e3)
+                only[row] = full[row]
+                found = largest_shares(law, only, 100 * speeds, 1 - 1e-7)
+                assert found[row] > 1 - 1e-7, (k, windows, row)
+            found = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
+            assert found[3] > 1 - 1e-7, (k, windows)

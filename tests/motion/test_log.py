@@ -14,12 +14,14 @@ def _log(**changes):
     return Log(**({"t": T, "command": U, "measured": U} | changes))
 
 
-def test_arrays_are_copied_and_locked_and_may_be_cut():
+def test_logs_are_cut_and_unwrapped():
     log = _log()
     assert log.command.shape == (100, 1) and not log.t.flags.writeable
     assert log.joint_names == ("joint 1",) and log.dof == 1
     part = log.between(0.02, 0.08)
     np.testing.assert_allclose([log.interval, *part.t[[0, -1]]], [1e-3, 0.02, 0.08])
+    log = cut(T, U[:, None], WRAPPED[:, None], -np.inf, np.inf, unwrap=True)
+    np.testing.assert_allclose(log.measured - log.command, 6.25 - 2 * np.pi)
 
 
 def test_refusals(refuses):
@@ -35,8 +37,3 @@ def test_refusals(refuses):
         ({"command": WRAPPED}, "command", "wrapped"),
     ):
         refuses(lambda x=changes: _log(**x), InvalidInput, *words)
-
-
-def test_angles_are_unwrapped_on_demand_and_end_in_the_same_turn():
-    log = cut(T, U[:, None], WRAPPED[:, None], -np.inf, np.inf, unwrap=True)
-    np.testing.assert_allclose(log.measured - log.command, 6.25 - 2 * np.pi)

@@ -1,4 +1,4 @@
-"""Trajectories: one continuous law from many, two-sided at breaks; and what flows after them."""
+"""Trajectories, executions and logs."""
 
 import dataclasses
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, Law, Samples, Stretch
+from armcontour.motion import LapLaw, Law, Samples, Stretch, stand_still
+from armcontour.motion.misreading import find_misreading
 
 
 def lap(duration, q, dq, ddq):
@@ -143,3 +144,81 @@ def test_laws_of_users_may_give_any_arrays():
     found = ac.Trajectory(laws=(Still(),), method="hand")(np.linspace(0, 1, 5))
     assert found.dtype == np.float64 and found.flags.writeable and found.flags.owndata
     np.testing.assert_array_equal(found, np.tile([0.5, 0.25], (5, 1)))
+
+
+def test_tool_speed_and_saturation(arm):
+    trajectory = ac.Trajectory(laws=(stand_still(np.zeros(2), 1.0),), method="hand")
+    executed = ac.Execution(
+        arm=arm,
+        taught=ac.TaughtData(period=1.0, q=np.zeros((2, 2)), trajectory=trajectory, method="none"),
+        t=np.array([0.0, 1.0]),
+        q=np.array([[0.0, 0.0], [0.0, np.pi / 2]]),
+        dq=np.array([[1.0, 0.0], [0.0, 1.0]]),
+        ddq=np.array([[0.72, -0.5], [-0.72, 0.0]]),
+        demand=np.array([[3.0, -0.5], [-0.73, 0.0]]),
+        demand_range=np.ones((2, 2)),
+        saturated_time=np.zeros(2),
+    )
+    np.testing.assert_allclose(executed.tool, [(0.135, 0.465), (0.35, 0.25)], atol=1e-15)
+    assert executed.tool_speed == pytest.approx([0.465, 0.215])
+    assert executed.saturated.tolist() == [[True, False], [True, False]]
+
+
+def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(conventional, arm):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    plant = ac.ServoPlant(arm, servo, saturation="none")
+    whole = ac.execute(ac.compensate(conventional, servo, method="none", period=4e-3), plant)
+    here = np.array([7])
+    assert len(whole.between(here)(whole.t[7:8] + 2e-4)) == 1
+    names = ("t", "q", "dq", "ddq", "demand")
+    for part, known in (
+        (slice(0, None, 2), True),
+        (slice(5, None), True),
+        # Fewer than set-points, across a set-point, over a gap, a time twice.
+        (slice(0, None, 20), False),
+        (slice(0, None, 3), False),
+        (slice(5, None, 2), False),
+        (np.r_[0:8, 300:500], False),
+        (np.r_[0, 0:300], False),
+    ):
+        cut = dataclasses.replace(whole, **{name: getattr(whole, name)[part] for name in names})
+        assert (cut.between(here) is not None) == known, part
+    assert dataclasses.replace(whole, plant=None).between(here) is None
+
+
+T = np.arange(4000) * 2e-3
+WANTED = np.stack(
+    [np.sin(2 * T) + 0.4, 0.5 * np.sin(3.1 * T + 1) - 1.0, 0.3 * np.cos(1.3 * T) + 2.0], axis=1
+)
+CHANGES = {
+    "in the order b, a, c,": lambda q: q[:, [1, 0, 2]],
+    "of b have opposite signs": lambda q: q * [1, -1, 1],
+    "measured positions look like degrees": np.degrees,
+    "look like radians, but those they belong to like degrees": np.radians,
+}
+
+
+def _follow(u, lag=0.05, delay=0.02):
+    late = np.stack([np.interp(T - delay, T, x) for x in u.T], axis=1)
+    found = np.array(late)
+    for i in range(len(T) - 1):
+        found[i + 1] += np.exp(-2e-3 / lag) * (found[i] - late[i + 1])
+    return found
+
+
+@pytest.mark.parametrize("late", [None, 0.25])
+def test_what_is_wrong(late):
+    q = WANTED if late is None else _follow(WANTED) + [0.01, 0.0, -0.02]
+    for words, change in CHANGES.items():
+        assert words in find_misreading(T, change(q), WANTED, names="abc", late=late)
+    for right in (q, np.roll(q[::-1], 777, axis=0) ** 3):
+        assert not find_misreading(T, right, WANTED, names="abc", late=late)
+
+
+def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
+    q = _follow(WANTED)
+    assert "are exchanged" in find_misreading(T, WANTED, q, late=0.25)
+    assert not find_misreading(T, WANTED, q)
+    u = np.sin(2 * np.pi * 2.0 * T)[:, None]
+    late = np.interp(T - 0.25, T, u[:, 0])[:, None]
+    assert not find_misreading(T, late, u, late=0.25)

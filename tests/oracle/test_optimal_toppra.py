@@ -65,7 +65,6 @@ def peer(points, velocity, acceleration, grid, scheme):
 
 
 def by_toppra(seed, intervals):
-    """The reference of a problem."""
     return peer(*problem(seed), np.linspace(0, 1, intervals + 1), Scheme.Interpolation)
 
 

@@ -148,7 +148,6 @@ def peer(given, intervals):
 
 
 def by_toppra(seed, intervals=TEN_TIMES_FINER):
-    """The reference of a problem."""
     return peer(problem(seed), intervals)
 
 

@@ -1,14 +1,35 @@
-"""The best place of a grid is that of planning every place, which these tests do by themselves."""
+"""Placements: grids, refined places, reach, variants, and the search on workers."""
 
-from dataclasses import replace
+import random
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
-from armcontour.io import parse_job
-from armcontour.placement import Moves
+from armcontour import _pool
+from armcontour._pool import InProcess
+from armcontour.arms.inverse import configurations
+from armcontour.errors import (
+    ArmContourError,
+    ExecutionError,
+    InvalidInput,
+    NotRealizable,
+    Unreachable,
+)
+from armcontour.io import parse_job, placement_csv
+from armcontour.placement import Case, Moves, best_case, with_arm, with_tool
+from armcontour.placement.configurations import Configurations
+from armcontour.placement.judging import Trail, Verdict
+from armcontour.placement.reach import beyond_links, longest_reach
+from armcontour.placement.screening import Screened
+from armcontour.placement.searching import best_of, search
 from armcontour.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
@@ -69,9 +90,6 @@ def test_the_best_of_the_grid_is_that_of_all_plans(placed, brute):
     bounds = placed.values("bound").ravel()
     finite = np.isfinite(brute)
     assert (bounds[finite] <= brute[finite]).all() and (bounds[finite] > 0.9 * brute[finite]).all()
-
-
-def test_places_are_refused_where_there_is_no_plan(placed, brute):
     refused = np.array([bool(x.refusal) for x in placed.verdicts])
     assert refused.any() and not refused.all()
     assert (refused == np.isinf(brute)).all()
@@ -121,9 +139,6 @@ def test_the_worst_corner_counts(square):
     assert found.best.verdict.duration == pytest.approx(min(known), rel=SAME)
     assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
     assert found.best.verdict.duration > plain.best.verdict.duration
-
-
-def test_a_place_is_refused_if_a_corner_is(square):
     over = {"x": (0.0, 0.2, 2)}
     found = ac.place(square, over=over, uncertainty={"x": 0.2}, every=True, refined=False)
     assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
@@ -215,10 +230,7 @@ def test_wrong_wishes_are_refused(square):
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "objective must be one of cycle, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
-        (square, {"what": "table"}, "what must be one of part, base"),
         (square, {"run": "first"}, "no run 'first': its runs are taught"),
-        (square, {"about": "corner"}, "about must be one of middle, origin"),
-        (square, {"about": [1.0, 2.0]}, "about is a point of 3 coordinates"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
         (square, {"processes": 0}, "processes"),
@@ -256,3 +268,276 @@ def test_a_best_place_at_the_end_of_a_range_is_said(square):
         found = ac.place(square, over={"x": (first, last, 2)}, refined=False)
         (note,) = (x for x in found.notes if "range" in x)
         assert note.startswith("The best place is at the end of the range of x: a wider range")
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
+@pytest.mark.parametrize("task", [5, 6])
+def test_no_posture_leaves_the_ball(name, task):
+    arm = ac.load_arm(name).with_tool(ac.Frame(position=[0.02, 0.0, 0.1]))
+    rng = np.random.default_rng(1)
+    points, rotations = arm.pose(rng.uniform(-np.pi, np.pi, (20_000, arm.dof)))
+    point, middle, radius = longest_reach(arm.chain, task)
+    far = np.linalg.norm(points + rotations @ point - middle, axis=1)
+    # Nor is the ball much too large: a bound of the sum of all offsets would be.
+    assert 0.8 * radius < far.max() <= radius + 1e-12
+
+
+def test_distances_beyond_are_those_of_the_farthest_pose():
+    arm = ac.load_arm("ur5e")
+    _, middle, radius = longest_reach(arm.chain, 5)
+    poses = np.zeros((2, 3, 4))
+    poses[:, :, :3] = np.eye(3)
+    poses[:, :, 3] = middle + np.array([[0.1, 0, 0], [2.0, 0, 0]])
+    bases = np.zeros((2, 3, 4))
+    bases[:, :, :3] = np.eye(3)
+    bases[1, 0, 3] = 0.5
+    np.testing.assert_allclose(beyond_links(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
+
+
+class Untidy(Executor):
+    """Works on what it was given when somebody waits for it, in any order."""
+
+    _max_workers = 4
+
+    def __init__(self, seed):
+        self.random, self.waiting, self.count = random.Random(seed), [], 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        self.count += 1
+        self.waiting.append((future, fn, args))
+        return future
+
+    def wait(self, futures, **more):
+        """Do one piece of work or several, in place of waiting for them."""
+        for _ in range(self.random.randint(1, len(self.waiting))):
+            future, fn, args = self.waiting.pop(self.random.randrange(len(self.waiting)))
+            if future.set_running_or_notify_cancel():
+                future.set_result(fn(*args))
+
+
+def untidily(seed, call, **given):
+    """The result of a call with an executor that answers in any order, and its pieces of work."""
+    executor = Untidy(seed)
+    with patch.object(_pool, "wait_for", executor.wait):
+        return call(executor=executor, **given), executor.count
+
+
+FEW = {"x": (-0.1, 0.1, 3)}
+
+
+@dataclass(frozen=True)
+class Known:
+    """Judges places of which bounds and durations are known; some bounds may not hold."""
+
+    bounds: tuple[float, ...]
+    durations: tuple[float, ...]
+    screen: Any = True
+    objective: str = "cycle"
+
+    def look_all(self, places):
+        return [
+            Screened(refusal="reach")
+            if np.isinf(self.durations[int(x["x"])])
+            else Screened(duration=self.bounds[int(x["x"])])
+            for x in places
+        ]
+
+    def least_score(self, seen):
+        return seen.duration
+
+    def weigh(self, place, cutoff):
+        k = int(place["x"])
+        bound = Verdict(bound=self.bounds[k])
+        steps = [(self.bounds[k], bound), (self.bounds[k] + 0.5, Verdict(bound=bound.bound + 0.5))]
+        for i, x in enumerate(steps):
+            if x[0] > cutoff:
+                return Trail(tuple(steps[: i + 1]))
+        return Trail((*steps, (np.inf, Verdict(duration=self.durations[k]))))
+
+
+places = st.lists(
+    st.tuples(st.integers(1, 9), st.sampled_from([-2, 0, 0.5, 1, 3, np.inf])),
+    min_size=1,
+    max_size=40,
+)
+
+
+@given(places, st.booleans(), st.integers(0, 99))
+def test_the_order_of_answers_changes_nothing(given, every, seed):
+    judge = Known(tuple(float(b) for b, _ in given), tuple(float(b + more) for b, more in given))
+    grid = [{"x": float(k)} for k in range(len(given))]
+    tell = []
+    alone = search(judge, grid, every=every, processes=1, progress=lambda x: tell.append(x.done))
+    shuffled = partial(search, judge, grid, every=every, progress=lambda x: None)
+    found, _ = untidily(seed, shuffled)
+    # As text, as what is unknown is not a number.
+    assert str(found) == str(alone)
+    if all(more >= 0.5 for _, more in given):
+        # With bounds that hold the best is that of all.
+        best = best_of(alone, "cycle")
+        finite = [x for x in judge.durations if np.isfinite(x)]
+        assert (best is None) == (not finite)
+        assert best is None or judge.durations[best] == min(finite)
+    assert tell[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"over": {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}},
+        {"uncertainty": {"x": 2e-3}, "over": FEW},
+        {"objective": "manipulability", "over": FEW},
+        {"every": True, "over": FEW},
+    ],
+)
+def test_the_table_is_the_same_byte_for_byte(square, more):
+    alone = ac.place(square, processes=1, refined=False, **more)
+    found, count = untidily(3, partial(ac.place, square, refined=False, **more))
+    assert placement_csv(found) == placement_csv(alone) and count > 1
+    assert found.best.values == alone.best.values and str(found) == str(alone)
+
+
+class Losing(InProcess):
+    """Loses its worker after some work."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.left -= 1
+        if self.left >= 0:
+            return super().submit(fn, *args, **kwargs)
+        future = Future()
+        future.cancel()
+        return future
+
+
+def test_a_lost_worker_is_an_error(square, refuses):
+    lost = "A worker of the executor has ended before"
+    for after in (0, 2):
+        with pytest.raises(ExecutionError, match=lost):
+            ac.place(square, over=FEW, executor=Losing(after))
+    with pytest.raises(InvalidInput, match="An executor has its own workers"):
+        ac.place(square, over=FEW, executor=InProcess(), processes=2)
+
+
+# Six joints with a wrist, as of usual industrial arms; z axes of frames by URDF.
+WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""
+
+
+def urdf(offset):
+    """An arm whose last three axes meet, but for an offset [m]."""
+    frames = ["0 0 0.4", "0.1 0 0", "0 0 0.5", "0.05 0 0", "0.45 0 0", f"0 0 {offset}"]
+    axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>'
+        '<limit lower="-6" upper="6" velocity="2" effort="50"/></joint>'
+        for k, (xyz, axis) in enumerate(zip(frames, axes, strict=True))
+    )
+    return WRIST.format(links="".join(f'<link name="l{k}"/>' for k in range(1, 6)), joints=joints)
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    """Arms with a tool, somewhere before their work."""
+    file = tmp_path_factory.mktemp("arms") / "wrist.urdf"
+    file.write_text(urdf(0.0))
+    tool, work = (
+        ac.Frame.rpy((0.01, 0.02, 0.1), (0.1, 0.2, 0.3)),
+        ac.Frame.rpy((0.1, 0.2, 0.3), (1, 2, 3)),
+    )
+    names = {"ur5e": "ur5e", "ur10e": "ur10e", "wrist": file}
+    return {k: ac.load_arm(x).with_tool(tool).with_work(work) for k, x in names.items()}
+
+
+def poses_of(arm, q):
+    points, turned = arm.pose(q)
+    return np.concatenate([turned, points[..., None]], axis=2)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
+def test_it_finds_what_the_search_finds(arms, name):
+    arm = arms[name]
+    found = Configurations(arm, 6)
+    assert found.closed is not None and found.closed.wrist == (name == "wrist")
+    rng = np.random.default_rng(2)
+    counts = set()
+    for pose in poses_of(arm, rng.uniform(-np.pi, np.pi, (25, 6))):
+        closed = found.find(arm, pose, None)
+        searched = configurations(arm, pose, 6)
+        assert len(closed) == len(searched)
+        for q in searched:
+            apart = np.abs(np.angle(np.exp(1j * (closed - q)))).max(axis=1)
+            assert apart.min() < 1e-9
+        counts.add(len(searched))
+    # Some poses have all of them, others fewer, and none has more.
+    assert max(counts) == 8 and len(counts) > 1
+
+
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_singular_poses_are_searched(arms, name):
+    arm = arms[name]
+    q = np.array([[0.3, -1.2, 1.4, -0.5, 0.0, 0.7]])
+    pose = poses_of(arm, q)[0]
+    found = Configurations(arm, 6)
+    assert found.closed is not None and found.closed.solve(arm.arrays[3], pose) is None
+    np.testing.assert_array_equal(found.find(arm, pose, None), configurations(arm, pose, 6))
+
+
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_only_what_no_posture_reaches_is_beyond(arms, name):
+    """Poses that a posture has are within reach, and those beyond are not met by any search."""
+    arm = arms[name]
+    closed = Configurations(arm, 6).closed
+    rng = np.random.default_rng(3)
+    base = arm.arrays[3][None].copy()
+    within = poses_of(arm, rng.uniform(-np.pi, np.pi, (2000, 6)))
+    assert closed.beyond(base, within, 1e-6)[0] <= 1e-6
+    # The same orientations elsewhere, some of them just out of reach.
+    moved = within[:40].copy()
+    moved[:, :, 3] += rng.normal(0, 0.3, (40, 3))
+    gaps = np.array([closed.beyond(base, x[None], 1e-6)[0] for x in moved])
+    assert 5 < (gaps > 1e-6).sum() < 35
+    for pose, gap in zip(moved, gaps, strict=True):
+        assert (gap > 1e-6) == (len(configurations(arm, pose, 6)) == 0)
+
+
+def test_other_arms_are_searched(tmp_path):
+    (tmp_path / "wrist.urdf").write_text(urdf(0.08))
+    for arm in (ac.load_arm(tmp_path / "wrist.urdf"), ac.load_arm("panda")):
+        assert Configurations(arm, 6).closed is None
+    assert Configurations(ac.load_arm("ur5e"), 5).closed is None
+
+
+def test_another_arm_or_tool_keeps_the_rest(square, plane):
+    arm = ac.load_arm("panda")
+    found = with_arm(square, arm)
+    assert found.arm is arm and found.servo.kp.shape == (7,)
+    limits = found.runs[0].limits
+    assert limits.speed == 0.25
+    np.testing.assert_array_equal(limits.joint_velocity, arm.limits.joint_velocity)
+    uneven = replace(square, servo=square.servo.replace(kp=[25, 25, 25, 25, 25, 30]).for_joints(6))
+    with pytest.raises(InvalidInput, match="6 values of kp, but the arm .* has 7 joints"):
+        with_arm(uneven, arm)
+    assert with_arm(uneven, ac.load_arm("ur10e")).servo.kp[5] == 30
+    with pytest.raises(InvalidInput, match="moves its tool in 2 coordinates"):
+        with_arm(square, ac.load_arm("pmk3s"))
+    tool = ac.Frame(position=[0, 0, 0.1])
+    found = with_tool(square, tool)
+    assert found.arm.chain.tool is tool
+    with pytest.raises(InvalidInput, match="has no tool frame"):
+        with_tool(plane, tool)
+
+
+def test_the_best_case_has_the_least_score(square):
+    over = {"x": (0.0, 0.0, 1)}
+    cases = [
+        Case(name=name, placement=ac.place(with_arm(square, ac.load_arm(name)), over=over))
+        for name in ("ur5e", "ur10e")
+    ]
+    known = [x.placement.best.verdict.duration for x in cases]
+    best = best_case([*cases, Case(name="none", refusal="too short")])
+    assert best is cases[int(np.argmin(known))].placement
+    assert best_case([Case(name="none", refusal="too short")]) is None

@@ -42,7 +42,7 @@ def area(path):
     return abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
 
 
-def test_outside_lines_stay_lines_and_vertices_become_arcs():
+def test_lines_and_corners_outside_and_inside_of_the_kerf():
     d = 1e-4
     for drawn in (SQUARE, reverse_path(SQUARE)):
         (done,) = cut(drawn, kerf=2 * d).contours
@@ -51,9 +51,6 @@ def test_outside_lines_stay_lines_and_vertices_become_arcs():
         assert done.path.length == pytest.approx(0.32 + 2 * np.pi * d, abs=1e-14)
         assert np.linalg.norm(done.path(0.0)) == pytest.approx(d, abs=1e-12)
         assert not (done.path.turns > 1e-9).any()
-
-
-def test_inside_corners_stay_sharp_and_arcs_stay_arcs_around_their_centres():
     drawn = Contour(path=SQUARE), circle(-0.1, 0, 0.03), circle(0, 0, 0.2)
     inner, small, outer = cut(*drawn, kerf=0.002).contours
     np.testing.assert_allclose(np.ptp(inner.path.vertices, axis=0), [0.098, 0.058], atol=1e-15)
@@ -186,7 +183,7 @@ def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_it
         np.testing.assert_allclose(axes[:, :, 0], done(places, 1), atol=1e-9)
 
 
-def test_speeds_tolerances_events_and_rapids_come_along():
+def test_events_rapids_and_leads_come_along():
     corner = (0.1, 0.06)
     first = line((0, 0), (0.1, 0), speed=0.02, tolerance=1e-3)
     path = path_of(first, line((0.1, 0), corner), line(corner, (0, 0)))
@@ -201,9 +198,6 @@ def test_speeds_tolerances_events_and_rapids_come_along():
     assert off.s == contour.path.length
     np.testing.assert_array_equal(before.path(before.path.length), contour.path(0.0))
     np.testing.assert_allclose(after.path(0.0), contour.path(contour.path.length), atol=1e-9)
-
-
-def test_leads_lie_in_the_waste_beside_the_kerf():
     lead = Lead(length=4e-3, shape="arc")
     done = cut(circle(0, 0, 0.05), circle(0, 0, 0.02), kerf=1e-3, lead_in=lead)
     inner, outer = (np.linalg.norm(x.path(0.0)) for x in done.contours)

@@ -91,7 +91,7 @@ def test_places_a_program_with_its_rapids_and_the_places_of_its_events():
     np.testing.assert_allclose(lifted.contours[1].path(0.1), [0.0, 0.1, 0.1], atol=1e-15)
 
 
-def test_flattens_a_program_with_its_events():
+def test_programs_are_flattened_with_their_events_work_and_switches():
     ramp = ac.Path.polyline([*DOWN, [0.03, 0.0, 0.04], [0.13, 0.0, 0.04]])
     events = (Event(name="x", s=0.125), Event(name="y", s=0.17))
     rapid = Rapid(path=ac.Path.polyline(DOWN))
@@ -99,9 +99,6 @@ def test_flattens_a_program_with_its_events():
     np.testing.assert_allclose(flat.path.vertices, [[0, 0], [0.03, 0], [0.13, 0]], atol=1e-15)
     # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat after it run themselves.
     assert [x.s for x in flat.events] == pytest.approx([0.015, 0.05], abs=1e-15)
-
-
-def test_flattening_keeps_the_work_and_what_is_switched_where_nothing_is_left():
     on = Event(name="laser", s=0.05, lead_time=0.1, lead_distance=0.01)
     down, level = contour(ac.Path.polyline(DOWN), events=(on,)), [*DOWN, [0.1, 0.0, 0.0]]
     moves = (down, Dwell(duration=1), contour(ac.Path.polyline(level), work=(0.11, 0.2)))
@@ -112,16 +109,13 @@ def test_flattening_keeps_the_work_and_what_is_switched_where_nothing_is_left():
     assert held.path.orientation is None and "the tool orientation" in held.notes[0]
 
 
-def test_selects_by_layer_and_name():
+def test_contours_are_selected_and_called_by_layer_and_name():
     first, second = contours = contour(name="1", layer="a"), contour(name="CUT", layer="b")
     drawn = program(*contours)
     assert drawn.selected(layers=["b"]).contours == (second,)
     assert drawn.selected(names="CUT").contours == (second,)
     assert drawn.selected(names=["1"]).path is LINE and drawn.selected() is drawn
     assert drawn.selected(layers="a").contours == (first,)
-
-
-def test_contours_are_called_by_name_or_number():
     names = ["", "E7", "contour 4", "line 12"]
     called = [contour_called(contour(name=x), i) for i, x in enumerate(names)]
     assert called == ["contour 1", "contour E7", "contour 4", "contour line 12"]
@@ -149,7 +143,7 @@ def test_names_are_a_line_of_80_printable_characters():
     assert found.source == r"a\u202eb.dxf"
 
 
-def test_a_path_becomes_a_program_that_starts_where_it_does():
+def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
     found = Program.of(LINE)
     assert found.path is found.single_path is LINE and len(found.moves) == 1
     assert Program.of(found) is found
@@ -162,9 +156,6 @@ def test_a_path_becomes_a_program_that_starts_where_it_does():
     assert isinstance(rounded, ac.RoundedPath) and isinstance(by_program, Program)
     np.testing.assert_array_equal(by_program.path.breaks, rounded.breaks)
     assert by_program.single_path is by_program.path
-
-
-def test_a_single_path_has_nothing_around_it():
     for alone in (contour(name="c", layer="cut"), contour(work=(0.0, LINE.length))):
         assert program(alone, notes=("a note",)).single_path is LINE
         assert alone.at_work == (0.0, LINE.length)

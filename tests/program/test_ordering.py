@@ -1,5 +1,6 @@
-"""The order of contours: by hand, against exhaustive search, and against lower bounds."""
+"""The order of contours, and a little of the soaks of programs."""
 
+import dataclasses
 import functools
 import itertools
 
@@ -8,8 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
+from soak import outputs
+from soak import processes as judge
 from tests.geometry.tables import refused
 
+import armcontour as ac
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Event, Lead, Process, Program, prepare
 from armcontour.program.ordering import begin_places
@@ -182,3 +186,51 @@ def test_open_contours_run_backwards_only_where_they_may():
     switched = line(*second, events=(Event(name="gas", s=0.2),))
     found = ordered((first, switched), order="shortest", reverse_open=True)
     assert found.contours[-1].events[0].s == pytest.approx(0.2) or gaps(found) > 0.1
+
+
+def test_outputs_are_on_at_work_only():
+    assert sum(outputs.run(seed) for seed in range(30)) > 3000
+
+
+@pytest.mark.parametrize("by", [-3e-4, 3e-4])
+def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
+    prepare = ac.prepare
+
+    def moved(x):
+        places = [min(max(y.s + by, 0.0), x.path.length) for y in x.events]
+        events = [dataclasses.replace(y, s=s) for y, s in zip(x.events, places, strict=True)]
+        return dataclasses.replace(x, events=events)
+
+    def shifted(program, process):
+        found = prepare(program, process)
+        moves = (moved(x) if isinstance(x, ac.Contour) else x for x in found.moves)
+        return dataclasses.replace(found, moves=tuple(moves))
+
+    monkeypatch.setattr(outputs.ac, "prepare", shifted)
+    seen = 0
+    for seed in range(10):
+        try:
+            outputs.run(seed)
+        except AssertionError as error:
+            assert "without work" in str(error) or "at work" in str(error)
+            seen += 1
+    # Along active leads an output may be on, so that some shifts there are no error.
+    assert seen >= 8
+
+
+def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monkeypatch):
+    write = judge.Drawn.text
+
+    def wrong(drawn, other_units):
+        kept = drawn.lead_in, drawn.points
+        drawn.lead_in, drawn.points = 0.5 * drawn.lead_in, drawn.points + 0.5 * drawn.tolerance
+        try:
+            return write(drawn, other_units)
+        finally:
+            drawn.lead_in, drawn.points = kept
+
+    seed = 1  # a small job with a lead-in
+    assert judge.Drawn(seed).lead_in and not judge.judge(seed)
+    monkeypatch.setattr(judge.Drawn, "text", wrong)
+    said = " ".join(judge.judge(seed))
+    assert "length of the lead-in" in said and "contour not covered" in said

@@ -128,16 +128,13 @@ def test_the_tool_is_held_along_leads_as_at_the_ends_and_follows_where_it_follow
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_leads_take_the_demands_of_the_segments_they_touch():
+def test_leads_take_demands_of_segments_and_given_lengths():
     first = line([0.3, 0], [0.4, 0], speed=0.05, tolerance=1e-4)
     lead = Lead(length=0.01)
     drawn = path_of(first, line([0.4, 0], [0.5, 0], speed=0.08))
     done = only(drawn, Process(lead_in=lead, lead_out=lead)).path
     assert done.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
     assert done.tolerances[0] == 1e-4 and np.isnan(done.tolerances[-1])
-
-
-def test_automatic_leads_take_the_lengths_that_are_given():
     asked = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
     assert asked.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
@@ -297,15 +294,12 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     assert [x.name for x in rounded.events] == [x.name for x in done.events]
 
 
-def test_events_at_the_ends_of_a_closed_contour_stay_at_its_ends():
+def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
     done = only(Contour(path=SQUARE, events=events), process)
     places = {x.name: x.s for x in done.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
-
-
-def test_events_of_the_process_come_on_every_contour_by_its_own_arc_length():
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))
     for contour in prepare(program(BEND, SQUARE), process).contours:
         (event,) = contour.events
@@ -343,15 +337,12 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
     assert c.path is BEND
 
 
-def test_resumes_at_the_end_of_a_contour_with_the_next_one():
+def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
     done = only(drawn, Process(from_s=BEND.length))
     assert done.name == "b" and done.path.length == pytest.approx(0.2, abs=1e-15)
     for from_s in (0.3, 0.31, 5.0):
         refused((lambda s=from_s: prepare(drawn, Process(from_s=s)), f"{from_s:g} m", "0.3 m long"))
-
-
-def test_resuming_runs_in_along_the_contour_itself_if_that_is_long_enough():
     lead = Lead(length=0.02)
     done = only(BEND, Process(lead_in=lead, from_s=0.06))
     # Round the corner: the last centimetre before it and the first after it.
@@ -360,9 +351,6 @@ def test_resuming_runs_in_along_the_contour_itself_if_that_is_long_enough():
     assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)
     short = only(BEND, Process(lead_in=lead, from_s=0.01))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
-
-
-def test_resuming_where_something_is_switched_tells_its_last_state_only():
     values = (("spindle", True, 0.0), ("speed", 200.0, 0.02), ("speed", 0.0, 0.05))
     events = tuple(Event(name=name, value=value, s=s) for name, value, s in values)
     drawn = Contour(path=Path.polyline([(0, 0), (0.1, 0)]), events=events)
@@ -392,22 +380,16 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
         np.testing.assert_allclose(found.vertices, points, atol=1e-15)
 
 
-def test_a_rapid_that_comes_from_elsewhere_keeps_its_beginning():
+def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
     rapid = Rapid(path=Path.polyline([[0.2, 0.2], [0.3, 0.1]]))
     done = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
     np.testing.assert_allclose(rapids(done)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15)
-
-
-def test_a_rapid_of_which_leads_leave_nothing_is_left_to_the_joints():
     lead = Lead(length=0.01)
     for x, leads in ((0.37, {"lead_in": lead, "lead_out": lead}), (0.36, {"lead_out": lead})):
         rapid = Rapid(path=straight(0.35, x))
         done = prepare(program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads))
         assert not rapids(done) and kinds(done) == "Contour Rapid Contour"
         np.testing.assert_allclose(done.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
-
-
-def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends():
     over, lead = path_of(arc((0.35, 0.1), (0.4, 0.1), -np.pi)), Lead(length=0.01)
     moves = straight(0.3, 0.35), Rapid(path=over), straight(0.45, 0.5)
     (rapid,) = rapids(prepare(program(*moves), Process(lead_in=lead, lead_out=lead)))
@@ -416,7 +398,7 @@ def test_a_rapid_in_arcs_keeps_them_where_leads_move_its_ends():
     np.testing.assert_allclose(rapid(rapid.length / 2), [0.4, 0.15], atol=1e-15)
 
 
-def test_goes_down_and_up_along_up_with_the_tool_held_as_at_the_ends():
+def test_goes_down_and_up_where_no_rapid_of_the_program_links():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([[0, 0, -1.0], [0, 0.6, -0.8]])
     tilt = np.array([0.0, 0.6, 0.8])
     down, up = rapids(prepare(program(path), Process(approach=0.03, retract=0.02, up=tilt)))
@@ -424,9 +406,6 @@ def test_goes_down_and_up_along_up_with_the_tool_held_as_at_the_ends():
     np.testing.assert_allclose(up.vertices, [[0.45, 0, 0.1], [0.45, 0.012, 0.116]], atol=1e-15)
     np.testing.assert_allclose(down.orientation(0.01)[:, 2], [0, 0, -1], atol=1e-12)
     np.testing.assert_allclose(up.orientation(0.01)[:, 2], [0, 0.6, -0.8], atol=1e-12)
-
-
-def test_goes_up_and_down_between_contours_that_no_rapid_of_the_program_links():
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     for between in ((), (Rapid(),), (Event(name="x"),)):
         done = prepare(program(path, *between, other), Process(approach=0.03, retract=0.02))

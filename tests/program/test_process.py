@@ -1,21 +1,18 @@
-"""Values of a process."""
+"""Programs as values, their nesting, tabs and switched outputs."""
 
-import pickle
-
-from tests.geometry.tables import refused
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.geometry.tables import arc, line, path_of, refused
 
 import armcontour as ac
+from armcontour.geometry import Arc, Path
+from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Process
+from armcontour.program.nesting import nest
 
 LINE = ac.Path.polyline([(0.3, 0.1), (0.4, 0.1)])
 LASER = ac.Switch(name="laser")
-
-
-def test_a_process_goes_to_other_processes():
-    process = Process(overlap=2e-3, by_layer={"cut": {"overlap": 1e-3}})
-    again = pickle.loads(pickle.dumps(process))
-    assert again.overlap == 2e-3 and again.of_layer("cut").overlap == 1e-3
-    assert dict(again.by_layer) == dict(process.by_layer)
 
 
 def test_a_pierce_needs_a_switch_and_an_active_lead():
@@ -33,3 +30,78 @@ def test_a_pierce_needs_a_switch_and_an_active_lead():
     )
     marked = Process(pierce=pierce, switch=LASER, by_layer={"MARK": {"pierce": None}})
     assert marked.of_layer("CUT").begins_on and not marked.of_layer("MARK").begins_on
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def circle(x, y, radius):
+    return ac.Contour(path=path_of(Arc.circle((x + radius, y), (x, y))))
+
+
+def polyline(*points, **values):
+    return ac.Contour(path=Path.polyline(points), **values)
+
+
+def parents(*contours, up=UP):
+    return nest(contours, up).parents.tolist()
+
+
+def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
+    rings = [circle(0, 0, 0.01), circle(0, 0, 0.04), circle(0, 0, 0.02), circle(0.1, 0, 0.03)]
+    assert parents(*rings, polyline([0.1, 0.0], [0.11, 0.0])) == [2, -1, 1, -1, 3]
+    # Contours are seen from above also where their plane is tilted.
+    program = ac.Program(moves=(circle(0, 0, 0.05), circle(0.02, 0, 0.01)))
+    frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
+    for up in (frame.rotation[:, 2], UP):
+        assert parents(*program.placed(frame).contours, up=up) == [-1, 0]
+
+
+def test_parents_and_areas_are_those_of_exact_arcs():
+    hole = circle(0, 0, 0.02)
+    turned = ac.Contour(path=reverse_path(hole.path))
+    half = arc((0.02, 0), (0.02, 0.01), np.pi)
+    top, side = line((0.02, 0.02), (0, 0.02)), line((0, 0.02), (0, 0))
+    d_shape = ac.Contour(path=path_of(line((0, 0), (0.02, 0)), half, top, side))
+    areas = nest([hole, turned, d_shape], UP).areas
+    expected = [np.pi * 4e-4, -np.pi * 4e-4, 4e-4 + np.pi * 1e-4 / 2]
+    np.testing.assert_allclose(areas, expected, rtol=1e-12)
+    # Between the chords of any sampling and the arc.
+    for off in (1e-6, -1e-6):
+        at = (0.5 - off) * np.array([np.cos(0.3), np.sin(0.3)])
+        mark = polyline(at, at * (1 - off))
+        assert parents(circle(0, 0, 0.5), mark) == [-1, 0 if off > 0 else -1]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15)
+def test_the_winding_number_is_that_of_a_fine_polygon(seed):
+    rng = np.random.default_rng(seed)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 6))
+    knots = rng.uniform(0.5, 1.0, 6)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    segments = []
+    for a, b in zip(knots, np.roll(knots, -1, axis=0), strict=True):
+        if rng.random() < 0.5:
+            segments.append(line(a, b))
+        else:
+            middle = (a + b) / 2 + rng.uniform(-0.3, 0.3) * np.array([a[1] - b[1], b[0] - a[0]])
+            segments.append(Arc.through(a, middle, b))
+    path = path_of(*segments)
+    places = rng.uniform(-1.2, 1.2, (10, 2))
+    fine = path(np.linspace(0, path.length, 4001)[:-1])
+    marks = [polyline(x, x + 1e-3) for x in places]
+    holds = nest([ac.Contour(path=path), *marks], UP).holds[0, 1:]
+    turned = np.unwrap(np.arctan2(*(np.append(fine, fine[:1], axis=0)[:, None] - places).T), axis=1)
+    wound = np.round((turned[:, -1] - turned[:, 0]) / (2 * np.pi)).astype(int)
+    clear = np.min(np.linalg.norm(fine[:, None] - places, axis=2), axis=0) > 5e-3
+    assert (holds == (wound != 0))[clear].all()
+
+
+def test_a_point_at_the_height_of_a_vertex_that_is_off_by_rounding_is_inside():
+    # The arc ends 2e-17 above the start of the line after it, at the height of the mark.
+    first = arc((0.05, 0.06), (0.0, 0.06), -0.5)
+    end = path_of(first).vertices[-1]
+    low = [end[0], end[1] - 2e-17 - 1e-18]
+    path = path_of(first, line(low, (-0.05, 0.0)), line((-0.05, 0.0), (0.05, 0.06)))
+    for y in (end[1], low[1], np.nextafter(end[1], 0)):
+        assert parents(ac.Contour(path=path), polyline([0.03, y], [0.031, y])) == [-1, 0]

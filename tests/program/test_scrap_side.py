@@ -40,7 +40,7 @@ def ends(contour):
     return contour.path([0.0, contour.path.length])
 
 
-def test_waste_is_outside_of_outlines_inside_of_holes_and_left_of_open_contours():
+def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), PLAIN)
     assert sides == ["right", "left", "right", "left"]
     turned = [reverse_path(x) for x in (OUTLINE, HOLE, ISLAND)]
@@ -54,9 +54,6 @@ def test_waste_is_outside_of_outlines_inside_of_holes_and_left_of_open_contours(
     up = frame.rotation[:, 2]
     assert waste_sides(placed, ac.Process(up=up)) == ["right", "left"]
     assert waste_sides(placed, ac.Process(up=-up)) == ["left", "right"]
-
-
-def test_contours_of_layers_that_are_not_cut_hold_no_holes():
     ring = circle(0.015)
     found = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
     assert waste_sides(found, PLAIN)[1] == "right"

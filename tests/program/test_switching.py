@@ -37,7 +37,7 @@ def contours(path, *events, **process):
     return ac.prepare(drawn, ac.Process(switch=SWITCH, **process)).contours
 
 
-def test_what_is_on_over_rapids_is_off_between_and_on_again_as_it_was():
+def test_what_is_on_over_rapids_is_off_between_them():
     drawn, found = laser(), laser(off_between=("spindle",))
     assert [states(x) for x in drawn.contours] == [[], [(False, 0.03)], []]
     first, second, third = map(states, found.contours)
@@ -49,9 +49,6 @@ def test_what_is_on_over_rapids_is_off_between_and_on_again_as_it_was():
     # Other names stay as they are.
     other = laser(off_between=("coolant",))
     assert [states(x) for x in other.contours] == [states(x) for x in drawn.contours]
-
-
-def test_a_program_is_off_along_every_rapid():
     program = laser(off_between=("spindle",)).placed(ac.Frame(position=(0.3, 0.1, 0)))
     arm = ac.load_arm("pmk3s")
     planned = ac.plan(program, arm, arm.limits.replace(speed=0.05))
@@ -75,13 +72,10 @@ def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
     assert states(laser(switch=ac.Switch(name="spindle", value=0.5)).contours[2]) == []
 
 
-def test_open_contours_begin_every_pass_in_the_same_state():
+def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
     gap = ac.Event(name="laser", value=False, s=0.09)
     first, second = contours(ac.Path.polyline([(0, 0), (0.1, 0)]), gap, passes=2)
     assert states(first, "laser") == states(second, "laser") == [(True, 0.0), (False, 0.09)]
-
-
-def test_tabs_and_gaps_of_the_program_leave_the_output_off_in_both():
     square = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1), (0, 0)])
 
     def cut(*gap):

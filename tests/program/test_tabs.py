@@ -34,7 +34,6 @@ def gaps(contour):
 
 
 def check_even(path, tabs):
-    """The middles of the tabs are evenly spaced."""
     middles = [(a + b) / 2 for a, b in gaps(cut(path, tabs))]
     expected = (np.arange(tabs.count) + 0.5) * path.length / tabs.count
     np.testing.assert_allclose(middles, expected, atol=1e-12)
@@ -64,7 +63,7 @@ def test_tabs_keep_a_width_from_corners_starts_and_each_other(count, width, smoo
         assert after - before >= width - 1e-12
 
 
-def test_tabs_are_at_the_same_places_of_every_lap_and_of_the_overlap():
+def test_tabs_of_laps_polylines_and_resumed_programs():
     plain = gaps(cut(CIRCLE, TWO))
     lap = CIRCLE.length
     # The overlap ends within the first tab of the fourth lap.
@@ -73,15 +72,9 @@ def test_tabs_are_at_the_same_places_of_every_lap_and_of_the_overlap():
     np.testing.assert_allclose(gaps(done), expected, atol=1e-12)
     last = done.events[-2]
     assert last.value is False and last.s == pytest.approx(3 * lap + plain[0][0], abs=1e-12)
-
-
-def test_tabs_lie_on_vertices_of_curves_that_are_drawn_as_polylines():
     angles = np.linspace(0, 2 * np.pi, 361)
     path = Path.polyline(0.05 * np.column_stack([np.cos(angles), np.sin(angles)]))
     check_even(path, Tabs(count=4, width=2e-3))
-
-
-def test_a_program_that_is_resumed_on_a_tab_goes_on_at_its_end():
     (a, b), *rest = gaps(cut(CIRCLE, TWO))
     resumed = gaps(cut(CIRCLE, TWO, from_s=(a + b) / 2))
     assert resumed[0] == pytest.approx((0.0, 5e-4), abs=1e-12)

@@ -35,7 +35,6 @@ WITHOUT_KEY = (
 
 
 def write_files(folder):
-    """Write the files that jobs name."""
     for name, data in FILES.items():
         (folder / name).write_bytes(data)
 

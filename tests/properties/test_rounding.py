@@ -1,4 +1,4 @@
-"""Corner rounding: what holds for every path."""
+"""Properties of rounded corners and of their orientation."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from armcontour.frames import log
+from armcontour.geometry import angle_between
 
 BATCH = 800  # tests/slow has 10,000
 
@@ -143,3 +145,211 @@ def test_every_corner_gets_what_it_asks_for_or_half_of_a_line(points, tolerance)
     half_lines = np.minimum(path.lengths[:-1], path.lengths[1:]) / 2
     assert (found.tangent >= np.minimum(wanted, half_lines) * (1 - 1e-6)).all()
     assert (found.shrunk | np.isclose(found.tangent, wanted, rtol=1e-6)).all()
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_path(rng):
+    """A polyline in space with collinear points, and a rotation at every point."""
+    n = int(rng.integers(3, 9))
+    scale = 10.0 ** rng.uniform(-2, 0.5)
+    points = scale * rng.uniform(-1, 1, size=(n, 3))
+    for i in range(1, n - 1):
+        kind = rng.random()
+        if kind < 0.15:
+            points[i] = points[i - 1] + rng.uniform(0.1, 0.9) * (points[i + 1] - points[i - 1])
+        elif kind < 0.25:
+            points[i] = points[i - 1] + scale * 10.0 ** rng.uniform(-4, -1) * rng.normal(size=3)
+    vectors = 10.0 ** rng.uniform(-3, 0.3) * rng.uniform(-1, 1, size=(n, 3))
+    if rng.random() < 0.2:
+        vectors[1:] = vectors[0]
+    return ac.Path.polyline(points), Rotation.from_rotvec(vectors), scale
+
+
+def rounded(path, tolerance, angular):
+    return ac.round_corners(path, tolerance=tolerance, angular_tolerance=angular)
+
+
+def angles(first, second):
+    return np.linalg.norm(log(first @ np.swapaxes(second, -1, -2)), axis=-1)
+
+
+def axis_angles(first, second):
+    return angle_between(first[..., 2], second[..., 2])
+
+
+@given(seed=SEEDS, axis_only=st.booleans())
+def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only):
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    path = path.oriented(rotations, axis_only=axis_only)
+    tolerance, angular = scale * 10.0 ** rng.uniform(-4, 0), 10.0 ** rng.uniform(-4, 0)
+    made = rounded(path, tolerance, angular)
+    corners, orientation = made.corners, made.orientation
+    assert not corners.stopped.any()
+    # In the middle of a corner, both the point and the rotation are near those of the corner.
+    middle = (corners.start + corners.end) / 2
+    off = np.linalg.norm(made(middle) - corners.point, axis=1)
+    assert (off <= tolerance + 1e-12).all()
+    np.testing.assert_allclose(off, corners.error, atol=1e-12)
+    at_corner = path.orientation.starts[corners.vertex]
+    apart = axis_angles if axis_only else angles
+    turned = apart(orientation(middle), at_corner)
+    assert (turned <= angular + 1e-9).all()
+    np.testing.assert_allclose(turned, corners.angular_error, atol=1e-9)
+    # No jump and no kink is left, so that nothing has to stop.
+    assert orientation.jumps.max(initial=0.0) <= 1e-9
+    assert len(made.stops) == 0
+    # Halfway along a line nothing has changed, unless a corner takes more than half of it.
+    middles = (path.breaks[:-1] + path.breaks[1:]) / 2
+    kept = made.project(path(middles))
+    eased = orientation.second[orientation.locate(kept.s)].any(axis=1)
+    on = (kept.distance <= 1e-12) & ~eased
+    before = path.orientation(middles[on])
+    assert angles(orientation(kept.s[on]), before).max(initial=0.0) <= 1e-7
+    # It begins and ends as it was.
+    ends = orientation(np.array([0.0, made.length]))
+    assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
+
+
+@given(seed=SEEDS)
+def test_turning_about_a_free_axis_makes_no_arc_smaller(seed):
+    rng = np.random.default_rng(seed)
+    path, tilts, scale = random_path(rng)
+    # Turned about the tool axis by far more than the axis itself.
+    about = np.zeros((len(path) + 1, 3))
+    about[:, 2] = rng.uniform(-1.5, 1.5, len(about))
+    turns = Rotation.from_rotvec(0.1 * tilts.as_rotvec()) * Rotation.from_rotvec(about)
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    oriented = (path.oriented(turns, axis_only=only) for only in (False, True))
+    whole, free = (rounded(x, scale, angular) for x in oriented)
+    assert (free.corners.tangent >= 0.5 * whole.corners.tangent - 1e-12).all()
+    middle = (free.corners.start + free.corners.end) / 2
+    at_corner = path.oriented(turns).orientation.starts[free.corners.vertex]
+    off = axis_angles(free.orientation(middle), at_corner)
+    assert (off <= angular + 1e-9).all()
+    np.testing.assert_allclose(off, free.corners.angular_error, atol=1e-9)
+
+
+def test_only_the_tilt_of_a_free_axis_counts():
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    about = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1.0], [0, 0, 0]])
+    for angular in (0.01, 0.0):
+        free = rounded(corner.oriented(about, axis_only=True), 0.1, angular)
+        assert free.corners.error[0] == pytest.approx(0.1) and not free.corners.shrunk[0]
+        assert free.corners.angular_error[0] < 1e-12 and len(free.stops) == 0
+    # With a tilt that stays and turning about the axis that does not, it bends to second order.
+    both = Rotation.from_rotvec([[0, 0, 0], [0.8, 0, 0.0], [1.6, 0, 0]]) * about
+    tilting = corner.oriented(both, axis_only=True)
+    found = rounded(tilting, 0.5, 0.01).corners
+    assert found.shrunk[0] and 0.002 < found.angular_error[0] <= 0.01
+    assert rounded(tilting, 0.5, 0.0).corners.stopped.all()
+
+
+@given(seed=SEEDS)
+def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
+    # Compared at equal shares of the arc and of the two lines that the arc replaces. In the
+    # middle the bound is (t/2 - l/8) |b - a|, which the angular tolerance keeps. Elsewhere a
+    # second part is added, because the arc is shorter than the two lines: the tool turns by other
+    # shares than on them. On sharp turns between nearly equal rates this part is the larger one.
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    path = path.oriented(rotations)
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    made = rounded(path, 0.1 * scale, angular)
+    corners = made.corners
+    p = np.linspace(0, 1, 41)
+    for k, vertex in enumerate(corners.vertex):
+        length, t = corners.end[k] - corners.start[k], corners.tangent[k]
+        a, b = path.orientation.first[vertex - 1 : vertex + 1]
+        # Cubics from (-t, 1) to (0, 0) and from (0, 0) to (t, 1): value and slope at the ends.
+        f = -t * (1 + 2 * p) * (1 - p) ** 2 + length * p * (1 - p) ** 2
+        g = t * p**2 * (3 - 2 * p) + length * p**2 * (p - 1)
+        at = (2 * p - 1) * t
+        before, after = np.minimum(at, 0), np.maximum(at, 0)
+        # Rotations are nowhere farther apart than their rotation vectors.
+        bound = np.linalg.norm(np.outer(f - before, a) + np.outer(g - after, b), axis=1)
+        was = path.orientation(path.breaks[vertex] + at)
+        off = angles(made.orientation(corners.start[k] + p * length), was)
+        assert (off <= bound + 1e-9).all()
+        assert off[20] <= angular + 1e-9
+
+
+@given(seed=SEEDS)
+def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
+    rng = np.random.default_rng(seed)
+    path, _, scale = random_path(rng)
+    path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(rng=rng))
+    angular = 10.0 ** rng.uniform(-4, -0.5)
+    made = rounded(path, scale * 10.0 ** rng.uniform(-4, 0), angular)
+    # The tangent as the tool sees it is one direction, but for the tolerance.
+    own = path.orientation.starts[0].T @ path.tangents[0]
+    share = np.linspace(0, 1, 13)
+    i = np.repeat(np.arange(len(made.orientation)), len(share))
+    u = (np.diff(made.orientation.breaks)[:, None] * share).ravel()
+    s = np.clip(made.orientation.breaks[i] + u, 0, made.length)
+    along = np.einsum("nij,j->ni", made.orientation.on_piece(i, u), own)
+    off = np.linalg.norm(along - made(s, 1), axis=1)
+    assert off.max() <= angular + 1e-7
+    assert made.orientation.jumps.max(initial=0.0) <= 1e-8
+    assert len(made.stops) == 0
+
+
+@given(seed=SEEDS)
+def test_backwards_the_rounded_path_turns_the_same_way(seed):
+    # In the middle of a corner what is after and what is before count alike.
+    rng = np.random.default_rng(seed)
+    path, rotations, scale = random_path(rng)
+    turned = ac.Path.polyline(path.vertices[::-1]).oriented(rotations[::-1])
+    ways = (path.oriented(rotations), turned)
+    forth, back = (rounded(x, 0.05 * scale, 0.05).corners for x in ways)
+    np.testing.assert_allclose(forth.tangent, back.tangent[::-1], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(forth.angular_error, back.angular_error[::-1], atol=1e-6)
+
+
+def test_a_kink_without_a_corner_needs_an_angular_tolerance_as_others_do(refuses):
+    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)])
+    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.3]])
+    kinked = line.oriented(turns)
+    made = rounded(kinked, 0.1, 0.01)
+    assert len(made.stops) == 0 and len(made) == 3
+    off = angles(made.orientation(np.array([2.0])), turns[2].as_matrix()[None])
+    assert off[0] == pytest.approx(0.01)
+    # Nor does what follows the tangent, or is negative, or rounded already, go without one.
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    following = corner.following_tangent([0, 0, 1])
+    turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    for call, word in (
+        (lambda: ac.round_corners(kinked, tolerance=0.1), "segment 2"),
+        (lambda: ac.round_corners(following, tolerance=0.1), "tangent"),
+        (lambda: rounded(following, 0.1, -1.0), "negative"),
+        (lambda: rounded(rounded(turning, 0.1, 0.1), 0.1, 0.1), "before"),
+    ):
+        refuses(call, ac.InvalidInput, word)
+
+
+def test_an_angular_tolerance_of_zero_stops():
+    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
+    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
+    made = rounded(line.oriented(turns), 0.1, 0.0)
+    np.testing.assert_allclose(made.stops, [1.0, 2.0, 3.0])
+    assert made.corners.stopped.all() and (made.corners.angular_error == 0).all()
+    # Not where the rate goes on, though rounding makes two numbers of it.
+    corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
+    steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
+    for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
+        kept = rounded(held, 0.1, 0.0)
+        assert len(kept.stops) == 0 and not kept.corners.stopped.any()
+    followed = rounded(corner.following_tangent([0, 0, 1]), 0.1, 0.0)
+    np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
+
+
+def test_a_large_turn_makes_the_arc_smaller_and_says_so():
+    corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    free, tight = (rounded(turning, 0.1, x).corners for x in (1.0, 0.02))
+    assert not free.shrunk[0] and free.error[0] == pytest.approx(0.1)
+    assert tight.shrunk[0] and tight.error[0] < 0.03
+    assert tight.angular_error[0] == pytest.approx(0.02, rel=1e-6)
+    assert free.angular_error[0] > 0.05

@@ -1,18 +1,35 @@
-"""The report: its numbers are the evaluation's, it works offline, and text is escaped."""
+"""The report: its numbers, its figures, and its sections."""
 
+import base64
 import dataclasses
+import gzip
+import json
+import re
 
 import numpy as np
+import plotly.graph_objects as go
+import plotly.io as pio
 import pytest
+from plotly.offline import get_plotlyjs
+from plotly.subplots import make_subplots as plots_of_plotly
+from soak.corner_job import CORNER_JOB
 
+import armcontour as ac
+from armcontour import scene as cell
 from armcontour.cli.running import built_in_job
-from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame
 from armcontour.io import parse_job
-from armcontour.jobs import Study, run
-from armcontour.report import render_report, write_report
-from armcontour.report.sections import overview, paths
-from armcontour.report.sections.motion import find_saturation
-from armcontour.report.style import thin
+from armcontour.jobs import run
+from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
+from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
+from armcontour.report import render_report, sections, write_report
+from armcontour.report.figure import Node, make_subplots, make_trace, render_page, to_json
+from armcontour.report.sections import clearance, paths
+from armcontour.report.sections import placement as placement_section
+from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
+from armcontour.report.sections.placement import GREYS
+from armcontour.report.style import finish, thin
 from armcontour.servo import ServoModel
 
 FIRST_ORDER = """
@@ -55,38 +72,6 @@ def test_the_page(study, page, in_order):
     assert 'class="figures beside" style="--columns: 2fr 3fr"' in page
 
 
-def test_the_overview_compares_runs_in_a_table_or_shows_tiles(study):
-    section = overview(study)
-    (table,) = section.tables
-    assert section.tiles == () and [row[0] for row in table.rows] == list(study.runs)
-    found = dict(zip(table.header, table.rows[1], strict=True))
-    assert found["motion"] == f"{study.runs['uncompensated'].evaluation.duration:.3f} s"
-    assert found["saturated"].startswith("joint 1 ")
-    result = study.runs["proposed"]
-    for saturated, words in (
-        ([0.0, 0.0], "no joint saturated"),
-        ([0.0, 0.25], "saturated: joint 2 25.0% of the time"),
-    ):
-        evaluation = dataclasses.replace(result.evaluation, saturated=np.array(saturated))
-        one = dataclasses.replace(result, evaluation=evaluation)
-        ((_, tiles),) = overview(Study(job=study.job, runs={"proposed": one})).tiles
-        assert words in tiles[3].note
-    own = dataclasses.replace(result.run, compensation="inverse_dynamics")
-    for_bodies = Study(job=study.job, runs={"proposed": dataclasses.replace(result, run=own)})
-    ((_, tiles),) = overview(for_bodies).tiles  # what judges set-points for bodies comes first
-    assert tiles[1].label.startswith("experiment: ") and tiles[1].label.endswith(tiles[2].label)
-
-
-def test_a_failed_experiment_and_a_warning_stand_in_the_overview(study):
-    failure = ExecutionError("experiment: joint 1 does not rest.")
-    result = study.runs["proposed"]
-    slow = dataclasses.replace(result.run, period=2.0)
-    failed = dataclasses.replace(result, experiment=None, failure=failure, run=slow)
-    job = study.job
-    page = render_report(Study(job=job, runs={"proposed": failed}))
-    assert f"Run proposed: {failure}" in page and "command interval of 2 s" in page
-
-
 def test_other_servos_and_jobs_without_corners_have_a_report(study):
     page = render_report(run(parse_job(FIRST_ORDER)))
     header = page[page.index("<header>") : page.index("</header>")]
@@ -123,9 +108,230 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
     np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
 
 
-def test_saturated_stretches_are_joined_where_they_are_neighbours():
-    t = np.linspace(0, 10, 10_001)
-    demand = np.zeros_like(t)
-    demand[1000:2000], demand[2005:2991], demand[7000:], demand[5000] = 2.0, -2.0, 2.0, 1.0005
-    found = find_saturation(t, demand, np.clip(demand, -1.0, 1.0))
-    np.testing.assert_allclose(found, [(1.0, 2.99), (7.0, 10.0)])
+PLACES = [
+    {"rows": 6, "cols": 3, "shared_xaxes": True, "column_titles": ["a", "b", "c"],
+     "vertical_spacing": 0.025, "horizontal_spacing": 0.06},
+    {"rows": 3, "cols": 2, "shared_xaxes": True, "subplot_titles": list("abcde"),
+     "vertical_spacing": 0.22 / 3, "horizontal_spacing": 0.09},
+    {"rows": 2, "cols": 1, "shared_xaxes": True, "row_heights": [0.75, 0.25],
+     "vertical_spacing": 0.05},
+    {"rows": 2, "cols": 2, "subplot_titles": list("abc"), "vertical_spacing": 0.16},
+]  # fmt: skip
+
+
+def written(figure):
+    """What a page gives to plotly.js: its key, data, layout, configuration, frames."""
+    page = figure.to_html("key")
+    found, at = [], page.index("draw(") + len("draw(")
+    while page[at - 1] != ")":
+        value, at = json.JSONDecoder().raw_decode(page, at)
+        found.append(value)
+        at += 1
+    return found
+
+
+def test_several_plots_are_where_plotly_puts_them():
+    for options in PLACES:
+        ours, theirs = make_subplots(**options), plots_of_plotly(**options)
+        ours.add_trace(make_trace("bar", y=[1, 2]), row=2, col=1)
+        theirs.add_trace(go.Bar(y=[1, 2]), row=2, col=1)
+        for made in (ours, theirs):
+            made.update_yaxes(title="y", row=2, col=1)
+            made.update_xaxes(range=[0, 1])
+            made.add_hline(y=3.0, line={"color": "#000000"}, row=2, col=1)
+        finish(ours, title="several", height=300)
+        finish(theirs.update_layout(template="plotly_white"), title="several", height=300)
+        expected = json.loads(theirs.to_json())
+        # The page has the title above the figure, and the template once.
+        layout = {x: y for x, y in expected["layout"].items() if x not in ("title", "template")}
+        assert written(ours)[1:3] == [expected["data"], layout], options
+        assert ">several</figcaption>" in ours.to_html("key")
+
+
+def test_a_page_has_plotly_packed_and_its_template_once():
+    page = render_page("report.html", job=None, title="a", about="", source="", sections=[])
+    packed = re.search(r'<script type="text/plain" id="plotly">(.*?)</script>', page)
+    assert gzip.decompress(base64.b64decode(packed[1])).decode() == get_plotlyjs()
+    assert len(page) < 0.45 * len(get_plotlyjs())
+    (template,) = re.findall(r"const template = (.*);\n", page)
+    assert json.loads(template) == pio.templates["plotly_white"].to_plotly_json()
+
+
+def test_arrays_are_written_in_base64_and_cannot_end_a_script():
+    for values in (np.array([1.5, np.nan], np.float32), np.arange(6.0).reshape(2, 3)):
+        found = json.loads(to_json({"x": values}))["x"]
+        back = np.frombuffer(base64.b64decode(found["bdata"]), found["dtype"])
+        np.testing.assert_array_equal(back, values.ravel())
+        assert found.get("shape") == (None if values.ndim == 1 else "2, 3")
+    for whole, kind in (([3, -4], "i1"), ([200], "i2"), ([-40_000], "i4")):
+        assert json.loads(to_json(np.array(whole)))["dtype"] == kind
+    assert json.loads(to_json([np.float32(0.5), np.array([]), np.array(["a"])])) == [0.5, [], ["a"]]
+    text = to_json(Node({"name": "</script><b>", "y": [1.0, np.nan, np.inf]}))
+    assert not set("<>/") & set(text)
+    assert json.loads(text) == {"name": "</script><b>", "y": [1.0, None, None]}
+
+
+WORK = ", work: {position: [0.4, 0.1, 0.3], rpy: [0.3, -0.4, 1.0]}"
+TILTED = f"""
+name: tilted
+arm: {{name: ur5e{WORK}}}
+path: {{points: [[0, 0, 0], [0.05, 0, 0]], orientation: {{axis: [0, 0, -1]}}}}
+limits: {{speed: 0.1}}
+servo: {{kp: 25, kv: 150}}
+runs: {{taught: {{}}}}
+"""
+OBSTACLES = """
+scene:
+  halfspaces: [{name: table}]
+  boxes: [{name: block, fixed_to: part, at: [0.1, 0, 0], size: [0.02, 0.02, 0.02]}]
+"""
+SEAM = """
+name: seam
+arm: ur5e
+path: {points: [[0.40, 0, 0.1], [0.45, 0, 0.1]], orientation: {axis: [0, 0, -1]}}
+limits: {speed: 0.1}
+servo: {kp: 25, kv: 150}
+command_interval: 0.004
+runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+"""
+JERKY = """
+name: jerk
+arm: pmk3s
+path: {points: [[0.35, 0.10], [0.36, 0.12]]}
+limits: {joint_acceleration: 0.72 rad/s^2, joint_jerk: 7.2 rad/s^3}
+servo: {kp: 25, kv: 150}
+runs: {plain: {timing: {method: optimal}, compensation: {method: none}}}
+"""
+Q = np.array([[0.3, -1.2, 1.4, -1.0, -1.5, 0.2]])
+PREDICTED = "RMS that was predicted"
+# Along x, y and yaw, 2 places each.
+VERDICTS = (
+    Verdict(duration=2.0, bound=1.9, singular=0.3), Verdict(bound=2.5, singular=0.2),
+    Verdict(refusal="reach"), Verdict(bound=2.2, singular=0.4),
+    Verdict(refusal="reach"), Verdict(refusal="clearance"),
+    Verdict(duration=3.0, bound=2.0, singular=0.1), Verdict(refusal="limits"),
+)  # fmt: skip
+
+
+def traces(figure):
+    return {x.name: x for x in figure.data}
+
+
+def test_bodies_stand_in_the_coordinates_of_the_arms_base():
+    job = parse_job(TILTED + OBSTACLES)
+    own = parse_job(TILTED.replace(WORK, ""))
+    links = seen_from_base(job.arm, job.arm.links(Q))[0]
+    np.testing.assert_allclose(links, own.arm.links(Q)[0] * 1e3, atol=1e-9)
+    assert np.abs(links[0]).max() < 1e-9
+    found = {trace.name: points for trace, points in draw_surroundings(job, links)}
+    table, block = found["table"], found["block"]
+    # The table is that of the base; its plate is larger than the arm, which stands on it.
+    assert table[:, 2].max() == pytest.approx(0, abs=1e-9)
+    assert np.ptp(table[:, 0]) > np.ptp(links[:, 0])
+    base = job.arm.chain.base.inverse
+    middle = base.position + base.rotation @ [0.1, 0, 0]
+    np.testing.assert_allclose(block.mean(axis=0), middle * 1e3, atol=1e-9)
+    assert found["base_link_inertia"][:, 2].min() > -5
+    drawn = draw_surroundings(parse_job(TILTED), np.array([[0, 0, 9.0], [400, 90, 5]]))
+    plane = {trace.name: points for trace, points in drawn}["plane of the base"]
+    assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
+
+
+def test_distances_pairs_and_the_nearest_posture_are_shown():
+    plain = parse_job(SEAM, source="test")
+    assert clearance(ac.run(plain)) is None or plain.arm.shapes is not None
+    tetrahedron = cell.Mesh(points=[[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+    shapes = (
+        cell.LinkShape(name="forearm", link=3, shape=cell.Capsule(radius=0.05, length=0.3)),
+        cell.LinkShape(name="wrist", link=6, shape=cell.Cylinder(radius=0.04, length=0.05)),
+        cell.LinkShape(name="tip", link=6, shape=cell.Sphere(radius=0.01), tool=True),
+    )
+    obstacles = tuple(
+        cell.Obstacle(name=name, shape=shape, place=Frame(position=position))
+        for name, shape, position in (
+            ("floor", cell.HalfSpace(), [0, 0, -0.4]),
+            ("box", cell.Box(size=[0.1, 0.1, 0.1]), [0.6, 0.3, 0]),
+            ("wedge", tetrahedron, [0.6, -0.4, 0]),
+        )
+    )
+    arm = plain.arm.with_shapes(cell.ArmShapes(shapes=shapes))
+    scene = cell.Scene(obstacles=obstacles)
+    section = clearance(ac.run(dataclasses.replace(plain, arm=arm, scene=scene)))
+    over_time, posture = section.figures
+    assert {"links and cell, planned", "links and cell, executed"} <= set(traces(over_time))
+    # The posture is that of the least distance from an obstacle, which is named with its distance.
+    names = [x.name for x in posture.data if x.type == "scatter3d"]
+    assert any(x.split(", ")[1].split(":")[0] in ("floor", "box", "wedge") for x in names[1:])
+    bodies = {x.name for x in posture.data if x.type == "mesh3d"}
+    assert bodies == {"forearm", "wrist", "tip", "floor", "box", "wedge"}
+    (table,) = section.tables
+    assert all(row[-2] == "kept" for row in table.rows) and len(table.rows) > 3
+    assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
+
+
+@pytest.fixture(scope="module")
+def real():
+    """Learned from an ideal servo: the second run is made up of the first."""
+    job = parse_job(CORNER_JOB.replace("pole_placement", "none"))
+    plan = plan_run(job, None)
+    executed = ac.execute(plan.taught, ac.ServoPlant(job.arm, job.servo), resolution=4e-3)
+    lesson = learn_run(job, plan, plan.taught, executed)
+    first = lesson.runs[0]
+    second = dataclasses.replace(
+        first, error=first.error / 10, joint_rms=first.joint_rms / 10, contour_rms=2e-6,
+        contour_max=5e-6, predicted=3e-6, source="<b>run2</b>.csv",
+    )  # fmt: skip
+    lesson = dataclasses.replace(
+        lesson, runs=(first, second), predicted=1e-6, noise=2e-7, finished=False
+    )
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
+
+
+def test_learning_shows_errors_over_runs_joints_and_time(real):
+    over_runs, joints, over_time = sections.learning(real).figures
+    figure, (first, _) = traces(over_runs), real.lesson.runs
+    np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
+    np.testing.assert_allclose(figure["largest"].y, [1e3 * first.contour_max, 5e-3])
+    predicted = figure[PREDICTED]
+    assert list(predicted.x) == [2, 3]
+    np.testing.assert_allclose(predicted.y, [3e-3, 1e-3])
+    np.testing.assert_allclose(figure["does not repeat"].y, 2e-4, rtol=1e-6)
+    for j, trace in enumerate(joints.data):
+        assert trace.name == real.job.arm.joint_names[j]
+        np.testing.assert_allclose(trace.y, [1e3 * x.joint_rms[j] for x in real.lesson.runs])
+    before, after = over_time.data
+    assert before.name.startswith("before learning: RMS")
+    assert after.name == "run 2: RMS 0.002 mm, largest 0.005 mm"
+    assert 0 < np.max(after.y) < np.max(before.y) / 3
+
+
+def placed(names, shape, verdicts):
+    job = parse_job(JERKY)
+    values = np.linspace(0.0, 0.1, 2)
+    axes = tuple(Axis(name=x, values=values[:n]) for x, n in zip(names.split(), shape, strict=True))
+    best = Place(values=dict.fromkeys(names.split(), 0.0), verdict=verdicts[0])
+    return Placement(
+        job=job, run=job.runs[0], axes=axes, moves=Moves(anchor=np.zeros(3)), objective="cycle",
+        verdicts=verdicts, best=best, refined=best, own=verdicts[0],
+    )  # fmt: skip
+
+
+def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
+    assert tuple(GREYS) == KINDS
+    section = placement_section(placed("x y yaw", (2, 2, 2), VERDICTS))
+    assert [name for name, _ in section.choices] == ["duration", "least singular value"]
+    (figure,) = section.choices[0][1]
+    heat = [x for x in figure.data if x.type == "heatmap"]
+    maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
+    values = np.array(maps.pop("duration [s]").z, dtype=float)
+    # Rows are along y.
+    np.testing.assert_array_equal(values, [[2.0, np.nan], [2.2, 3.0]])
+    ((words, grey),) = maps.items()
+    # At x = 0.1, y = 0 both yaws are refused; the farther from the end of the list names it.
+    assert "refused by clearance" in words
+    np.testing.assert_array_equal(np.isfinite(np.array(grey.z, dtype=float)), [[0, 1], [0, 0]])
+    assert "refused by clearance" in traces(figure)
+    (singular,) = section.choices[1][1]
+    (heat,) = [x for x in singular.data if x.colorbar]
+    np.testing.assert_array_equal(np.array(heat.z, dtype=float), [[0.3, np.nan], [0.4, 0.1]])
+    assert ("reach", "2") in section.tables[1].rows

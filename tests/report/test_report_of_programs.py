@@ -12,18 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs
 
-from armcontour.geometry import Demand, Line, Path
 from armcontour.geometry.cutting import cut_path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import run
-from armcontour.program import Contour, Event, Lead, Process, Program, Switch
+from armcontour.program import Lead, Process
 from armcontour.report import render_report, sections
 from armcontour.report.outline import VISIBLE, simplify
 from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
-from armcontour.report.sections.motion import assigned_speeds, planned_speeds
-from armcontour.report.sections.program_picture import MOST_MARKERS, mark_events, said
-from armcontour.report.style import MOST_SENTENCES, few
 from armcontour.timing.explanation import Binding, Explanation
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
@@ -73,28 +69,12 @@ def in_space(tmp_path_factory):
     return run(replace_runs(read_cell("ur5e", file), compensation="none"))
 
 
-@pytest.fixture(scope="module")
-def led(tmp_path_factory):
-    lead = Lead(length=0.01)
-    process = Process(lead_in=lead, lead_out=lead, switch=Switch(name="<b>", on_lead=0.05))
-    return study_of(tmp_path_factory.mktemp("led"), GCODE, process=process)
-
-
 def traces(figure):
     return {x.name: x for x in figure.data}
 
 
 def points(trace):
     return np.stack([getattr(trace, x) for x in "xyz" if getattr(trace, x, None) is not None], -1)
-
-
-def rows(table):
-    return [dict(zip(table.header, x, strict=True)) for x in table.rows]
-
-
-def tiles(study):
-    ((_, found),) = sections.program(study).tiles
-    return {x.label: (x.value, x.note) for x in found}
 
 
 def test_the_program_stands_between_overview_and_path(study, in_space, in_order):
@@ -105,51 +85,6 @@ def test_the_program_stands_between_overview_and_path(study, in_space, in_order)
     assert re.search(r"2 contours,\s+0.2114 m of path", header)
     keys = "overview program paths speed bindings joints contour-error"
     in_order(render_report(in_space), keys)
-
-
-def test_tiles_are_the_trajectorys_and_the_evaluations(study, result):
-    spans = result.trajectory.spans
-    times = {k: sum(x.t[1] - x.t[0] for x in spans if x.kind == k) for k in ("contour", "rapid")}
-    found = tiles(study)
-    assert found["contours"] == ("2", "0 closed, 1 layer")
-    assert found["time at work"][0] == f"{times['contour']:.3f} s"
-    assert found["time of rapids"] == (f"{times['rapid']:.3f} s", "2 rapids; 1 dwell, 0.5 s")
-    assert found["events"] == ("4", "spindle")
-    assert found["at the assigned velocity"][0] == f"{result.explanation.assigned_length:.0%}"
-    ((_, found),) = sections.overview(study).tiles
-    (tile,) = (x for x in found if x.label.startswith("tool speed"))
-    assert tile.value == f"{result.evaluation.speed * 1e3:.1f} mm/s"
-    # Rapids are faster, and are not meant.
-    assert result.execution.tool_speed.max() > 1.5 * result.evaluation.speed
-
-
-def test_contours_in_a_table_with_their_errors(study, result):
-    (table,) = sections.program(study).tables
-    assert [x[0] for x in table.rows] == ["1: line 4", "2: line 10"]
-    made = zip(rows(table), result.evaluation.contours, result.trajectory.spans[::2], strict=False)
-    for cells, error, span in made:
-        assert cells["RMS error [mm]"] == f"{error.rms * 1e3:.4f}"
-        assert cells["largest [mm]"] == f"{error.max * 1e3:.4f}"
-        assert cells["time [s]"] == f"{span.t[1] - span.t[0]:.3f}"
-    assert "leads [mm]" not in table.header and "layer" not in table.header
-
-
-def test_of_many_contours_the_worst_have_a_row_and_the_others_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[sections.program.__module__], "MOST_ROWS", 4)
-    lines = ["G21 G90"]
-    for i in range(9):
-        lines += [f"G0 X0 Y{3 * i}", f"G1 X{4 + i % 3} F3000", f"Y{3 * i + 2}"]
-    many = study_of(tmp_path, "\n".join(lines))
-    (result,) = many.runs.values()
-    (table,) = sections.program(many).tables
-    cells = rows(table)
-    assert len(cells) == 4 + 1
-    worst = [float(x["largest [mm]"]) for x in cells]
-    assert worst == sorted(worst, reverse=True)
-    assert cells[0]["largest [mm]"] == f"{result.evaluation.contour_error.max * 1e3:.4f}"
-    assert cells[-1]["contour"] == "and 5 more"
-    length = sum(float(x["length [mm]"]) for x in cells)
-    assert length == pytest.approx(result.path.length * 1e3, abs=0.2)
 
 
 def test_the_picture_shows_contours_rapids_and_events_where_they_are(study, result):
@@ -171,24 +106,6 @@ def test_the_picture_shows_contours_rapids_and_events_where_they_are(study, resu
     assert arrows.marker.angle[0] == pytest.approx(90)  # to the right, clockwise from up
 
 
-def test_leads_are_apart_from_what_is_at_work(led):
-    section = sections.program(led)
-    lead = points(traces(section.figures[0])["leads, tool off"]) * 1e-3
-    length = np.linalg.norm(np.diff(lead, axis=0), axis=1)
-    assert np.nansum(length) == pytest.approx(0.04, abs=1e-6)
-    assert tiles(led)["length at work"][1] == "leads 40 mm"
-    assert rows(section.tables[0])[0]["leads [mm]"] == "10.00, 10.00"
-    # What was asked for has the leads too.
-    objective = points(traces(sections.paths(led).figures[0])["objective path"]) * 1e-3
-    assert np.nanmin(np.linalg.norm(objective - lead[0], axis=1)) < 1e-6
-    # Names from a file are escaped.
-    (result,) = led.runs.values()
-    first = next(x for x in result.trajectory.events if x.name == "<b>")
-    assert said(first).startswith("&lt;b&gt; = on<br>") and "50 ms before" in said(first)
-    page = render_report(led)
-    assert "<b> on" not in page and "<b> = on" not in page
-
-
 def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn():
     job = read_cell("ur5e", DRAWINGS / "plate.dxf")
     lead = Lead(length=2e-3, shape="arc", active=True)
@@ -207,27 +124,6 @@ def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn():
     assert np.median(away) == pytest.approx(0.5e-3, abs=1e-6)
     assert max(np.linalg.norm(band - x(0.0), axis=1).min() for x in cut) <= 0.501e-3
     assert "leads" in found and "leads, tool off" not in found
-
-
-def test_more_than_can_be_seen_is_thinned(result):
-    many = [dataclasses.replace(result.trajectory.events[0], t=float(i)) for i in range(4000)]
-    marked, told = mark_events(many, True)
-    assert sum(len(x.x) for x in marked) <= MOST_MARKERS and "3rd" in told
-    found = few([f"{i}." for i in range(MOST_SENTENCES + 7)], "warnings")
-    assert len(found) == MOST_SENTENCES + 1 and found[-1] == "And 7 more warnings."
-    assert few(["a."]) == ("a.",)
-
-
-def test_assigned_velocities_are_steps_with_gaps(result):
-    t, s, value = assigned_speeds(result)
-    planned = planned_speeds(result)
-    assert sorted({round(float(x), 6) for x in value[np.isfinite(value)]}) == [0.04, 0.05]
-    assert np.isnan(value).sum() == np.isnan(t).sum() == np.isnan(s).sum() == 2
-    contours = [x for x in result.trajectory.spans if x.kind == "contour"]
-    assert t[0] == contours[0].t[0] and s[-2] == pytest.approx(contours[-1].s[1])
-    # Rapids are in neither; the plan keeps what is assigned.
-    assert np.nanmax(planned[1]) <= 0.05 * (1 + 1e-9)
-    assert np.isnan(planned[0]).sum() == 1
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.integers(1, 200))
@@ -276,20 +172,6 @@ def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
     bars = sum(len(x.x) for x in bindings(long).figures[0].data if x.type == "bar")
     (result,) = long.runs.values()
     assert bars <= 50 < len(result.explanation.bindings)
-
-
-def test_paths_made_by_hand_have_a_report(study):
-    path = Path.polyline([(0.30, 0.15), (0.36, 0.15)])
-    contour = Contour(path=path, events=(Event(name="gas", value="N2 & O2", s=0.02),))
-    program = Program(moves=(contour,))
-    section = sections.program(run(dataclasses.replace(study.job, path=program)))
-    assert "N2 &amp; O2" in traces(section.figures[0])["gas set"].text[0]
-    lines = [((0.30, 0.15), (0.33, 0.15), 0.02), ((0.33, 0.15), (0.36, 0.15), 0.03)]
-    path = Path.from_segments([Line(start=a, end=b, demand=Demand(speed=v)) for a, b, v in lines])
-    found = run(dataclasses.replace(study.job, path=path, process=Process()))
-    assert sections.program(found) is None
-    assigned = traces(sections.tool_speed(found).figures[0])["assigned velocity"]
-    assert sorted(set(np.round(assigned.y, 4))) == [20.0, 30.0]
 
 
 @pytest.mark.parametrize(

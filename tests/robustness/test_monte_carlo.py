@@ -255,28 +255,7 @@ def test_a_serial_arm_in_space():
     assert len(corners) == 64 and corners.max.max() >= found.nominal_max
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_nearest_places_are_those_of_the_whole_path(dimension):
-    rng = np.random.default_rng(dimension)
-    for _ in range(15):
-        path = ac.Path.polyline(np.cumsum(rng.normal(size=(12, dimension)) * 0.05, axis=0))
-        if rng.random() < 0.7:
-            path = ac.round_corners(path, tolerance=2e-3, acceleration=0.5)
-        table = robustness._table(path)
-        s = np.linspace(0, path.length, 500)
-        tool = path(s) + np.cumsum(rng.normal(size=(500, dimension)), axis=0) * 2e-5
-        found, segment = np.empty(500), 0
-        for i, x in enumerate(np.column_stack([tool, np.zeros((500, 3 - dimension))])):
-            d2, segment = find_nearest(*x, table, 0.0, segment, s[i] - 0.02, s[i] + 0.02)
-            found[i] = np.sqrt(d2)
-        whole = path.project(tool)
-        # Where the whole path comes nearer on another branch, that one is not the tool's.
-        own = np.abs(whole.s - s) < 0.02
-        np.testing.assert_allclose(found[own], whole.distance[own], rtol=1e-9, atol=1e-15)
-        assert (found >= whole.distance - 1e-12).all() and own.mean() > 0.8
-
-
-def test_another_branch_is_not_the_nearest_and_a_lost_tool_finds_its_way_back():
+def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
     """There and back again, 0.1 mm beside the way there."""
     path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
     d2, segment = find_nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
@@ -289,10 +268,6 @@ def test_another_branch_is_not_the_nearest_and_a_lost_tool_finds_its_way_back():
         found, segment = find_nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
     expected = path.project(np.array([[x, y]])).distance[0]
     assert np.sqrt(found) == pytest.approx(expected)
-
-
-def test_closed_paths_are_closed():
-    """Overshoot behind the end of a circle is on the circle."""
     starts = (0.40, 0.2), (0.30, 0.2)
     half = [ac.Arc(start=x, center=(0.35, 0.2), angle=np.pi) for x in starts]
     path = ac.Path.from_segments(half)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.servo._response import MOST_STEPS, Servo, progresses
+from armcontour.servo._response import Servo
 from armcontour.servo._sensitivity import move_limited
 from armcontour.servo.simulation import Simulation
 
@@ -26,14 +26,6 @@ def test_a_joint_that_cannot_be_simulated_is_named():
             )
             with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
                 Simulation(q, 4e-3, servo)
-
-
-def test_progress_is_steps_that_move_the_time_and_are_not_too_many():
-    assert progresses(25.0, 150.0, 4e-3)
-    assert not progresses(1e300, 1e300, 4e-3)
-    # Steps of half a time constant, so that a span of more than MOST_STEPS of them is too long.
-    assert progresses(100.0, 400.0, 0.9 * MOST_STEPS * 0.5 / 400.0)
-    assert not progresses(100.0, 400.0, 1.1 * MOST_STEPS * 0.5 / 400.0)
 
 
 def test_joints_of_a_log_that_cannot_be_simulated_or_are_not_numbers_end_too():

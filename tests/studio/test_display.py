@@ -145,30 +145,32 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     session.close()
 
 
-def test_figures_are_computed_again_after_a_reload(file, clock):
+@pytest.fixture
+def quiet(file, clock):
+    """A session at rest whose figures are there, a page of it, and its slow lane."""
     session = session_of(file, rest=0.0)
     session.begin()
     tab, lane = Tab(session), NoLane.last
     clock.go()
     lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
-    # The text is the same, but files that it names may have changed.
-    tab.say("reload")
-    clock.go()
-    assert len(lane.given) == 2
+    yield session, tab, lane
     session.close()
 
 
-def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(file, clock):
-    session = session_of(file, rest=0.0)
-    session.begin()
-    tab, lane = Tab(session), NoLane.last
+def test_figures_come_again_after_a_reload(quiet, clock):
+    # The text is the same, but files that it names may have changed.
+    _, tab, lane = quiet
+    tab.say("reload")
     clock.go()
-    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
+    assert len(lane.given) == 2
+
+
+def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(quiet, clock):
+    session, tab, lane = quiet
     tab.edit(MOVE, final=False)
     clock.go()
     text = lane.given[1][2]["text"]
     assert session.document.text == JOB != text and "400 mm, 160 mm" in text
-    session.close()
 
 
 def test_another_configuration_of_the_full_run_is_announced(tmp_path, clock):

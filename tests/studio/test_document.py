@@ -132,7 +132,7 @@ def test_many_edits_and_their_undoing_give_the_same_bytes(eol, edits, file):
     assert document.text == texts[-1]
 
 
-def test_saving_writes_the_file_whole_and_refuses_changes_of_others(file):
+def test_saving_and_reloading_respect_changes_of_others(file):
     document = Document.open(file)
     document.save()
     assert file.read_bytes() == TEXT.encode()
@@ -155,9 +155,7 @@ def test_saving_writes_the_file_whole_and_refuses_changes_of_others(file):
     assert document.on_disk() == "missing"
     document.save()
     assert file.read_text() == document.text
-
-
-def test_reloading_takes_what_others_wrote_and_can_be_undone(file):
+    file.write_text(TEXT)
     document = Document.open(file)
     document.apply(FASTER, "speed")
     file.write_text(THEIRS)
@@ -204,15 +202,12 @@ def test_a_job_without_a_folder_may_name_no_files():
         document.save()
 
 
-def test_a_text_that_is_no_job_is_refused_and_changes_nothing(file):
+def test_texts_are_replaced_by_jobs_only_with_the_line_breaks_of_the_file(file):
     document = Document.open(file)
     for text in ("a: [", "- 1", "", "a: 1\na: 2"):
         with pytest.raises(InvalidInput):
             document.replace(text, "text")
         assert document.text == TEXT and not document.can_undo, text
-
-
-def test_line_breaks_of_a_browser_become_those_of_the_file(file):
     file.write_bytes(TEXT.replace("\n", "\r\n").encode())
     document = Document.open(file)
     document.replace(document.text.replace("\r\n", "\n"), "text")
@@ -262,14 +257,6 @@ def faster(file):
     document = Document.open(file)
     document.apply(FASTER, "speed")
     return document
-
-
-def test_a_link_to_a_job_file_stays_a_link(file, tmp_path):
-    link = tmp_path / "link.yaml"
-    link.symlink_to(file)
-    document = faster(link)
-    document.save()
-    assert link.is_symlink() and file.read_text() == document.text
 
 
 def test_a_draft_survives_until_the_job_is_saved(file):

@@ -1,4 +1,4 @@
-"""What a page sends as an edit, and the job afterwards."""
+"""Edits, handles and sliders of a job."""
 
 import math
 from functools import cache
@@ -8,13 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import armcontour as ac
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.job_edits import change_data, change_text
+from armcontour.io.units import parse
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
 from armcontour.studio.handles import handles_of
+from armcontour.studio.sliders import sliders_of
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -64,13 +67,11 @@ def state_of(text, run="own"):
 
 
 def edited(text, run="own", **edit):
-    """The data after an edit."""
     changes = changes_of(edit, state := state_of(text, run))
     return change_data(state.data, changes)
 
 
 def again(text, run="own", **edit):
-    """The job after an edit, and its handles."""
     new = change_text(text, changes_of(edit, state_of(text, run)))
     job = parse_job(new)
     return job, handles_of(job, load(new, ""))
@@ -131,7 +132,7 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
-def test_a_value_goes_to_the_run_if_it_has_its_own_else_to_the_job():
+def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
     found = set_to("limits.speed", 0.2, "mac")
     assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["mac"]
@@ -142,9 +143,6 @@ def test_a_value_goes_to_the_run_if_it_has_its_own_else_to_the_job():
     assert set_to("corners.tolerance", 1e-3, "mac")["corners"] == {"tolerance": "1 mm"}
     assert set_to("timing.reserve", 0.1)["runs"]["own"]["timing"] == {"reserve": "10 %"}
     assert set_to("runs.mac.timing.knots", 100)["runs"]["mac"]["timing"]["knots"] == 100
-
-
-def test_values_are_taken_as_typed_lifted_and_unset():
     assert set_to("limits.speed", "3 m/min")["runs"]["own"]["limits"]["speed"] == "3 m/min"
     # A number without a unit has that of the old value.
     assert set_to("limits.speed", "30")["runs"]["own"]["limits"]["speed"] == "30 mm/s"
@@ -154,18 +152,12 @@ def test_values_are_taken_as_typed_lifted_and_unset():
     gone = edited(PLANE, do="unset", key="limits.speed")
     assert gone["runs"]["own"]["limits"] == {} and gone["limits"]["speed"] == "0.15 m/s"
     assert edited(PLANE, do="unset", key="limits.joint_jerk") == load(PLANE, "")
-
-
-def test_one_joint_of_several_gets_a_list_in_the_unit_that_was_written():
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
     assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
     for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
-
-
-def test_choices_take_away_what_does_not_go_with_them():
     found = set_to("timing.method", "optimal", "mac")
     assert found["runs"]["mac"]["timing"] == {"method": "optimal"}
     poles = PLANE.replace("{method: none}", "{method: pole_placement, poles: [-9, -9, -9]}")
@@ -226,7 +218,7 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     assert kept in (0, "0 mm") or text == SPACE
 
 
-def test_a_frame_keeps_the_form_in_which_it_is_written():
+def test_frames_and_points_keep_their_written_form():
     found = edited(TURNED, do="place", by=[0.0125, 0.0])
     assert found["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
     found = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
@@ -234,6 +226,12 @@ def test_a_frame_keeps_the_form_in_which_it_is_written():
     quaternion = TURNED.replace("rpy: [0, 0, 30 deg]", "quaternion: [0, 0, 0, 1]")
     turned = edited(quaternion, do="place", turn=math.pi / 2)["path"]["frame"]["quaternion"]
     np.testing.assert_allclose(turned, [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
+    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
+    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
+    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
+    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
+    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
+        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
@@ -255,16 +253,6 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
     assert abs(off) <= 1e-12
 
 
-def test_a_point_moved_in_steps_has_round_digits_and_a_typed_one_those_typed():
-    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
-    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
-
-    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
-    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
-    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
-        edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
-
-
 def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corners():
     single = PLANE.replace("5 mm}", "5 mm, at: {2: 1 mm}}")
     found = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
@@ -283,14 +271,6 @@ def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corner
     two = PLANE.replace(", [0.36, 0.26]", "")
     with pytest.raises(InvalidInput, match="A path needs two points"):
         edited(two, do="remove_waypoint", index=0)
-
-
-def test_a_new_point_of_a_tilted_path_lies_in_its_plane():
-    handles = state_of(SPACE).handles
-    to = (handles.waypoints[1].uv + [0.01, 0.02]).tolist()
-    job, found = again(SPACE, do="insert_waypoint", index=2, at=to)
-    np.testing.assert_allclose(found.waypoints[2].uv, to, atol=1e-12)
-    assert found.plane.flat and job.program.dimension == 3
 
 
 def test_segments_take_points_and_lose_them():
@@ -338,3 +318,94 @@ def test_a_run_is_removed_with_all_that_names_it():
     # Where nothing names it, only the run goes.
     kept = change_data(data, remove_run(data, "first"))
     assert kept["certificate"] == data["certificate"]
+
+
+TEXT = """\
+name: a
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.26]]}
+limits: {speed: 0.15 m/s, joint_acceleration: [0.72 rad/s^2, 41 deg/s^2]}
+corners: {tolerance: 5 mm}
+servo: {kp: 25 1/s, kv: 150}
+runs:
+  mac: {timing: {method: mac}, compensation: {method: none}}
+  own: {limits: {speed: 20 mm/s}, corners: sharp, command_interval: 0.002}
+"""
+ROBOT = """\
+name: a
+arm: ur5e
+path: {points: [[0.45, 0, 0.2], [0.5, 0, 0.2]], orientation: {axis: [0, 0, -1]}}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {own: {}}
+"""
+
+
+def sliders(run="own", text=TEXT):
+    found = sliders_of(load(text, ""), parse_job(text), run)
+    assert len({x["key"] for x in found}) == len(found)
+    return {x["key"]: x for x in found}
+
+
+def test_every_slider_says_its_value_its_unit_and_where_it_is_written():
+    own, mac = sliders(), sliders("mac")
+    speed = own["limits.speed"]
+    assert (speed["value"], speed["written"], speed["from"]) == (0.02, "20 mm/s", "run")
+    assert (speed["unit"], speed["factor"], speed["log"]) == ("mm/s", 1e-3, True)
+    assert (mac["limits.speed"]["written"], mac["limits.speed"]["from"]) == ("0.15 m/s", "job")
+    assert own["limits.joint_acceleration.1"]["unit"] == "deg/s^2"
+    assert own["limits.joint_acceleration.0"]["written"] == "0.72 rad/s^2"
+    assert (own["servo.kv"]["written"], own["servo.kv"]["unit"]) == ("150", "1/s")
+    assert own["command_interval"]["from"] == "run" and mac["command_interval"]["from"] == "default"
+    assert own["corners.tolerance"]["value"] is None and mac["corners.tolerance"]["value"] == 5e-3
+    assert (own["timing.reserve"]["written"], own["timing.reserve"]["min"]) == ("0 %", 0.0)
+    assert own["limits.tool_acceleration"]["value"] is None
+    for x in (*own.values(), *mac.values()):
+        if x.get("value") is not None and "choices" not in x:
+            assert x["min"] <= x["value"] <= x["max"]
+    assert own["corners.shape"]["value"] == "sharp" and mac["corners.shape"]["value"] == "arc"
+    assert mac["timing.method"]["value"] == "mac" and "optimal" in mac["timing.method"]["choices"]
+    with pytest.raises(InvalidInput):
+        sliders("gone")
+
+
+def test_limits_of_the_arm_are_those_of_its_joints():
+    found = sliders(text=ROBOT)
+    arm = ac.load_arm("ur5e").limits
+    keys = [x for x in found if x.startswith("limits.joint_velocity")]
+    different = len(set(arm.joint_velocity.tolist())) > 1
+    assert len(keys) == (6 if different else 1)
+    assert {found[x]["from"] for x in keys} == {"arm"}
+    assert [found[x]["value"] for x in keys] == arm.joint_velocity.tolist()[: len(keys)]
+    assert found["limits.joint_jerk"]["value"] is None
+
+
+@pytest.mark.parametrize(("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own")])
+def test_every_slider_can_be_set_and_then_has_that_value(text, run):
+    data, job = load(text, ""), parse_job(text)
+    state = EditState(data=data, run=run, handles=handles_of(job, data))
+    for key, x in sliders(run, text).items():
+        wanted = x["choices"][-1] if "choices" in x else 0.8 * x["max"]
+        changes = changes_of({"do": "set", "key": key, "value": wanted}, state)
+        new = change_data(data, changes)
+        written = change_text(text, changes)
+        assert load(written, "") == new
+        if key in ("compensation.method", "corners.shape", "command_interval", "servo.kp"):
+            # These values go with others only.
+            continue
+        try:
+            found = {y["key"]: y for y in sliders_of(new, parse_job(written), run)}[key]
+        except InvalidInput as error:
+            assert "joint_jerk" in str(error) or "jerk" in str(error)
+            continue
+        value = found["value"]
+        assert value == (wanted if "choices" in x else pytest.approx(wanted, rel=3e-15))
+        assert found["from"] in ("run", "job")
+        if "choices" not in x and x["unit"] not in ("", "%") and found["written"][-1].isalpha():
+            assert parse(found["written"], unit_in_si(key)) == pytest.approx(wanted)
+
+
+def unit_in_si(key):
+    kinds = {"speed": "m/s", "tolerance": "m", "acceleration": "m/s^2", "kv": "1/s"}
+    joints = {"joint_velocity": "rad/s", "joint_acceleration": "rad/s^2", "joint_jerk": "rad/s^3"}
+    name = key.split(".")[1]
+    return joints.get(name) or kinds[name.rpartition("_")[2]]

@@ -1,10 +1,12 @@
-"""Plans, executions and refusals as frames for the screen, and frames as bytes."""
+"""Plans and executions while a person edits, as frames."""
 
+import copy
 import json
 import struct
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -12,13 +14,17 @@ from tests.studio.conftest import PAPER
 
 from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
 from armcontour.evaluation import check, evaluate
+from armcontour.io import parse_job
+from armcontour.jobs import run
+from armcontour.studio import preview
 from armcontour.studio.executed import executed_frame
-from armcontour.studio.kept import KEPT, LARGE_KEPT, MOST_SAMPLES, Kept
+from armcontour.studio.kept import LARGE_KEPT, MOST_SAMPLES, Kept
 from armcontour.studio.line import NOTHING
 from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CONFIGURATION, Previewer
+from armcontour.studio.preview_run import MOVING_SAMPLES
 from armcontour.studio.refusals import refusal_header
-from armcontour.studio.thinning import bends, thin
+from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
 
 
@@ -98,7 +104,7 @@ def test_charts_have_the_shares_of_the_limits(shown, gasket):
         assert ("usage_torque" in frame.arrays) == is_limited
 
 
-def test_corners_can_be_grabbed(shown, gasket, view):
+def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
     planned, frame = shown
     corners = frame.header["corners"]
     assert [x["vertex"] for x in corners] == [1, 2]
@@ -109,6 +115,10 @@ def test_corners_can_be_grabbed(shown, gasket, view):
         assert x["allowed"] == pytest.approx(5e-3)
     # Those of drawings are no waypoints.
     assert {x["waypoint"] for x in gasket[1].header["corners"]} == {None}
+    assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
+    for x in frame.header["shortfalls"]:
+        near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
+        assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
 def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
@@ -120,14 +130,6 @@ def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, 
     assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
     assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
     assert corners[1]["error"] == pytest.approx(1e-3)
-
-
-def test_shortfalls_are_where_the_tool_is_slow(shown, view):
-    planned, frame = shown
-    assert len(frame.header["shortfalls"]) == len(planned.explanation.shortfalls) > 0
-    for x in frame.header["shortfalls"]:
-        near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
-        assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
 def test_other_methods_have_no_colours_and_say_so(plans, view):
@@ -146,7 +148,7 @@ def test_the_arm_is_played_closely(plans, gasket_plan, view):
         near(np.transpose([np.interp(t, a["t"], q) for q in a["q"].T]), trajectory(t), 1e-4)
 
 
-def test_contours_and_rapids_between_them_are_parts_of_the_arrays(gasket, view):
+def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     planned, frame = gasket
     contours, a, given = frame.header["contours"], frame.arrays, planned.path.contours
     assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
@@ -163,10 +165,6 @@ def test_contours_and_rapids_between_them_are_parts_of_the_arrays(gasket, view):
     for rapid, before, after in zip(rapids, given, given[1:], strict=False):
         near(rapid[0], before.path(before.path.length), 1e-6)
         near(rapid[-1], after.path(0.0), 1e-6)
-
-
-def test_contours_have_their_own_colours_and_are_drawn_round(gasket):
-    planned, frame = gasket
     names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
     for x, span in zip(frame.header["contours"], planned.trajectory.contour_spans, strict=True):
         own = a["binding"][x["from"] : x["to"] - 1]
@@ -249,7 +247,7 @@ def done(previewer_of_plans, plans, view):
     return executed, packed(executed_frame(executed, view))
 
 
-def test_errors_and_demand_are_those_of_an_evaluation(done):
+def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view):
     executed, frame = done
     found = evaluate(executed.execution, executed.planned.path)
     e, demand = found.contour_error, found.demand_ratio
@@ -259,10 +257,6 @@ def test_errors_and_demand_are_those_of_an_evaluation(done):
     assert frame.header["settled"] == executed.settled
     np.testing.assert_allclose(frame.header["demand"], demand, rtol=1e-12)
     assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
-
-
-def test_offsets_lead_from_the_path_to_the_tool(done, view):
-    executed, frame = done
     a, path = frame.arrays, executed.planned.path.path
     execution = executed.execution
     tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
@@ -337,7 +331,7 @@ def test_what_is_unpacked_is_what_was_packed(arrays):
         np.testing.assert_array_equal(found.arrays[name], values)
 
 
-def test_arrays_are_where_the_page_reads_them():
+def test_frames_have_plain_headers_and_arrays_where_the_page_reads_them():
     data = Frame("k", {}, {"a": np.array([7], np.uint8), "b": np.array([[1.5, 2.5]])}).pack()
     (count,) = struct.unpack_from("<I", data)
     header = json.loads(data[4 : 4 + count].decode())
@@ -349,9 +343,6 @@ def test_arrays_are_where_the_page_reads_them():
     }
     assert data[begin] == 7
     assert struct.unpack_from("<dd", data, begin + 8) == (1.5, 2.5)
-
-
-def test_headers_are_plain_json_and_arrays_of_some_types():
     header = {"a": np.float64(2.5), "b": np.array([[1, 2]]), "c": float("nan")}
     header |= {"d": (np.int64(3), float("-inf")), "e": {1: np.bool_(True)}}
     found = Frame.unpack(Frame("k", header).pack()).header
@@ -385,24 +376,11 @@ def test_what_stands_out_is_kept(count, most, seed, heavy):
         assert (weight[left] == 0).all()
 
 
-def test_a_bend_is_the_distance_from_the_line_through_its_neighbours():
-    points = np.array([[0.0, 0], [1, 0], [2, 0], [2, 3], [2, 3]])
-    np.testing.assert_allclose(bends(points), [0, 0, 3 / np.sqrt(10), 0, 0], atol=1e-15)
-    assert bends(points[:2]).tolist() == [0, 0]
-
-
 def made(kept, key, **how):
     """Whether the result had to be made."""
     news = []
     kept.get("step", key, lambda: news.append(key) or key, **how)
     return bool(news)
-
-
-def test_as_many_are_kept_as_are_wanted():
-    kept = Kept()
-    assert all(made(kept, k) for k in range(KEPT + 1))
-    assert not any(made(kept, k) for k in range(1, KEPT + 1))
-    assert made(kept, 0)
 
 
 def test_of_results_with_many_samples_only_the_newest_is_kept():
@@ -415,3 +393,163 @@ def test_of_results_with_many_samples_only_the_newest_is_kept():
     assert not made(kept, more, **how)
     assert made(kept, half, **how)
     assert made(kept, more, **how)
+
+
+def whole(data, name, period):
+    """The result of a full run with another command interval."""
+    data = copy.deepcopy(data)
+    data["runs"] = {name: data["runs"][name]}
+    data["runs"][name]["command_interval"] = period
+    data.pop("experiment", None)
+    return run(parse_job(yaml.safe_dump(data))).runs[name]
+
+
+class TestResults:
+    @pytest.mark.parametrize("name", ["optimal", "proposed"])
+    def test_they_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
+        planned = previewer.plan(paper, name)
+        executed = previewer.execute(planned)
+        found = whole(paper, name, 4e-3)
+        assert planned.trajectory.duration == pytest.approx(found.trajectory.duration, abs=1e-12)
+        assert executed.settled == found.evaluation.settled
+        assert executed.errors.rms == pytest.approx(found.evaluation.contour_error.rms, rel=1e-12)
+        assert executed.errors.max == pytest.approx(found.evaluation.contour_error.max, rel=1e-12)
+        bindings = None if found.explanation is None else found.explanation.bindings
+        assert bindings == (planned.explanation and planned.explanation.bindings)
+
+    def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
+        job = previewer.job(paper, "inverse-dynamics")
+        judged = run(job).runs["inverse-dynamics"].judged.contour_error
+        for moving in (False, True):
+            planned = previewer.plan(paper, "inverse-dynamics", moving=moving)
+            executed = previewer.execute(planned, moving=moving)
+            assert executed.errors.max < 3 * judged.max < 1e-5
+
+
+class TestWhatIsDoneAgain:
+    def test_only_what_depends_on_a_change_is_done_again(self, previewer, paper):
+        first = previewer.execute(previewer.plan(paper, "optimal"))
+        paper = paper | {"servo": {"kp": 20, "kv": 150}}
+        planned = previewer.plan(paper, "optimal")
+        assert set(planned.seconds) == {"keys", "job"}
+        assert planned.trajectory is first.planned.trajectory
+        executed = previewer.execute(planned)
+        assert set(executed.seconds) == {"compensation", "execution", "evaluation"}
+        assert executed.errors.rms != first.errors.rms
+        first = previewer.plan(paper, "optimal")
+        paper = paper | {"limits": paper["limits"] | {"speed": "0.1 m/s"}}
+        second = previewer.plan(paper, "optimal")
+        assert set(second.seconds) == {"keys", "job", "timing", "explanation"}
+        assert second.traced is first.traced
+        assert second.trajectory.duration > first.trajectory.duration
+        previewer.plan(paper, "optimal")
+        path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
+        assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
+
+    def test_a_drawing_that_is_moved_is_not_read_again(self, previewer, paper):
+        def moved(x):
+            frame = {"position": [f"{x} mm", "200 mm", "0 mm"]}
+            return previewer.drawn(paper | {"path": {"file": "gasket.dxf", "frame": frame}})
+
+        first = moved(350)
+        assert previewer._kept.seconds.keys() >= {"drawing", "path"}
+        previewer._kept.seconds.clear()
+        second = moved(360)
+        assert "drawing" not in previewer._kept.seconds
+        shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
+        np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
+
+    def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):
+        for name in ("optimal", "proposed"):
+            previewer.execute(previewer.plan(paper, name))
+        planned = previewer.plan(paper, "optimal")
+        assert not planned.seconds and not previewer.execute(planned).seconds
+        previewer.forget()
+        assert "arm" in previewer.plan(paper, "optimal").seconds
+
+
+class TestDifferences:
+    def test_the_arm_stays_in_its_configuration(self, previewer, square):
+        first = previewer.plan(square)
+        assert CONFIGURATION not in first.differs
+        square = square | {"limits": {"speed": 0.1}}
+        second = previewer.plan(square)
+        assert CONFIGURATION in second.differs
+        np.testing.assert_allclose(second.start, first.start, atol=1e-9)
+        # A full run may take another one; previews stay there from then on.
+        other = first.start + [0, 0, 0, 0, 0, np.pi / 2]
+        previewer.keep_start(previewer.job(square), other)
+        third = previewer.plan(square)
+        assert abs(third.start - first.start).max() > 1
+
+    def test_a_configuration_that_does_not_reach_is_left(self, previewer, square, monkeypatch):
+        first = previewer.plan(square)
+        trace_run = preview.trace_run
+
+        def refuse_start(job, *given):
+            if job.start is not None:
+                raise Unreachable("Not in this configuration.")
+            return trace_run(job, *given)
+
+        monkeypatch.setattr(preview, "trace_run", refuse_start)
+        path = square["path"] | {"frame": {"position": [0.01, 0, 0]}}
+        second = previewer.plan(square | {"path": path})
+        assert CONFIGURATION not in second.differs
+        assert second.trajectory.duration != first.trajectory.duration
+
+
+def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
+    paper["limits"]["speed"] = "1e-4 m/s"
+    planned = previewer.plan(paper, "optimal")
+    assert planned.trajectory.duration > 3000
+    with pytest.raises(InvalidInput) as found:
+        previewer.execute(planned)
+    assert found.value.needed == planned.trajectory.duration > found.value.allowed
+
+
+def test_set_points_are_made_as_for_the_experiment(previewer, paper):
+    for experiment in (None, {}, {"gravity_feedforward": False}, {"runs": []}):
+        data, name = paper | {"experiment": experiment}, "inverse-dynamics"
+        (own,) = (x for x in parse_job(yaml.safe_dump(data)).runs if x.name == name)
+        (found,) = previewer.job(data, name).runs
+        assert found.compensation_options == own.compensation_options, experiment
+
+
+def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewer, paper):
+    with pytest.raises(InvalidInput):
+        previewer.plan(paper, "other")
+    planned = previewer.plan(paper, "optimal")
+    assert planned.run.period == 4e-3
+    assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
+    assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
+    stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
+    assert previewer.plan(stiff, "optimal").run.period == 0.2e-3
+
+
+def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
+    planned = previewer.plan(paper, "optimal")
+    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    assert 3 * MOVING_SAMPLES < len(every.execution.t)
+    assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
+    own = np.searchsorted(every.errors.t, fewer.errors.t)
+    # The profile ends where the tool is at rest, which is between samples.
+    wanted = every.errors.values[own[:-1]]
+    assert fewer.errors.values[:-1] == pytest.approx(wanted, abs=1e-12)
+    assert fewer.errors.rms == pytest.approx(every.errors.rms, rel=1e-3)
+    assert fewer.errors.max <= every.errors.max
+    # What the drives need is not only known at the samples.
+    assert (fewer.execution.demand_range == every.execution.demand_range).all()
+    assert previewer.execute(planned).errors.max == every.errors.max
+
+
+def test_short_contours_keep_all_their_samples(paper, tmp_path):
+    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
+    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
+    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
+    (tmp_path / "two.svg").write_text(drawing)
+    previewer = Previewer(tmp_path)
+    paper["limits"]["speed"] = "20 mm/s"
+    planned = previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal")
+    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    assert len(every.execution.t) > 2 * MOVING_SAMPLES
+    assert len(fewer.execution.t) == len(every.execution.t)

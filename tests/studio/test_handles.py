@@ -99,7 +99,7 @@ def test_chains_have_points_at_ends_and_beside_them():
     assert [x.keys for x in found.waypoints] == [("path", "spline", "points", k) for k in range(3)]
 
 
-def test_drawings_have_the_plane_of_their_frame_and_no_points(tmp_path):
+def test_drawings_and_obstacles_have_their_places(tmp_path):
     (tmp_path / "a.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 90 90">'
         '<path d="M0 0 L60 0 L60 40"/></svg>'
@@ -112,9 +112,6 @@ def test_drawings_have_the_plane_of_their_frame_and_no_points(tmp_path):
     np.testing.assert_allclose(found.plane.normal, [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(found.plane.uv([0.45, 0.1, 0.23]), [0.45, 0.23], atol=1e-12)
     assert found.plane.flat
-
-
-def test_obstacles_are_told_in_si_units_and_as_written():
     text = """
 scene:
   boxes: [{name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}]

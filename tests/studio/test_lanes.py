@@ -125,11 +125,6 @@ def lane(monkeypatch):
     lane.close()
 
 
-def test_no_process_is_started_before_the_first_task(lane):
-    lane[0].close()
-    assert not Pool.made
-
-
 def test_a_cancelled_task_ends_and_the_next_is_done(lane):
     lane, heard = lane
     for id, task in (("d", "long"), ("e", "long"), ("f", "short")):

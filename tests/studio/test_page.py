@@ -311,17 +311,3 @@ def test_the_newest_edit_goes_at_once_and_only_a_few_wait_for_answers():
         [[1, 2, 3, 5, 6, 8], True],
         [[1, 2, 3, 5, 6, 8], False],
     ]
-
-
-def test_numbers_take_units_when_typed_and_no_sign_when_nothing():
-    typed = [["40", "25 1/s"], ["40", "25mm"], ["4e1", "0.15  m/s"], ["40", "none"], ["40", "25"]]
-    found = compute(
-        """
-        const { signed, withUnit } = await import("./format.js");
-        const [typed, numbers] = given;
-        tell([typed.map((x) => withUnit(...x, "m")), numbers.map((x) => signed(x, 3))]);
-        """,
-        [typed, [4e-4, -4e-4, 6e-4, -6e-4, 0]],
-    )
-    assert found[0] == ["40 1/s", "40 mm", "4e1 m/s", "40 m", "40"]
-    assert found[1] == ["0.000", "0.000", "+0.001", "−0.001", "0.000"]

@@ -110,19 +110,6 @@ def test_while_newer_edits_wait_plans_come_first_for_a_while(without, executed, 
     assert [k for k, x in enumerate(states) if heard.of("executed", x)] == executed
 
 
-def test_what_changes_ends_the_search_for_the_picture_of_a_full_run():
-    with showing(lane=FastLane) as (screen, heard, make):
-        first, second = make(run="shaped"), make()
-        screen.show(first)
-        heard.wait("executed", first)
-        screen.rest()
-        screen.show(second)
-        heard.wait("executed", second)
-        # The shape of the first is not drawn after the second.
-        order = [y is second for _, y in heard.frames]
-        assert order == sorted(order)
-
-
 def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan():
     with showing() as (screen, heard, make):
         assert not screen.has_drawn
@@ -134,7 +121,7 @@ def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan()
         assert kinds == [["picture", "arm"], ["arm", "picture"]]
 
 
-def test_a_path_that_cannot_be_planned_is_drawn_before_it_is_refused():
+def test_a_path_that_cannot_be_planned_is_drawn_where_it_is_before_it_is_refused():
     with showing() as (screen, heard, make):
         for again in (False, True):
             if again:
@@ -147,9 +134,6 @@ def test_a_path_that_cannot_be_planned_is_drawn_before_it_is_refused():
             (drawn,) = heard.of("picture", x)
             assert drawn.header["planned"] is False and not drawn.header["notes"]
             assert not heard.of("picture", y)
-
-
-def test_a_path_that_is_refused_is_drawn_where_it_is_until_there_is_a_motion():
     with showing() as (screen, heard, make):
 
         def through(x, **more):

@@ -14,7 +14,7 @@ from tests.studio.talking import MOVE
 
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.desk import MOST_EARLY, MOST_WAITING, Desk, Tab
+from armcontour.studio.desk import MOST_WAITING, Desk, Tab
 from armcontour.studio.guard import Door
 from armcontour.studio.opening import open_session
 from armcontour.studio.server import MOST_CONNECTIONS, Server, listen, require_server, serve
@@ -130,7 +130,7 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
         assert link.is_symlink() and target.read_text() != file.read_text()
 
 
-def test_a_page_that_reads_slowly_gets_the_newest():
+def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let_go():
     async def talk():
         tab, sent = Tab(), []
         for k in range(100):
@@ -149,8 +149,6 @@ def test_a_page_that_reads_slowly_gets_the_newest():
 
     assert asyncio.run(talk()) == [b"notice", b"again"]
 
-
-def test_a_page_that_never_reads_is_let_go():
     async def talk():
         tab = Tab()
         for _ in range(MOST_WAITING + 1):
@@ -179,14 +177,6 @@ def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, sta
         return [x.header["id"] for x in frames if x.kind == "failed"]
 
     assert asyncio.run(talk()) == ([0, 1, 2, 3] if starting else [0, 1, 3])
-
-
-def test_only_some_messages_wait_for_the_session(session):
-    async def talk():
-        desk, tab = Desk(lambda say: session), Tab()
-        return [desk.receive(tab, {}) for _ in range(MOST_EARLY + 1)]
-
-    assert asyncio.run(talk()) == [True] * MOST_EARLY + [False]
 
 
 def test_the_server_hears_a_page_before_it_has_joined(session):

@@ -14,14 +14,6 @@ CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
-def test_a_page_that_comes_later_sees_what_the_others_see(tab):
-    assert kinds(tab.frames) == ["document", "picture", "arm", "executed"]
-    document = tab.last("document")
-    assert document["name"] == "small" and document["run"] == "slow" and not document["dirty"]
-    assert document["text"] == JOB and document["seq"] is None
-    assert tab.last("picture")["rev"] == document["rev"]
-
-
 def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
     other, whole = Tab(session), tab.last("picture")["duration"]
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
@@ -85,7 +77,7 @@ def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
         session.leave(tab)
 
 
-def test_a_drawing_takes_the_place_of_the_path(session, tab):
+def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, tab):
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
     assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
@@ -94,9 +86,6 @@ def test_a_drawing_takes_the_place_of_the_path(session, tab):
     (session.editor.folder / "part.csv").write_bytes(CSV)
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["file"] == "part.csv"
-
-
-def test_a_job_or_a_drawing_in_a_cell_is_another_document(session, tab):
     session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
     document = tab.last("document")
     assert document["name"] == "other" and document["file"] is None and not document["can_undo"]
@@ -146,7 +135,7 @@ def test_a_message_has_a_bounded_number_of_edits(tab):
 WHOLE = ["document", "picture", "executed"]
 
 
-def test_a_drag_is_seen_at_every_move_and_is_one_step_of_undo(session, tab):
+def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, tab):
     durations = []
     for k in range(5):
         heard = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
@@ -165,18 +154,17 @@ def test_a_drag_is_seen_at_every_move_and_is_one_step_of_undo(session, tab):
     assert session.document.text == JOB and not tab.last("document")["can_undo"]
     tab.say("redo")
     assert session.document.text == changed
-
-
-def test_a_gesture_that_is_given_up_leaves_nothing(session, tab):
     whole = tab.last("picture")["duration"]
     tab.edit({**MOVE, "to": [0.4, 0.3]}, gesture=1, final=False)
     assert tab.last("picture")["duration"] != whole
     assert kinds(tab.say("cancel_gesture")) == ["picture", "executed"]
     assert tab.last("picture")["duration"] == whole
+    assert session.document.text == changed
+    tab.say("undo")
     assert session.document.text == JOB and not session.document.can_undo
 
 
-def test_what_cannot_be_made_is_refused_and_the_document_stays(session, tab):
+def test_edits_that_are_refused_or_unreachable_are_states(session, tab):
     speed = {"do": "set", "key": "limits.speed", "value": "0 m/s"}
     heard = tab.edit(speed, final=False)
     assert kinds(heard) == ["refusal"] and "limits.speed" in heard[0].header["sentence"]
@@ -184,9 +172,6 @@ def test_what_cannot_be_made_is_refused_and_the_document_stays(session, tab):
     assert kinds(heard) == [*WHOLE, "refusal"]
     assert heard[-1].header["dropped"] and heard[-1].header["seq"] == tab.seq
     assert session.document.text == JOB and not session.document.can_undo
-
-
-def test_what_cannot_be_reached_is_a_state_and_says_where(session, tab):
     heard = tab.edit({**MOVE, "to": [2.0, 0.15]})
     assert kinds(heard) == ["document", "refusal"]
     refusal = heard[1].header
@@ -300,17 +285,6 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert len(lane.given) == 2
 
 
-def test_poses(tab):
-    duration = tab.last("picture")["duration"]
-
-    def pose(t, of="planned"):
-        return tab.say("pose", t=t, of=of)[0].header["q"]
-
-    assert pose(-1) == pose(0) and pose(duration) == pose(1e9) != pose(0)
-    executed, planned = pose(0.5 * duration, "executed"), pose(0.5 * duration)
-    assert np.allclose(executed, planned, atol=0.05) and executed != planned
-
-
 class Listener:
     """A page that keeps what it hears."""
 
@@ -365,14 +339,11 @@ def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
     assert told() == ["picture"]
 
 
-def test_the_newest_files_are_kept():
+def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
     tabs = Tabs()
     numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
     assert list(tabs.files) == numbers[2:]
     assert tabs.files[numbers[-1]].data == b"%d" % (MOST_FILES + 1)
-
-
-def test_large_files_are_kept_only_as_far_as_there_is_room(monkeypatch):
     monkeypatch.setattr(module, "MOST_BYTES", 100)
     tabs = Tabs()
     first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))

@@ -14,9 +14,8 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.jobs import run, teach
-from armcontour.studio.exact import TASKS as OF_A_PERSON
 from armcontour.studio.tasks import working
-from armcontour.studio.tasks.working import SMALL, TASKS, do, work
+from armcontour.studio.tasks.working import SMALL, do, work
 from armcontour.studio.wire import Frame
 
 
@@ -42,7 +41,6 @@ def coarse(paper):
 
 @pytest.fixture
 def short(coarse):
-    """The same with a short path."""
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
@@ -50,12 +48,6 @@ def short(coarse):
 def line(square):
     """The square's job with a short line."""
     return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
-
-
-def test_an_unknown_task_is_refused():
-    frame = Frame.unpack(work(("a", "bake", {"text": ""}), lambda data: None))
-    assert frame.kind == "failed" and frame.header["id"] == "a"
-    assert set(TASKS) == {*OF_A_PERSON, "figures"}
 
 
 def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
@@ -164,7 +156,7 @@ FORMATS = (
 )
 
 
-def test_every_format_is_exported(line):
+def test_exports_of_the_studio(line):
     for options, ending, begins in FORMATS:
         found = ask("export", line, "optimal", **options)
         content = found.arrays["content"].tobytes()
@@ -177,9 +169,6 @@ def test_every_format_is_exported(line):
             # A bag is an archive of its folder.
             with zipfile.ZipFile(BytesIO(content)) as archive:
                 assert any(x.endswith(".mcap") for x in archive.namelist())
-
-
-def test_a_kuka_program_of_any_job_has_a_name_that_krl_takes_and_names_outputs(line):
     kuka = {"format": "template", "template": "kuka"}
     named = line | {"name": "7 Löcher für den langen Deckel"}
     found = ask("export", named, "optimal", **kuka)
@@ -233,14 +222,7 @@ def test_a_sweep_is_the_duration_over_a_key(coarse):
     assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
 
 
-def test_values_of_a_sweep_that_are_refused_are_not_numbers(coarse):
-    options = {"key": "corners.tolerance", "min": -1e-3, "max": 1e-3, "count": 2}
-    found = ask("sweep", coarse, "optimal", **options)
-    assert np.isnan(found.arrays["duration"]).tolist() == [True, False]
-    assert "tolerance" in found.header["refusals"][0]
-
-
-def test_a_place_that_is_better_is_found_in_the_plane(coarse):
+def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
     found = ask("place", coarse, "optimal", over=over, refined=False)
     # The part is moved by these, and they are written into the file.
@@ -256,12 +238,6 @@ def test_a_place_that_is_better_is_found_in_the_plane(coarse):
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
     taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]
     assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
-
-
-ASKED = {"over": {"x": {"from": -0.02, "to": 0.02, "places": 2}}, "refine": False, "run": "optimal"}
-
-
-def test_the_question_is_that_of_the_job_and_options_replace_its_keys(coarse):
     data = coarse | {"placement": ASKED}
     found = ask("place", data, "optimal")
     assert found.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
@@ -270,9 +246,6 @@ def test_the_question_is_that_of_the_job_and_options_replace_its_keys(coarse):
     over = {"y": [0.0, 0.01, 2]}
     alone = ask("place", data, "optimal", over=over, as_job=False, refined=False)
     np.testing.assert_allclose(alone.arrays["by"], [[0, 0], [0, 0.01]], atol=1e-7)
-
-
-def test_shifts_are_from_where_the_part_is_if_places_are_coordinates(coarse):
     span = {"from": 0.0, "to": 0.0, "places": 1}
     data = coarse | {"placement": ASKED | {"over": {"x": span}}}
     here = ask("place", data, "optimal")
@@ -281,10 +254,9 @@ def test_shifts_are_from_where_the_part_is_if_places_are_coordinates(coarse):
     data = coarse | {"placement": ASKED | {"over": {"x": span}, "absolute": True}}
     found = ask("place", data, "optimal")
     np.testing.assert_allclose(found.arrays["by"], [[0.01, 0], [0.02, 0]], atol=1e-6)
-
-
-def test_what_a_click_on_the_map_cannot_do_is_refused(coarse):
-    data = coarse | {"placement": ASKED}
     for options in ({"what": "base"}, {"over": {"z": [0, 0.1, 2]}}):
         with pytest.raises(InvalidInput):
             ask("place", data, "optimal", **options)
+
+
+ASKED = {"over": {"x": {"from": -0.02, "to": 0.02, "places": 2}}, "refine": False, "run": "optimal"}

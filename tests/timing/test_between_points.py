@@ -51,7 +51,7 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
         assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9), intervals
 
 
-def test_between_two_rests_there_is_room_to_move():
+def test_an_interval_between_two_rests_and_one_disc_of_a_constraint_are_planned():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     limits = ac.Limits(joint_acceleration=[1.0, 1.0])
     planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))

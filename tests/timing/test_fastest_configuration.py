@@ -51,14 +51,6 @@ def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced
     assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
 
 
-def test_of_equal_configurations_the_first_counts(monkeypatch):
-    arm, path = ac.load_arm("ur5e"), SEAMS["rounded"]
-    found = trace_all(path, arm)[:1] * 3
-    twins = [ac.JointPath(**{x: getattr(y, x) for x in y.__slots__}) for y in found]
-    monkeypatch.setattr(here, "trace_all", lambda *_, **__: twins)
-    assert trace_fastest(path, arm) is twins[0]
-
-
 def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)

@@ -1,4 +1,4 @@
-"""The paper's method: closed forms, limits, corners, and where it says no."""
+"""The paper's method in the plane and in space, and where it says no."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, ma
     assert errors[0] < 3e-3 and errors[2] < 2e-4
 
 
-def test_the_papers_job_keeps_every_limit(arm, rounded, limits):
+def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rounded, limits, mac):
     for knots in (8, 50, 600, None):
         planned = ac.plan(rounded, arm, limits, method="mac", knots=knots)
         t = np.linspace(0, planned.duration, 20001)
@@ -104,9 +104,6 @@ def test_the_papers_job_keeps_every_limit(arm, rounded, limits):
         ends = np.array([0.0, planned.duration])
         assert tool_speed(planned, arm, ends).max() < 1e-9
         np.testing.assert_allclose(arm.forward(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9)
-
-
-def test_one_joint_is_always_at_its_limit_outside_corners_and_middle_paths(limits, mac):
     # Sec. IV-C of the paper claims it; a meeting lap is the only exception.
     for stretch in mac.stretches:
         t = np.linspace(*stretch.t, 402)[1:-1]
@@ -117,7 +114,7 @@ def test_one_joint_is_always_at_its_limit_outside_corners_and_middle_paths(limit
             assert top.max() < 0.9, stretch.name
 
 
-def test_position_is_continuous_on_the_path_and_velocity_nearly(arm, rounded, mac):
+def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac):
     at = mac.breaks[1:-1]
     np.testing.assert_allclose(mac(at, side="left"), mac(at), atol=1e-12)
     jumps = np.abs(mac(at, 1) - mac(at, 1, side="left")).max(axis=1)
@@ -125,9 +122,6 @@ def test_position_is_continuous_on_the_path_and_velocity_nearly(arm, rounded, ma
     assert jumps.max() < 2e-3 and np.median(jumps) < 1e-5
     found = rounded.project(arm.forward(mac(np.linspace(0, mac.duration, 20001))))
     assert found.distance.max() < 1e-6 and np.diff(found.s).min() > -1e-9
-
-
-def test_the_papers_switching_points_tile_time_and_path(rounded, mac):
     s, t = (np.array([getattr(x, name) for x in mac.stretches]) for name in ("s", "t"))
     assert t[0, 0] == 0 and s[0, 0] == 0
     np.testing.assert_allclose([t[-1, 1], s[-1, 1]], [mac.duration, rounded.length], rtol=1e-12)
@@ -234,7 +228,7 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
 
 
-def test_a_path_that_starts_or_ends_on_an_arc_is_not_realizable(arm, limits):
+def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm, limits, rounded):
     arc = ac.Arc(start=(0.4, 0.2), center=(0.4, 0.25), angle=np.pi / 2)
     before = ac.Line(start=(0.35, 0.2), end=(0.4, 0.2))
     after = ac.Line(start=(0.45, 0.25), end=(0.45, 0.28))
@@ -244,9 +238,6 @@ def test_a_path_that_starts_or_ends_on_an_arc_is_not_realizable(arm, limits):
             ac.plan(ac.Path.from_segments(segments), arm, limits, method="mac")
         assert caught.value.s == pytest.approx(s)
         np.testing.assert_allclose(caught.value.point, (0.4, 0.2), atol=1e-12)
-
-
-def test_a_corner_that_a_joint_cannot_take_is_not_realizable(arm, rounded, limits):
     with pytest.raises(ac.NotRealizable, match="On corner") as caught:
         ac.plan(rounded, arm, limits.replace(centripetal_acceleration=0.3), method="mac")
     error = caught.value
@@ -266,3 +257,73 @@ def test_joint_velocities_are_checked(arm, rounded, limits, mac):
         planned(0.99)
     assert caught.value.limit == "joint_velocity"
     assert caught.value.needed > caught.value.allowed
+
+
+POINTS = np.array([[0.45, -0.15, 0.4], [0.5, 0.15, 0.4], [0.4, 0.2, 0.55]])
+TURNING = ac.Path.polyline(POINTS[:2]).pointing([(0, 0, -1), (0.5, 0, -1)])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ac.load_arm("ur5e")
+
+
+def path(points=POINTS):
+    held = ac.Path.polyline(points).oriented(np.diag([1.0, -1.0, -1.0]))
+    return ac.round_corners(held, tolerance=0.01)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
+def test_six_and_seven_joints(name):
+    robot = ac.load_arm(name)
+    limits = robot.limits.replace(speed=0.2, centripetal_acceleration=0.5, joint_jerk=None)
+    way = ac.trace(path(), robot)
+    planned = ac.plan(way, robot, limits, method="mac")
+    used = {x.name: x.ratio for x in ac.check(planned, robot, limits, points=5).uses}
+    # Other joints' velocities step at knots, and the traced path has its play.
+    assert used.pop("velocity_step") < 10
+    assert max(used.values()) < 1 + 1e-4
+    assert planned.duration >= ac.plan(way, robot, limits).duration * (1 - 1e-6)
+
+
+def test_joints_that_hardly_move(robot):
+    """A line that two joints would do, seen by six."""
+    limits = robot.limits.replace(speed=0.3)
+    up = np.array([[0.4, 0.1333, 0.3], [0.4, 0.1333, 0.5]])
+    planned = ac.plan(path(up), robot, limits, method="mac")
+    found = ac.check(planned, robot, limits, points=5)
+    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["mac", "conventional"])
+def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm, rounded, limits):
+    fast, weak = robot.limits.replace(speed=0.2), [150, 28, 150, 28, 28, 28]
+    strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)
+    data = {"joint": 2, "limit": "joint_torque", "allowed": 28.0}
+
+    def call(way, own):
+        return lambda: ac.plan(way, robot, own, method=method)
+
+    refuses(
+        call(ac.trace(path(), robot), strong),
+        ac.NotRealizable,
+        "N m, but its limit is 28 N m",
+        **data,
+    )
+    for name in ("angular_speed", "angular_acceleration"):
+        allowed, data = fast.replace(**{name: 1e-3}), {"joint": None, "limit": name}
+        refuses(call(TURNING, allowed), ac.NotRealizable, "of turning", **data)
+        planar = limits.replace(**{name: 1.0})
+        with pytest.raises(ac.InvalidInput, match="a point without an orientation"):
+            ac.plan(rounded, arm, planar, method=method)
+    # Where and when it is.
+    allowed = fast.replace(angular_speed=1e-3)
+    with pytest.raises(ac.NotRealizable) as caught:
+        ac.plan(TURNING, robot, allowed, method=method)
+    found = caught.value
+    assert found.s > 0 and found.t > 0 and f"at {found.s:.4g} m" in str(found)
+    planned = ac.plan(TURNING, robot, fast, method=method)
+    state = (planned([found.t], order) for order in (0, 1))
+    tool = robot.tool_twist(*state)[0]
+    assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)
+    np.testing.assert_allclose(robot.forward(planned(found.t)), TURNING(found.s), atol=1e-7)

@@ -1,4 +1,4 @@
-"""The optimal planner: the paper's job, closed forms, every limit between the points, refusals."""
+"""The optimal planner: closed forms, limits between grid points, and vanishing derivatives."""
 
 from types import SimpleNamespace
 
@@ -43,7 +43,9 @@ def planned(traced, arm, limits):
     return ac.plan(traced, arm, limits)
 
 
-def test_the_papers_job(planned, rounded, arm, limits, mac, kept):
+def test_the_papers_job_with_these_and_other_limits(
+    planned, rounded, arm, limits, mac, kept, traced
+):
     # The true optimum is 5.32606 s; shorter means a leak.
     assert 5.3260 <= planned.duration <= 5.3263
     assert planned.method == "optimal"
@@ -53,9 +55,6 @@ def test_the_papers_job(planned, rounded, arm, limits, mac, kept):
     # docs/method.md: MAC is optimal on this job, to 1e-5; with laps of finite size it is shorter as
     # much as it leaves a corner early.
     assert planned.duration == pytest.approx(mac.duration, rel=2e-4)
-
-
-def test_other_limits_on_the_papers_job(traced, arm, limits, kept):
     free = limits.replace(centripetal_acceleration=None)
     # docs/method.md gives 4.825 s; printed to three digits.
     assert kept(ac.plan(traced, arm, free), free, arm).duration == pytest.approx(4.825, abs=5e-4)
@@ -188,15 +187,12 @@ def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_circle_at_its_centripetal_limit(arm, kept):
+def test_circles_and_rounded_corners_at_their_accelerations(arm, kept, rounded):
     both = ac.Limits(centripetal_acceleration=0.2, joint_acceleration=100.0)
     planned = kept(ac.plan(circle(), arm, both), both, arm)
     middle = planned(planned.duration / 2), planned(planned.duration / 2, 1)
     top = np.linalg.norm(arm.tool_velocity(*middle))
     assert top == pytest.approx(np.sqrt(0.2 * RADIUS), rel=1e-5)
-
-
-def test_rounded_corners_under_tool_acceleration(rounded, arm, kept):
     only = ac.Limits(tool_acceleration=ACCELERATION, speed=0.15)
     planned = kept(ac.plan(rounded, arm, only), only, arm)
     corners = np.sqrt(ACCELERATION * np.array(rounded.corners.radius))

@@ -8,10 +8,9 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.timing.constraints import Bounds, JointDerivatives, JointTorque
-from armcontour.timing.constraints._torque import terms_on_grid
-from armcontour.timing.constraints.sampled import Sampled, rise
-from armcontour.timing.grid import Grid, place_grid
+from armcontour.timing.constraints import JointTorque
+from armcontour.timing.constraints.sampled import rise
+from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import plan_optimal
 
 VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
@@ -107,58 +106,6 @@ def test_a_plan_says_which_torque_binds():
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
 
 
-def test_lines_enclose_viscous_friction():
-    arm, free = ur5e(viscous=VISCOUS), ur5e()
-    grid = place_grid(ac.JointPath.spline(POINTS), 200)
-    path, limit = JointDerivatives.on(grid), arm.limits.joint_torque
-    rng = np.random.default_rng(0)
-    least, most = np.sort(10 ** rng.uniform(-8, 4, (2, len(grid))), axis=0)
-    least[::10] = 0
-    plain = JointTorque(free, limit).rows(grid, path, None)
-    bounds = Bounds(most, np.zeros(len(grid)), np.zeros(len(grid)), least)
-    found = JointTorque(arm, limit).rows(grid, path, bounds)
-    drag = VISCOUS * path.first
-    # What the rows count as friction at x: at least it for the upper, at most it for lower limits.
-    above = found.b[..., :6] - plain.b, plain.high - found.high[..., :6]
-    below = found.b[..., 6:] - plain.b, plain.low - found.low[..., 6:]
-    for share in np.linspace(0, 1, 21) ** 2:
-        x = (least + share * (most - least))[:, None]
-        room = 1e-9 * (1 + np.abs(drag) * np.sqrt(x) + np.abs(plain.b) * x + limit)
-        assert (above[0] * x + above[1] >= drag * np.sqrt(x) - room).all()
-        assert (below[0] * x + below[1] <= drag * np.sqrt(x) + room).all()
-    # A joint that does not turn round may rest.
-    one_way = (path.first[0] * path.first[1] > 0) & (
-        np.abs(path.first).min(axis=0) > grid.width[:, None] ** 2 / 8 * path.third
-    )
-    assert (found.high[..., :6] > 0)[:, one_way].all()
-    assert (found.low[..., 6:] < 0)[:, one_way].all()
-
-
-def test_every_place_on_a_grid_is_computed_once():
-    path, places = ac.JointPath.spline(POINTS), []
-
-    def function(q, first, second):
-        places.append(len(q))
-        return q, first, second
-
-    grid = place_grid(path, 100)
-    seen = Sampled(function)
-    for _ in range(3):
-        ends, middles = seen.at_ends(grid), seen.in_middles(grid)
-        seen.rises(grid)
-    # The four pieces' ends are seen from both sides.
-    assert places == [len(grid) + 4, len(grid)]
-    for order, found in enumerate(ends):
-        for end, s in enumerate((grid.s[:-1], grid.s[1:])):
-            assert found[end] == pytest.approx(path.on_interval(grid.piece, s, order))
-    middle = path.on_interval(grid.piece, (grid.s[:-1] + grid.s[1:]) / 2, 2)
-    assert middles[2] == pytest.approx(middle)
-    # Another grid, and the first one again.
-    other = place_grid(ac.JointPath.spline(2 * POINTS), 10)
-    assert seen.in_middles(other)[0].shape == (10, 6)
-    assert seen.at_ends(grid)[0] == pytest.approx(ends[0])
-
-
 def test_neighbours_tell_what_an_inflection_hides():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
     grid = Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int))
@@ -200,17 +147,3 @@ def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
             never.setattr("armcontour.timing.optimal.LEAST_GAIN", -1.0)
             longest = plan_optimal(path, arm, limits, grid=grid).duration
         assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)
-
-
-def test_terms_on_a_grid_are_those_of_all_its_places():
-    dynamics, path = ur5e().dynamics, ac.JointPath.spline(POINTS)
-    grid = place_grid(path, 90)
-    n = len(grid)
-    ends, middles = np.empty((3, 2, n, 6)), np.empty((3, n, 6))
-    own = path.breaks, path.coefficients, grid.piece, grid.s
-    terms_on_grid(*dynamics.numbers, *own, ends, middles)
-    places = (grid.s[:-1], ends[:, 0]), (grid.s[1:], ends[:, 1])
-    for s, found in (*places, ((grid.s[:-1] + grid.s[1:]) / 2, middles)):
-        expected = dynamics.path_terms(*path.motion(grid.piece, s))
-        for term in range(3):
-            np.testing.assert_allclose(found[term], expected[term], rtol=1e-12, atol=1e-12)

@@ -3,27 +3,7 @@
 import numpy as np
 
 import armcontour as ac
-from armcontour.tracing._knots import cut_cells
 from armcontour.tracing.knots import first_knots
-
-
-def test_cells_are_cut_into_equal_intervals():
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        u0 = rng.choice([0.0, 0.3], 6)
-        # Widths that are whole multiples of the step, too, so that rounding decides.
-        u1 = u0 + rng.choice([rng.uniform(1e-3, 2), 0.25, 1.0], 6)
-        width, turning = u1 - u0, rng.choice([0.0, 2.0, 40.0], 6)
-        s0, finer, step, turn = np.cumsum(width) - width, int(rng.integers(1, 4)), 1 / 16, 0.5
-        parts = np.ceil(finer * width / step), np.ceil(finer * width * turning / turn)
-        count = np.maximum(1, np.maximum(*parts)).astype(int)
-        cell, (begin, end, s) = cut_cells(u0, u1, s0, turning, finer, step, turn)
-        assert np.array_equal(cell, np.repeat(np.arange(6), count)), seed
-        for k in range(6):
-            own, edges = cell == k, u0[k] + width[k] / count[k] * np.arange(count[k] + 1)
-            edges[-1] = u1[k]
-            assert np.array_equal(begin[own], edges[:-1]) and np.array_equal(end[own], edges[1:])
-            np.testing.assert_allclose(s[own], s0[k] + edges[:-1] - u0[k], atol=1e-15, rtol=0)
 
 
 def circle(radius):

@@ -4,7 +4,6 @@ import functools
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
@@ -15,7 +14,7 @@ from armcontour.tracing import trace_all
 from armcontour.tracing.configurations import follow_ways
 from armcontour.tracing.knots import first_knots
 from armcontour.tracing.poses import row_of_poses
-from armcontour.tracing.redundancy import Guide, smooth
+from armcontour.tracing.redundancy import smooth
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
@@ -241,7 +240,7 @@ def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
     assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
 
 
-def test_far_out_of_reach_and_through_the_base(ur5e):
+def test_far_out_of_reach_through_the_base_and_ranges_that_are_left(ur5e, panda):
     path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
     with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
         ac.trace(path, ur5e)
@@ -254,9 +253,6 @@ def test_far_out_of_reach_and_through_the_base(ur5e):
     # A circle just outside: chords between its knots pass through the hole, the path does not.
     arc = ac.Arc(start=(0.1334, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
     assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
-
-
-def test_a_joint_range_is_named(ur5e, panda):
     circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
     once = ac.Path.from_segments([circle]).oriented(DOWN)
     assert len(trace_all(once, ur5e)) == 8  # it has two turns
@@ -272,7 +268,7 @@ def test_a_joint_range_is_named(ur5e, panda):
         np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
 
 
-def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
+def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
     path = PATHS["held"]
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
@@ -280,9 +276,6 @@ def test_a_range_with_one_end_is_used_by_whole_turns(ur5e):
     found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=None))
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
-
-
-def test_a_range_that_is_left_between_knots_is_seen(ur5e):
     # The largest value of a joint lies on the way; its range ends just below.
     path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
     s = np.linspace(0, path.length, 5001)
@@ -430,51 +423,6 @@ def test_thousands_of_segments(ur5e):
     traced = ac.trace(path, ur5e)
     assert len(path) > 7900 and len(traced.stops) == 0
     assert max(off_path(ur5e, path, traced, traced.breaks)) < 1e-11
-
-
-def test_a_guide_goes_through_its_values_by_splines_from_stop_to_stop():
-    # Every interval asks the spline of its own stretch, at stops too; stretches of one and two
-    # intervals are a line and a parabola, and bases turn as little as possible.
-    random = np.random.default_rng(0)
-    s = np.linspace(0, 1, 13) + random.uniform(-0.02, 0.02, 13)
-    stops = s[[3, 4, 6]]
-    for free in (1, 2, 3):
-        q = np.sin(s[:, None] + np.arange(7))
-        w = np.eye(7)[:free] + 0.1 * np.sin(2 * s[:, None, None] + np.arange(7))
-        w = np.linalg.qr(np.swapaxes(w, 1, 2))[0] * random.choice([-1.0, 1.0], (13, 1, free))
-        w = np.ascontiguousarray(np.swapaxes(w, 1, 2))
-        aligned = w.copy()
-        for k in range(1, 13):
-            u, _, v = np.linalg.svd(aligned[k - 1] @ w[k].T)
-            aligned[k] = u @ v @ w[k]
-        values = np.concatenate([q, aligned.reshape(13, -1)], axis=1)
-        guide = Guide.through(s, q, w, stops)
-        for i in range(12):
-            first, last = next(x for x in ((0, 3), (3, 4), (4, 6), (6, 12)) if i < x[1])
-            spline = CubicSpline(s[first : last + 1], values[first : last + 1])
-            middle = np.full(3, (s[i] + s[i + 1]) / 2)
-            places = np.array([s[i], s[i] + 0.3 * (s[i + 1] - s[i]), s[i + 1]])
-            found_w, found_g = guide.at(places, middle)
-            for order in range(3):
-                wanted = spline(places, order)
-                scale = {"rtol": 1e-9, "atol": 1e-9 * np.abs(wanted).max()}
-                np.testing.assert_allclose(found_g[:, order], wanted[:, :7], **scale)
-                np.testing.assert_allclose(found_w[:, order].reshape(3, -1), wanted[:, 7:], **scale)
-
-
-def test_a_guide_does_not_swing_beside_a_short_turn():
-    s = np.array([0.0, 1.0, 2.0, 2.01, 3.0, 4.0])
-    q = np.repeat([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]], 7, axis=1)
-    w = np.tile(np.eye(7)[:1], (6, 1, 1))
-    guide, places = Guide.through(s, q, w, s[:0]), np.linspace(0.05, 3.95, 40)
-    _, found = guide.at(places, places)
-    slopes = PchipInterpolator(s, q)(s, 1)
-    for at, middle in ((s[:-1], s[:-1] + 1e-3), (s[1:], s[1:] - 1e-3)):
-        _, ends = guide.at(at, middle)
-        k = np.searchsorted(s, at)
-        np.testing.assert_allclose(ends[:, :2], np.stack([q, slopes], axis=1)[k], atol=1e-9)
-        assert np.abs(ends[:, 2]).max() < 1e-7
-    assert found[:, 0].min() >= 0 and found[:, 0].max() <= 1
 
 
 def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):

@@ -1,12 +1,18 @@
-"""One entry point of all readers: by the ending; units, scale, frame and filters here."""
+"""Drawings: one entry point, tables of waypoints, shapes, and pieces chained into contours."""
 
 import os
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 from tests.io.tables import refusals
 
 import armcontour as ac
+from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.shapes import Outline, paths_of
+from armcontour.io.drawings.splines import Spline, fit_splines
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
@@ -154,3 +160,76 @@ def test_a_table_without_a_unit_beyond_the_reach_of_arms_has_a_note(read):
     assert "89 m" in note
     assert read("a.csv", far, units="mm").notes == ()
     assert read("a.csv", "x,y\n0,0\n0.89,0.5\n").notes == ()
+
+
+TOLERANCE = 1e-5
+
+
+def arc(a, b, angle, centre=(0.0, 0.0)):
+    return Chain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
+
+
+def on_ellipse(a, b, t):
+    return np.column_stack([a * np.cos(t), b * np.sin(t)])
+
+
+def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
+    radius, half = 1e9, 0.5
+    ends = np.array([(-half, 0.0), (half, 0.0)])
+    centre = np.array([0.0, half**2 / (2 * radius) - radius])
+    sine, angle = np.array([radius, half]), 2 * np.arcsin(half / radius)
+    chain = Chain.arc(centre, ends[0] - centre, sine, angle, ends)
+    np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
+    # `reach` is the extent of the arc, not of the circle.
+    assert np.abs(chain.reach).max() < 1
+
+
+CUBICS = np.array([(0, 0), (1, 2), (2, 2), (3, 0), (4, -2), (5, 1), (6, 0)]) * 1e-2
+
+
+@given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
+@settings(max_examples=15)
+def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
+    rng = np.random.default_rng(seed)
+    n = degree + 1 + extra
+    points, weights = rng.uniform(-0.05, 0.05, (n, 2)), rng.uniform(0.3, 3.0, n)
+    knots = np.sort(np.round(rng.uniform(0, 4, n + degree + 1), 1)) * 0.7
+    knots[: degree + 1], knots[-degree - 1 :] = -0.7, 3.5
+    spline = Spline.from_knots(points, weights, knots, degree)
+    if np.unique(knots[1:-1], return_counts=True)[1].max(initial=0) > degree + 1 or spline is None:
+        # A gap: the curve on both sides of a knot that occurs too often.
+        assert np.unique(knots[degree + 1 : n], return_counts=True)[1].max() > degree
+        return
+    whole = BSpline(knots, np.column_stack([weights[:, None] * points, weights]), degree)
+    value = whole(np.linspace(-0.7, 3.5, 3001))
+    ((_, segments),) = fit_splines([spline], TOLERANCE)
+    path = ac.Path(segments=segments)
+    assert path.project(value[:, :2] / value[:, 2:]).distance.max() <= TOLERANCE
+
+
+def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
+    monkeypatch.setattr("armcontour.io.drawings.splines.AT_ONCE", 20)
+    rng = np.random.default_rng(4)
+    counts = 3 * rng.integers(1, 6, 16) + 1
+    splines = [Spline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]
+    splines[7] = Spline(points=splines[7].points, weights=rng.uniform(1, 2, len(splines[7].points)))
+    splines[9] = Spline(points=rng.uniform(0, 0.1, (5, 2)), degree=2)
+    together = dict(fit_splines(splines, TOLERANCE))
+    assert sorted(together) == list(range(16))
+    for i, spline in enumerate(splines):
+        ((_, alone),) = fit_splines([spline], TOLERANCE)
+        assert len(alone) == len(together[i])
+        np.testing.assert_allclose(alone.starts, together[i].starts, atol=1e-12)
+        np.testing.assert_allclose(alone.lengths, together[i].lengths, atol=1e-12)
+    told = []
+    assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=told.append)
+    assert len(told) > 1 and told == sorted(told) and told[-1] == 1.0
+
+
+def test_the_curve_that_cannot_be_fitted_is_named():
+    good = Outline([Spline(points=CUBICS[:4])])
+    # The control points are more than a nanometre apart, the points of the curve are not.
+    bad = Outline([Spline(points=np.array([(0, 0), (1.2, 1), (1.2, 1), (0.1, 0)]) * 1e-9)])
+    with pytest.raises(ac.InvalidInput, match="has no length") as caught:
+        paths_of([good, good, bad, good], TOLERANCE)
+    assert caught.value.index == 2

@@ -83,9 +83,7 @@ def every_kind():
         sections.placement(ac.place(bend(), over=over, refined=False)),
         sections.batch(bends()),
     ]
-    return render_page(
-        "report.html", job=study.job, title="", about="", source="", sections=found, refresh=3600
-    )
+    return render_page("report.html", job=study.job, title="", about="", source="", sections=found)
 
 
 def identified():
@@ -166,9 +164,7 @@ RATIO = "() => document.querySelector('#paths .js-plotly-plot').layout.scene.asp
 def of_paths(section):
     """A page with one section."""
     assert section is not None
-    return render_page(
-        "report.html", job=bend(), title="", about="", source="", sections=[section], refresh=None
-    )
+    return render_page("report.html", job=bend(), title="", about="", source="", sections=[section])
 
 
 def test_the_tools_of_a_figure_cover_no_words(browser, tmp_path):

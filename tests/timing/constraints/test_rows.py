@@ -1,7 +1,6 @@
 """Rows as the compiled planner takes them; memory that is given back, and never overwritten."""
 
 import itertools
-import weakref
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 import armcontour as ac
 from armcontour.timing.constraints import Disc, Rows
 from armcontour.timing.constraints.base import Constraint, JointDerivatives
-from armcontour.timing.grid import place_grid
 
 ROOM = np.arange(1.0, 4.0)
 # The same bound of five intervals and three rows, in arrays of several forms.
@@ -79,12 +77,3 @@ def test_arrays_of_one_plan_are_not_overwritten_by_the_next():
     assert len(keeping.kept) >= 2
     for kept, copy in zip(keeping.kept, keeping.copies, strict=True):
         np.testing.assert_array_equal(kept.first, copy)
-
-
-def test_memory_that_nobody_refers_to_is_given_back():
-    arm = ac.load_arm("pmk3s")
-    joint_path = ac.trace(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2)]), arm)
-    first = JointDerivatives.on(place_grid(joint_path, 200))
-    memory = weakref.ref(first.first.base)
-    del first
-    assert memory() is None

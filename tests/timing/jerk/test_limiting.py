@@ -140,19 +140,6 @@ def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors(ur5e):
         assert (law.rates.ds[1:] == 0).sum() == stops
 
 
-def test_jerk_of_the_tool(arm):
-    path = ac.Path.from_segments([ac.Arc(start=(0.35, 0.1), center=(0.3, 0.2), angle=2.2)])
-    found = ac.plan(path, arm, arm.limits.replace(speed=0.15, tool_jerk=0.3))
-    t = np.linspace(0, found.duration, 4001)
-    used = np.linalg.norm(arm.tool_jerk(*(found(t, k) for k in range(4))), axis=1)
-    assert 0.25 < used.max() <= 0.3 * (1 + 1e-9)
-    # Third differences of the tool's positions say the same, without any derivative.
-    step = 1e-3
-    tool = arm.forward(found(np.arange(0, found.duration, step)))
-    jerk = np.linalg.norm(np.diff(tool, 3, axis=0), axis=1) / step**3
-    assert 0.25 < jerk.max() <= 0.3 * (1 + 1e-4)
-
-
 def test_a_tool_that_turns_in_a_small_corner_or_along_a_tiny_segment_may_start(ur5e):
     """The cells next to rests keep room for motion, however short the cells behind the rests.
 

@@ -58,16 +58,13 @@ def test_the_judge_sees_what_is_exceeded_and_no_more(problem, planned):
         assert any("by differences" in x for x in judge(planned, tight)), limit
 
 
-def test_the_judge_sees_points_and_vertices_outside(problem, planned):
+def test_the_judge_sees_points_vertices_and_lines_outside(problem, planned):
     found = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
     # The arc is nearer to the lines than to the vertex, but its middle belongs to the vertex.
     assert len(found) == 2 and "too far from its place" in found[0]
     assert found[1] == "vertex 1 is 1e-08 m outside"
     found = judge(planned, replace(problem, options={"tolerance": 0.6 * TOLERANCE}))
     assert any(x.startswith("no way along the objective") for x in found)
-
-
-def test_the_judge_sees_lines_left_outside_the_zones(problem, planned):
     tangent = float(ac.round_corners(problem.objective, tolerance=TOLERANCE).corners.tangent[0])
     options = {"tolerance": TOLERANCE, "line_tolerance": 0.0}
     wide, less, far = (

@@ -29,7 +29,7 @@ def case(request):
     return near(request.param)
 
 
-def test_the_tool_reaches_points_on_the_path_and_beside_it(case):
+def test_the_tool_reaches_points_and_redundant_joints_stay_near_those_of_the_path(case):
     found, path, s = case
     np.testing.assert_allclose(found.solve(path(s), found.q + 1e-3), found.q, atol=1e-7)
     points = path(s) + 1e-3
@@ -41,10 +41,6 @@ def test_the_tool_reaches_points_on_the_path_and_beside_it(case):
         np.testing.assert_allclose(given[..., columns], wanted[..., columns], atol=1e-8)
     with pytest.raises(ac.Unreachable):
         found.solve(path(s) + 10.0, found.q)
-
-
-def test_redundant_joints_stay_near_those_of_the_path(case):
-    found, path, s = case
     assert (found.free is None) == (found.arm.dimension == 2)
     if found.free is None:
         return

@@ -1,5 +1,7 @@
-"""Programs of many contours, shaped by others, and long paths, in chunks."""
+"""Shaped programs before an independent judge, in space too, and what cannot be shaped."""
 
+import functools
+import math
 import pickle
 
 import numpy as np
@@ -69,26 +71,15 @@ def program():
     return rng.normal(size=(n, k)), rows, rng.uniform(0.1, 1.0, (n, 8)), np.full((n, k), 0.1)
 
 
-def test_chunks_keep_rows_and_leave_the_nodes_between(program):
+def test_chunks_keep_rows_and_the_number_of_threads_changes_nothing(program):
     x = chunks.solve_in_chunks(*program, CUTS)
     assert np.abs(x[[10, 11, 20, 21]]).max() < 1e-12
     assert np.abs(np.delete(x, [10, 11, 20, 21], axis=0)).max(axis=1).min() > 1e-3
     beyond = np.pad(x, ((1, 1), (0, 0)))
     around = np.concatenate([beyond[:-2], beyond[1:-1], beyond[2:]], axis=1)
     assert float((np.einsum("nrj,nj->nr", program[1], around) - program[2]).max()) < 1e-6
-
-
-def test_the_number_of_threads_changes_nothing(program):
     found = [chunks.solve_in_chunks(*program, CUTS, threads=x) for x in (1, 2, 5)]
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
-
-
-def test_cuts_move_and_short_paths_have_none():
-    group = np.repeat(np.arange(60), 9)
-    cuts = [chunks.place_cuts(group, i) for i in range(chunks.CORNERS)]
-    assert len({tuple(x) for x in cuts}) == chunks.CORNERS
-    assert all((np.diff(x) == 9 * chunks.CORNERS).all() and len(x) > 5 for x in cuts)
-    assert not len(chunks.place_cuts(group[group < chunks.LONG], 0))
 
 
 def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
@@ -109,3 +100,59 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
     history = parts.path.outcome.history
     assert (np.diff(history) <= 0).all() and len(history) > 5
     assert judge(parts, problem) == []
+
+
+LINES = [(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)]
+
+
+def test_wrong_wishes_are_refused(arm, limits, refuses):
+    line = {"line_tolerance": 2e-3, "zone": 0.02}
+    small = {"line_tolerance": 1e-4, "zone": 5e-4}
+    for wrong, data in (
+        *(({"tolerance": x}, {}) for x in (-1e-3, math.nan)),
+        ({"line_tolerance": 1e-4}, {}),
+        ({"zone": 0.02}, {}),
+        (line, {"needed": 2e-3, "allowed": 1e-3}),
+        (small, {"needed": 1e-3, "allowed": 5e-4}),
+        *(({"iterations": x}, {}) for x in (-1, 2.5)),
+    ):
+        options = {"tolerance": 1e-3, **wrong}
+        for call in (ac.shape, functools.partial(ac.plan, method="shaped")):
+            own = functools.partial(call, ac.Path.polyline(LINES), arm, limits, **options)
+            refuses(own, ac.InvalidInput, **data)
+    path = ac.Path.polyline(LINES)
+    traced = ac.trace(path, arm)
+    for given, options in (
+        (traced, {"tolerance": 1e-3}),
+        (path, {}),
+        (path, {"tolerance": 1e-3, "duration": 9.0}),
+    ):
+        own = functools.partial(ac.plan, given, arm, limits, method="shaped", **options)
+        refuses(own, ac.InvalidInput)
+
+
+def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
+    # A vertex that was drawn twice does not keep the rest from being shaped.
+    for gap in (2e-6, 2e-4):
+        twice = ac.Path.polyline([*LINES[:2], (LINES[1][0] + gap, LINES[1][1]), *LINES[2:]])
+        found = ac.shape(twice, arm, limits, tolerance=1e-3, iterations=8)
+        durations = dict(found.outcome.durations)
+        assert durations.pop("shaped") < min(durations.values()), gap
+        off = found.objective.project(found(np.linspace(0, found.length, 20_001))).distance
+        assert off.max() < 1e-3 + 1e-9
+        near = found.project(twice(twice.breaks[1:3])).distance
+        assert (near <= gap / 2 + 1e-9).all(), gap
+
+
+def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(arm, limits):
+    short = ac.Path.polyline([(0.2, 0.2), (0.201, 0.2), (0.201, 0.21)])
+    program = ac.Program(
+        moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))
+    )
+    found = ac.shape(program, arm, limits, tolerance=2e-3, iterations=3)
+    off = found.contours[1].path.project(short(short.breaks)).distance
+    assert off[1] <= 0.5e-3 + 1e-9
+    angle = np.linspace(0, np.pi, 200)
+    chords = np.stack([0.3 + 0.02 * np.cos(angle), 0.2 + 0.02 * np.sin(angle)], axis=1)
+    found = ac.shape(ac.Path.polyline(chords), arm, limits, tolerance=1e-3, iterations=0)
+    assert found.outcome.durations["shaped"] <= min(found.outcome.durations.values())
