@@ -42,7 +42,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures schema kernels vendor clean
+.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -130,12 +130,9 @@ site: docs $(VENV)/test-all  ## Build the site and test it: its code, links, nam
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links
 
-figures: $(VENV)/docs  ## Draw the figures of docs/ and of its gallery
+figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.gallery
-
-schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the tables of their keys
-	$(BIN)/python -m docs.reference.job_keys
 
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
 	$(BIN)/python -m soak.kernels

@@ -4,17 +4,28 @@ import functools
 import re
 from pathlib import Path
 
+from docs.gallery import pages as gallery
+from docs.reference import job_keys
 from markdown_it import MarkdownIt
 from tests.drawn_figures import drawn
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-# Where `make docs` writes: the site is judged by docs/site/test_built.py.
-BUILT = (DOCS / "_build", DOCS / "reference" / "pages")
-FILES = [x for x in sorted(DOCS.rglob("*")) if x.is_file() and not set(BUILT) & set(x.parents)]
+# What `make docs` writes: the site is judged by docs/site/test_built.py.
+BUILT = {DOCS / "_build", DOCS / "reference" / "pages"}
+MADE = {
+    **job_keys.published(),
+    **{gallery.FOLDER / f"{x}.md": gallery.page_of(x, "") for x in gallery.SHOWN},
+    gallery.FOLDER / "index.md": gallery.index(),
+}
+FILES = [
+    x
+    for x in sorted(DOCS.rglob("*"))
+    if x.is_file() and x not in MADE and not BUILT & set(x.parents)
+]
 PAGES = [
     *sorted(ROOT.glob("*.md")),
-    *(x for x in FILES if x.suffix == ".md"),
+    *(x for x in [*FILES, *MADE] if x.suffix == ".md"),
     *sorted((ROOT / "examples").rglob("*.md")),
 ]
 # Code that draws the figures, and makes the site, is no page.
@@ -29,7 +40,8 @@ DRAWN = {
 
 @functools.cache
 def parsed(page):
-    return MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
+    text = MADE.get(page) or page.read_text(encoding="utf-8")
+    return MarkdownIt().enable("table").parse(text)
 
 
 def links(page):
@@ -63,7 +75,7 @@ def faults(page):
             yield link
         elif target.relative_to(ROOT).as_posix() in DRAWN:
             continue
-        elif not target.exists() or (anchor and anchor not in anchors(target)):
+        elif not (target in MADE or target.exists()) or (anchor and anchor not in anchors(target)):
             yield link
     for token in parsed(page):
         texts = [x.content for x in token.children or () if x.type == "text"]

@@ -61,7 +61,6 @@ STATED = [
     ),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
     ("docs/concepts/optimal.md", r"The method `(\w+)` is the default", TimingModel().method),
-    ("docs/reference/job_keys.md", r"steps of the search; by default (\d+)\.", DEFAULT_ITERATIONS),
     ("src/armcontour/timing/planner.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
     ("src/armcontour/timing/planner.py", r"by default (\d+) and \d+\.", MOST_ITERATIONS),
     ("src/armcontour/timing/planner.py", r"by default \d+ and (\d+)\.", DEFAULT_ITERATIONS),

@@ -1,7 +1,4 @@
-"""Draw the gallery: `python -m docs.gallery [--pages] [NAME ...]` runs the examples.
-
-With `--pages` the pages are written too, with what the examples print.
-"""
+"""Make the gallery: `python -m docs.gallery [NAME ...]` runs examples, and writes their pages."""
 
 from __future__ import annotations
 
@@ -16,9 +13,7 @@ from docs.gallery import pages, pictures
 
 
 def main(names: list[str]) -> int:
-    """Draw the named examples, or all; returns an exit code."""
-    writes_pages = "--pages" in names
-    names = [x for x in names if x != "--pages"]
+    """Make the pages of the named examples, or of all, and the list; returns an exit code."""
     unknown = sorted(set(names) - set(pages.SHOWN))
     if unknown:
         print(f"There is no example {unknown[0]}: they are {', '.join(pages.SHOWN)}.")
@@ -31,11 +26,9 @@ def main(names: list[str]) -> int:
         # A path from the folder of the figures.
         print(style.save(figure, f"../{pages.FOLDER.name}/{name}").name)
         plt.close(figure)
-        if writes_pages:
-            text = pages.page_of(name, printed.getvalue())
-            (pages.FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
-    if writes_pages:
-        (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")
+        text = pages.page_of(name, printed.getvalue())
+        (pages.FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
+    (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")
     return 0
 
 
