@@ -7,7 +7,6 @@ from pathlib import Path
 from docs.gallery import pages as gallery
 from docs.reference import job_keys
 from markdown_it import MarkdownIt
-from tests.drawn_figures import drawn
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -30,10 +29,15 @@ PAGES = [
 ]
 # Code that draws the figures, and makes the site, is no page.
 CODE = (".py", ".css", ".js")
+SHORTEST = 30  # characters that say what a picture shows
 ELSEWHERE = re.compile(r"https://[\w.-]+/|mailto:")
-# What `make docs` draws, by the lists of those programs.
+# What `make docs` draws: figures by functions, and a picture of each example.
 DRAWN = {
-    *(f"docs/figures/{x}.svg" for x in drawn()),
+    *(
+        f"docs/figures/{name}.svg"
+        for file in (DOCS / "figures").glob("*.py")
+        for name in re.findall(r"^def draw_(\w+)\(", file.read_text("utf-8"), re.MULTILINE)
+    ),
     *(f"docs/gallery/{x.stem}.svg" for x in (ROOT / "examples").glob("*.py")),
 }
 
@@ -89,6 +93,13 @@ def test_links_lead_somewhere_and_tables_are_tables():
     assert not wrong, "\n".join(wrong)
 
 
+def test_every_picture_is_described_in_words():
+    for page in PAGES:
+        inline = [x for token in parsed(page) for x in token.children or ()]
+        for x in [x for x in inline if x.type == "image"]:
+            assert len(x.content) >= SHORTEST or page == DOCS / "paper.md", (page, x.content)
+
+
 def test_every_file_of_the_docs_is_found_from_the_first_page():
     seen: set[Path] = set()
     todo = [DOCS / "index.md"]
@@ -101,7 +112,9 @@ def test_every_file_of_the_docs_is_found_from_the_first_page():
             files = (x.partition("#")[0] for x in links(page) if not ELSEWHERE.match(x))
             todo += [(page.parent / x).resolve() for x in files if x]
     files = {x for x in FILES if x.suffix not in CODE and "__pycache__" not in x.parts}
-    files -= {ROOT / x for x in DRAWN}
+    drawn = {ROOT / x for x in DRAWN}
+    assert drawn <= seen
+    files -= drawn
     assert sorted(x.relative_to(ROOT).as_posix() for x in files - seen) == []
     # From the README all of it is found too.
     assert "docs/index.md" in {x.partition("#")[0] for x in links(ROOT / "README.md")}
