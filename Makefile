@@ -110,7 +110,6 @@ soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, si
 	$(BIN)/python -m soak.certificates
 	$(BIN)/python -m soak.certificates --jobs 100
 	$(BIN)/python -m soak.placement
-	$(BIN)/python -m soak.numbers
 	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m soak.batch
 	$(BIN)/python -m tests.oracle.toppra_kept
@@ -135,7 +134,7 @@ figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
 	$(BIN)/python -m docs.gallery
 
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
-	$(BIN)/python -m soak.kernels
+	$(BIN)/python -m tools.kernels
 
 vendor:  ## Bundle what the Studio's page takes from others (needs node)
 	npm --prefix $(TOOLS) ci

@@ -23,7 +23,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 COMMANDS = {
     "run": ["run", "job.yaml", "--out", "out"],

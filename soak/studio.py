@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 
-from soak.studio_page import Server, Studio, browsing, serving, write_job
+from tests.browser.studio_page import Server, Studio, browsing, serving, write_job
 
 # How often something is done [Hz], and how much memory may grow [bytes].
 RATE, GROWTH = 60.0, 50e6

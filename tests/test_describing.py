@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 from types import SimpleNamespace
 
 import numpy as np
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour._describing import MOST_LINES, WIDTH, brief, digits, extremes, line_up

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
-from soak.number_cases import PLANE, put
+from tests.properties.number_cases import PLANE, put
 
 import armcontour as ac
 from armcontour.io import parse_job

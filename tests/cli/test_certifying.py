@@ -4,8 +4,8 @@ import json
 from pathlib import Path as FilePath
 
 import pytest
-from soak.corner_job import CORNER_JOB
 from tests.cli.helpers import summary
+from tests.corner_job import CORNER_JOB
 
 GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
-from soak.number_cases import ROBOT
 from tests.cli.helpers import summary
+from tests.corner_job import CORNER_JOB
+from tests.properties.number_cases import ROBOT
 
 from armcontour.cli.running import run_job
 from armcontour.execution import execute

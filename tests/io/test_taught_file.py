@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 from tests.io.tables import refusals
 
 from armcontour.io import parse_job, write_taught

@@ -1,6 +1,6 @@
 """The run that something is done with."""
 
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 from tests.geometry.tables import refused
 
 from armcontour.io import parse_job

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
-from soak.number_cases import PLANE, SPACE
+from tests.properties.number_cases import PLANE, SPACE
 
 import armcontour as ac
 from armcontour.io import parse_job

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour import scene as cell

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from soak.studio_page import SQUARE
+from tests.browser.studio_page import SQUARE
 from tests.studio.talking import JOB, Tab, session_of
 
 from armcontour._yaml import load

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from soak.studio_page import SQUARE
+from tests.browser.studio_page import SQUARE
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
 
 from armcontour.studio import display, screen

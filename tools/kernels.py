@@ -1,4 +1,4 @@
-"""`python -m soak.kernels`: write src/armcontour/_kernels.txt anew.
+"""`python -m tools.kernels`: write src/armcontour/_kernels.txt anew.
 
 The list says what compiled functions are called with by a run on a plane arm, by one on an arm in
 space, and by the tests. `armcontour warm` compiles it. Each of the three runs here in a process
@@ -80,7 +80,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
 
 def main() -> int:
     """Write the list."""
-    parser = argparse.ArgumentParser(prog="python -m soak.kernels", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.kernels", description=__doc__)
     parser.add_argument(
         "what", nargs="*", help="plane, space, or files of tests, whose calls are added; or all"
     )
@@ -110,7 +110,7 @@ def _record_apart(run: str, arguments: list[str]) -> list[str]:
     """Record a run in a process of its own that has nothing compiled; gives the calls."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "calls.txt"
-        command = [sys.executable, "-m", "soak.kernels", "--record", run, str(out), *arguments]
+        command = [sys.executable, "-m", "tools.kernels", "--record", run, str(out), *arguments]
         if run != TESTS:
             command += ["--out", str(Path(name) / "results")]
         cold = {"NUMBA_CACHE_DIR": str(Path(name) / "cold")}

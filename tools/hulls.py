@@ -1,16 +1,16 @@
 r"""Make the hulls of a built-in arm from the meshes that its maker publishes.
 
-    python -m soak.hulls NAME DESCRIPTION [--package NAME=FOLDER] [--argument NAME=VALUE] ...
+    python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] [--argument NAME=VALUE] ...
 
 For the built-in arms (repositories of the makers, beside this one):
 
-    python -m soak.hulls ur5e Universal_Robots_ROS2_Description/urdf/ur.urdf.xacro \
+    python -m tools.hulls ur5e Universal_Robots_ROS2_Description/urdf/ur.urdf.xacro \
         --package ur_description=Universal_Robots_ROS2_Description \
         --argument name=ur --argument ur_type=ur5e --base base_link_inertia --tip tool0
-    python -m soak.hulls panda franka_description/robots/fer/fer.urdf.xacro \
+    python -m tools.hulls panda franka_description/robots/fer/fer.urdf.xacro \
         --package franka_description=franka_description --argument hand=false \
         --rename fer_=panda_
-    python -m soak.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
+    python -m tools.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
         --package franka_description=franka_description --argument hand=false
 
 A hull is the intersection of half-spaces that hold every corner of the mesh, so it holds the mesh.

@@ -459,7 +459,7 @@ def _made_up(place: Place) -> dict[str, Any]:
         outer = base_of(place[:-1])
         joints = 2 if outer["arm"] == "pmk3s" else 6
         return put(outer, place[:-1], [_value_at(outer, place[:-1])] * joints)
-    raise LookupError(f"no base of soak/number_cases.py has {shown(place)}: add one")
+    raise LookupError(f"no base of tests/properties/number_cases.py has {shown(place)}: add one")
 
 
 def _value_at(base: Any, place: Place) -> Any:
@@ -516,7 +516,9 @@ def numeric_options() -> Iterator[tuple[str, str, str]]:
             for form in FORMS[option]:
                 yield command, option, form
         else:
-            raise LookupError(f"{command} {option}: say in soak/number_cases.py what it takes")
+            raise LookupError(
+                f"{command} {option}: say in tests/properties/number_cases.py what it takes"
+            )
 
 
 def _options() -> Iterator[tuple[str, str, type]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-FILE = FilePath(__file__).parents[1] / "tests" / "browser" / "axe" / "axe.min.js"
+FILE = FilePath(__file__).parent / "axe" / "axe.min.js"
 GRAVE = ("serious", "critical")
 RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
 
