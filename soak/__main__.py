@@ -26,6 +26,19 @@ TOPICS = {
     "jerk-tool": ("soak.jerk:run_tool", 200),
     "jerk-oracle": ("soak.jerk:run_oracle", 12),
     "jerk-moves": ("soak.jerk:run_move", 1000),
+    "shaping": ("soak.shaping:run", 2000),
+    "shaping-oracle": ("soak.shaping:run_oracle", 200),
+    "corners": ("soak.corners:run", 10_000),
+    "kerf": ("soak.kerf:run", 2000),
+    "outputs": ("soak.outputs:run", 600),
+    "clearance": ("soak.clearance:run", 10_000),
+    "placement": ("soak.placement:run", 50),
+    "certificates": ("soak.certificates:run", 100),
+    "check": ("soak.check:run", 4000),
+    "compensations": ("soak.compensations:run", 50),
+    "learning": ("soak.learning:run", 600),
+    "learning-servos": ("soak.learning:run_wrong_model", 200),
+    "studio": ("soak.studio:run", 1),
 }
 # Shares of intervals of 95 % that may hold the true value.
 COVERED = (0.90, 0.99)

@@ -212,4 +212,4 @@ def test_leads_lie_in_the_waste_beside_the_kerf():
 
 @each("seed", range(20))
 def test_random_contours_keep_the_distance_everywhere(seed):
-    judge.run(seed)
+    judge.run_offset(seed)

@@ -9,7 +9,7 @@ import armcontour as ac
 
 
 def test_outputs_are_on_at_work_only():
-    assert sum(outputs.run(seed) for seed in range(30)) > 3000
+    assert sum(outputs.judge_program(seed) for seed in range(30)) > 3000
 
 
 @pytest.mark.parametrize("by", [-3e-4, 3e-4])
@@ -30,7 +30,7 @@ def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
     seen = 0
     for seed in range(10):
         try:
-            outputs.run(seed)
+            outputs.judge_program(seed)
         except AssertionError as error:
             assert "without work" in str(error) or "at work" in str(error)
             seen += 1

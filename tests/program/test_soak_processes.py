@@ -1,10 +1,10 @@
-"""A little of `soak.processes`: jobs with leads, overlaps, passes, dwells and switches."""
+"""A little of `soak.outputs`: jobs with leads, overlaps, passes, dwells and switches."""
 
-from soak import processes as judge
+from soak import outputs as judge
 
 
 def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monkeypatch):
-    write = judge.Drawn.text
+    write = judge.DrawnJob.text
 
     def wrong(drawn, other_units):
         kept = drawn.lead_in, drawn.points
@@ -15,7 +15,7 @@ def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monke
             drawn.lead_in, drawn.points = kept
 
     seed = 1  # a small job with a lead-in
-    assert judge.Drawn(seed).lead_in and not judge.judge(seed)
-    monkeypatch.setattr(judge.Drawn, "text", wrong)
-    said = " ".join(judge.judge(seed))
+    assert judge.DrawnJob(seed).lead_in and not judge.judge_job(seed)
+    monkeypatch.setattr(judge.DrawnJob, "text", wrong)
+    said = " ".join(judge.judge_job(seed))
     assert "length of the lead-in" in said and "contour not covered" in said

@@ -1,0 +1,1058 @@
+"""Shaped motions, judged by joint positions alone, against other shapes and against IPOPT.
+
+A monotone matching of the motion with the objective path decides which pieces of the path are a
+point's own (after Alt and Godau, "Computing the Fréchet distance between two polygonal curves").
+
+`run_oracle` compares with the fastest motion that IPOPT finds for an arm of two links along a
+polyline. It shares nothing with `armcontour.timing.shaping` but the starts, which are plans of arcs
+and of full stops. Joint accelerations are uniform over steps, of which every line has the same
+number, all equally long; how long is free for every line. Every node of a line's part of the motion
+lies within the tolerance of that line, and the node between two lines within the tolerance of their
+vertex. All is kept at the nodes only, so that an answer may be a little too fast; with a
+centripetal limit, few steps make it too slow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.optimize import minimize_scalar
+
+import armcontour as ac
+from armcontour.geometry import round_with_parabolas
+from armcontour.geometry.fit import draw_with_arcs
+from soak import Outcome
+
+LEAK = 1e-9
+# Beside its share of the tolerance, a tool may be off by what tracing leaves [m], [rad].
+TRACED, TURNED = 1.5e-10, 2e-9
+# Places this near to each other are one [m].
+SAME_PLACE = 1e-9
+# Places per segment of the path, and random ones per interval of the law.
+PLACES, RANDOM = 96, 4
+# Points of the tool are this part of the tolerance apart at most, but no more than so many.
+STEP, MOST_POINTS = 0.25, 30_000
+# Steps of a motion for differences, and what they may be off by beside rounding errors.
+STEPS = 20_000
+CURVED = 5e-3
+# A tool this slow [m/s] has no direction; and none that differences would show.
+SLOWEST, SLOW = 1e-6, 2e-3
+PMK = ac.load_arm("pmk3s")
+# A tool that looks down, and an axis of one that is tilted.
+DOWN, AXIS = np.diag([1.0, -1.0, -1.0]), np.array([0.2, 0.1, -1.0])
+# Where paths lie [m]: distances from the first joint of the arm in the plane, and a box in space.
+NEAR, FAR = 0.09, 0.455
+BOX = np.array([(0.35, -0.25, 0.1), (0.65, 0.25, 0.4)])
+# Vertices between two stretches of which a tolerance is at most half [rad].
+SHARP = np.radians(30)
+Random = np.random.Generator
+# Part of the tolerance as corner error of the arcs from which the search starts.
+ARCS = (0.3, 0.7, 1.0)
+STARTS = ("stops", *ARCS)
+# A tool this slow [m/s] has hardly a direction: it rounds the edge of the centripetal limit.
+SLOW = 1e-5
+# Steps per line for all starts, and for the best of them.
+FEW, MANY = 45, 180
+# Durations that differ by less than this factor are of one answer.
+SAME = 1 + 1e-4
+# Random jobs: corners, largest turn [rad], distances from the first joint [m].
+CORNERS, MOST_TURN = 5, np.radians(150)
+INSIDE, OUTSIDE = 0.12, 0.44
+IPOPT = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-7,
+    "max_iter": 1500,
+    "mu_init": 1e-2,
+    "mu_strategy": "adaptive",
+    "max_cpu_time": 60.0,
+}
+# A shaped motion may be longer than the oracle's by this share: nearly all of them are by less.
+BAR = 0.03
+# Arcs of fewer than so many radians meet a disc in one stretch at most, near enough.
+QUARTER = np.pi / 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """What is asked.
+
+    Args:
+        seed: Where it was drawn from.
+        kind: What sort of objective.
+        objective: The path.
+        arm: The arm.
+        limits: The limits.
+        options: Of `plan`: tolerance, and line_tolerance with zone.
+        hold: How the tool is held in space: "held" or "axis" for DOWN or its axis alone, "pointing"
+            for AXIS; empty in the plane.
+    """
+
+    seed: int
+    kind: str
+    objective: ac.Path
+    arm: Any
+    limits: ac.Limits
+    options: dict[str, Any] = field(default_factory=dict)
+    hold: str = ""
+
+
+def hold_tool(path: ac.Path, hold: str) -> ac.Path:
+    """The path with the tool held in one way."""
+    if hold == "pointing":
+        return path.pointing(AXIS)
+    return path.oriented(DOWN, axis_only=hold == "axis") if hold else path
+
+
+def pieces_of(problem: Problem) -> Pieces:
+    """The objective in pieces, each with its tolerance."""
+    path, options = problem.objective, problem.options
+    most = options["tolerance"]
+    corners = path.breaks[1:-1][path.turns > 1e-9]
+    zone = options.get("zone")
+    edges = np.empty(0) if zone is None else np.concatenate([corners - zone, corners + zone])
+
+    def own(s: np.ndarray, side: str) -> np.ndarray:
+        given = path.tolerances[path.locate(s, side=side)]
+        return np.fmin(np.where(np.isnan(given), np.inf, given), most)
+
+    def bands(s: np.ndarray) -> np.ndarray:
+        found = own(s, "left")
+        if zone is not None:
+            away = np.abs(s[:, None] - corners).min(axis=1, initial=np.inf) > zone
+            found = np.where(away, np.minimum(found, options["line_tolerance"]), found)
+        return found
+
+    def joints(s: np.ndarray) -> np.ndarray:
+        at_vertex = np.isin(s, path.breaks)
+        least = np.minimum(own(s, "left"), own(s, "right"))
+        return np.where(at_vertex, least, np.maximum(own(s, "left"), own(s, "right")))
+
+    return cut(path, edges, bands, joints)
+
+
+@cache
+def _ur5e() -> ac.Arm:
+    return ac.load_arm("ur5e")
+
+
+def draw(seed: int) -> Problem:
+    """The problem of a seed."""
+    rng = np.random.default_rng((15, seed))
+    kind = str(rng.choice(list(KINDS), p=SHARES))
+    objective = KINDS[kind](rng)
+    space = objective.dimension == 3
+    hold = str(rng.choice(["held", "axis", "pointing"])) if space else ""
+    return Problem(
+        seed=seed,
+        kind=kind,
+        objective=hold_tool(objective, hold),
+        hold=hold,
+        arm=_ur5e() if space else PMK,
+        limits=_space_limits(rng) if space else _limits(rng),
+        options=_options(rng, objective),
+    )
+
+
+def _options(rng: Random, objective: ac.Path) -> dict[str, Any]:
+    """Tolerances that the objective bears."""
+    sharp = np.flatnonzero(objective.turns > SHARP) + 1
+    stretches = np.diff(objective.breaks[np.concatenate([[0], sharp, [len(objective)]])])
+    tolerance = float(min(10 ** rng.uniform(-4, -2.3), stretches.min() / 2))
+    if rng.random() < 0.03:
+        tolerance = float(rng.choice([0.0, 1e-9, 1e-6, 1e-5]) * (tolerance > 1e-5))
+    options = {"tolerance": tolerance}
+    if rng.random() < 0.25:
+        options["line_tolerance"] = tolerance * float(rng.choice([0.0, 0.02, 0.3, 1.0]))
+        options["zone"] = float(rng.uniform(1, 8) * max(tolerance, 1e-4))
+    return options
+
+
+def _limits(rng: Random) -> ac.Limits:
+    """Mostly the paper's, else others of their size."""
+    spread = 0.0 if rng.random() < 0.5 else float(rng.choice([0.3, 1.0]))
+
+    def some(scale: float, count: int | None = None) -> Any:
+        return scale * 10 ** rng.uniform(-spread, spread, count)
+
+    wanted: dict[str, Any] = {"joint_acceleration": some(0.72, 2)}
+    if rng.random() < 0.1:
+        wanted["joint_deceleration"] = some(0.72, 2)
+    if rng.random() < 0.85:
+        wanted["speed"] = float(some(0.15))
+    if rng.random() < 0.5:
+        wanted["centripetal_acceleration"] = float(some(0.09))
+    if rng.random() < 0.25:
+        wanted["joint_velocity"] = some(0.5, 2)
+    if rng.random() < 0.15:
+        wanted["tool_acceleration"] = float(some(0.2))
+    if rng.random() < 0.05:
+        wanted["joint_torque"] = some(0.05, 2)
+    return ac.Limits(**wanted)
+
+
+def _space_limits(rng: Random) -> ac.Limits:
+    cap = float(rng.uniform(0.2, 2)) if rng.random() < 0.5 else None
+    return ac.Limits(
+        joint_velocity=3.14,
+        joint_acceleration=float(rng.uniform(2, 10)),
+        speed=float(rng.uniform(0.05, 0.5)),
+        centripetal_acceleration=cap,
+    )
+
+
+# Objectives
+
+
+def _reached(points: np.ndarray) -> bool:
+    share = np.linspace(0, 1, 33)[:, None, None]
+    places = (points[:-1] + share * np.diff(points, axis=0)).reshape(-1, 2)
+    distance = np.hypot(places[:, 0] - PMK.base, places[:, 1])
+    return bool((distance > NEAR).all() and (distance < FAR).all())
+
+
+def _walk(rng: Random, lengths: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """A polyline of these lines and turns, somewhere within reach."""
+    while True:
+        headings = rng.uniform(0, 2 * np.pi) + np.append(0.0, np.cumsum(turns))
+        legs = lengths[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
+        start = rng.uniform((-0.3, 0.05), (0.55, 0.42))
+        points = np.concatenate([[start], start + np.cumsum(legs, axis=0)])
+        if _reached(points):
+            return points
+        # A walk that does not fit gets shorter.
+        lengths = lengths * 0.97
+
+
+def _signs(rng: Random, count: int) -> np.ndarray:
+    return rng.choice([-1.0, 1.0], count)
+
+
+def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
+    """The polyline, now and then with speeds or tolerances of its own lines."""
+    speeds, tolerances = rng.random() < 0.1, rng.random() < 0.1
+    if not (speeds or tolerances):
+        return ac.Path.polyline(points)
+    demands = [
+        ac.Demand(
+            speed=float(10 ** rng.uniform(-1.7, -0.5)) if speeds else None,
+            tolerance=float(10 ** rng.uniform(-4.3, -2.5)) if tolerances else None,
+        )
+        for _ in points[1:]
+    ]
+    return ac.Path.from_segments(
+        ac.Line(start=a, end=b, demand=x)
+        for a, b, x in zip(points[:-1], points[1:], demands, strict=True)
+    )
+
+
+def _polyline(rng: Random) -> ac.Path:
+    """Corners of any turn, acute, there and back; micro-segments, and points given twice."""
+    count = int(rng.integers(1, 8))
+    turns = _signs(rng, count) * rng.uniform(0.02, np.radians(150), count)
+    lengths = rng.uniform(0.01, 0.07, count + 1)
+    sort = rng.random()
+    if sort < 0.3:
+        turns = _signs(rng, count) * np.radians(rng.uniform(140, 179.5, count))
+    elif sort < 0.4:
+        off = 0.0 if rng.random() < 0.4 else 10 ** rng.uniform(-9, -1.5)
+        turns[rng.integers(count)] = np.pi - off
+    elif sort < 0.55:
+        turns = _signs(rng, count) * 10 ** rng.uniform(-4, 0.4, count)
+        small = rng.random(count + 1) < 0.4
+        lengths[small] = 10 ** rng.uniform(-6, -3, small.sum())
+    points = _walk(rng, lengths, turns)
+    if 0.55 < sort < 0.6:
+        again = np.repeat(points, rng.integers(1, 3, len(points)), axis=0)
+        again[1:-1] += rng.choice([0.0, 1e-12, 1e-10], (len(again) - 2, 1))
+        return ac.Path.polyline(again)
+    return _with_demands(rng, points)
+
+
+def _chords(rng: Random) -> ac.Path:
+    """Many short lines along a wavy curve, with sharp corners now and then."""
+    count = int(rng.integers(20, 150))
+    wave = np.sin(np.linspace(0, rng.uniform(1, 12), count))
+    turns = np.radians(rng.uniform(1, 15)) * wave
+    if rng.random() < 0.5:
+        turns[rng.integers(count, size=2)] = _signs(rng, 2) * rng.uniform(0.6, 2.5, 2)
+    step = 10 ** rng.uniform(-4.3, -2.5)
+    return ac.Path.polyline(_walk(rng, step * rng.uniform(0.7, 1.3, count + 1), turns))
+
+
+def _closed(rng: Random) -> ac.Path:
+    """A polygon whose corners lie anywhere on two circles."""
+    count = int(rng.integers(3, 9))
+    angles = (
+        rng.uniform(0, 2 * np.pi)
+        + 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.8, count)) / count
+    )
+    while True:
+        radius = rng.uniform(0.01, 0.06) * rng.uniform(0.4, 1, count)
+        middle = rng.uniform((-0.2, 0.1), (0.45, 0.38))
+        corners = middle + radius[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        points = np.concatenate([corners, corners[:1]])
+        if _reached(points):
+            return _with_demands(rng, points)
+
+
+def _crossing(rng: Random) -> ac.Path:
+    """A loop that crosses itself, or a line that comes back beside itself: a place to hop."""
+    if rng.random() < 0.5:
+        turns = np.radians([rng.uniform(80, 130) * s for s in (1, 1, 1)]) * _signs(rng, 1)
+        return ac.Path.polyline(_walk(rng, rng.uniform(0.02, 0.06, 4), turns))
+    gap = 10 ** rng.uniform(-3.3, -2)
+    count = int(rng.integers(2, 5))
+    lengths = np.ravel([(rng.uniform(0.02, 0.06), gap) for _ in range(count)])[:-1]
+    turns = np.pi / 2 * np.repeat(np.resize([1.0, -1.0], count), 2)[: len(lengths) - 1]
+    return ac.Path.polyline(_walk(rng, lengths, turns))
+
+
+def _arcs(rng: Random) -> ac.Path:
+    """Lines and arcs in turn, with tangential joints and with corners."""
+    while True:
+        count = int(rng.integers(2, 7))
+        at, heading = rng.uniform((-0.25, 0.08), (0.5, 0.4)), rng.uniform(0, 2 * np.pi)
+        parts: list[ac.Line | ac.Arc] = []
+        points = [at]
+        for _ in range(count):
+            along = np.array([np.cos(heading), np.sin(heading)])
+            if rng.random() < 0.5:
+                there = at + rng.uniform(0.008, 0.05) * along
+                parts.append(ac.Line(start=at.tolist(), end=there.tolist()))
+                points.append(there)
+            else:
+                radius, sweep = (
+                    10 ** rng.uniform(-2.7, -1.2),
+                    rng.uniform(0.3, 3) * rng.choice([-1, 1]),
+                )
+                center = at + np.sign(sweep) * radius * np.array([-along[1], along[0]])
+                parts.append(ac.Arc(start=at.tolist(), center=center.tolist(), angle=sweep))
+                turn = np.linspace(0, sweep, 9)[1:, None]
+                v = at - center
+                points += list(center + np.cos(turn) * v + np.sin(turn) * np.array([-v[1], v[0]]))
+                heading += sweep
+                there = points[-1]
+            at = there
+            if rng.random() < 0.5:
+                heading += rng.uniform(0.05, 2.7) * rng.choice([-1, 1])
+        if _reached(np.array(points)):
+            return ac.Path.from_segments(parts)
+
+
+def _spline(rng: Random) -> ac.Path:
+    count = int(rng.integers(3, 7))
+    turns = _signs(rng, count) * rng.uniform(0.05, 1.5, count)
+    points = _walk(rng, rng.uniform(0.015, 0.05, count + 1), turns)
+    while True:
+        path, _ = draw_with_arcs(ac.Path.spline(points), 10 ** rng.uniform(-6, -4))
+        if _reached(path(np.linspace(0, path.length, 400))):
+            return path
+        middle = points.mean(axis=0)
+        points = middle + 0.8 * (points - middle)
+
+
+def _space(rng: Random) -> ac.Path:
+    """A polyline in space, now and then in a horizontal plane."""
+    count = int(rng.integers(1, 5))
+    points = rng.uniform(*BOX, (1, 3)) * 1.0
+    while len(points) < count + 2:
+        step = rng.normal(size=3) * (1, 1, rng.choice([0, 1]))
+        there = points[-1] + rng.uniform(0.02, 0.12) * step / np.linalg.norm(step)
+        if (there > BOX[0]).all() and (there < BOX[1]).all():
+            points = np.concatenate([points, [there]])
+    return ac.Path.polyline(points)
+
+
+KINDS: dict[str, Callable[[Random], ac.Path]] = {
+    "polyline": _polyline,
+    "chords": _chords,
+    "closed": _closed,
+    "crossing": _crossing,
+    "arcs": _arcs,
+    "spline": _spline,
+    "space": _space,
+}
+SHARES = (0.58, 0.07, 0.1, 0.05, 0.1, 0.05, 0.05)
+
+
+def run(seed: int) -> Outcome:
+    """Plan and judge the problem of a seed."""
+    problem = draw(seed)
+    try:
+        planned = _plan(problem)
+    except ac.ArmContourError as error:
+        notes = []
+        try:
+            ac.plan(problem.objective, problem.arm, problem.limits)
+            notes = [f"refused: {error}"]
+        except type(error):
+            pass
+        return Outcome(kind=problem.kind, result="refused", notes=notes)
+    notes = judge(planned, problem)
+    for name, duration in time_rivals(planned, problem).items():
+        if planned.duration > duration * (1 + LEAK):
+            longer = planned.duration / duration - 1
+            notes.append(f"slower than {name} by 1 {longer:+.2e}: {planned.duration:.9g} s")
+    return Outcome(kind=problem.kind, result="shaped", notes=notes)
+
+
+def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
+    """Durations of the fastest motions along shapes within the tolerance, by their names [s]."""
+    objective, tolerance = problem.objective, problem.options["tolerance"]
+    shapes = {
+        "arcs": ac.round_corners(objective, tolerance=tolerance),
+        "parabolas": hold_tool(round_with_parabolas(objective, tolerance=tolerance), problem.hold),
+        "stops": objective,
+    }
+    options = {} if objective.dimension == 2 else {"start": planned(0.0)}
+    found = {}
+    for name, path in shapes.items():
+        if name != "stops" and "zone" in problem.options and not _fits(path, problem):
+            continue
+        try:
+            found[name] = ac.plan(path, problem.arm, problem.limits, **options).duration
+        except ac.ArmContourError:
+            continue
+    return found
+
+
+def _fits(path: ac.Path, problem: Problem) -> bool:
+    """Whether a path keeps the tolerances."""
+    share = np.linspace(0, 1, 400)[:-1]
+    s = np.append((path.breaks[:-1, None] + share * path.lengths[:, None]).ravel(), path.length)
+    points, pieces = path(np.minimum(s, path.length)), pieces_of(problem)
+    matching = match(points, pieces)
+    return matching.lost < 0 and excess(points, pieces, matching).max() <= 1e-12
+
+
+def _plan(problem: Problem) -> ac.Trajectory:
+    return ac.plan(
+        problem.objective, problem.arm, problem.limits, method="shaped", **problem.options
+    )
+
+
+def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
+    """What is wrong with a motion, in words."""
+    t = _times(planned, problem)
+    states = [planned(t, order) for order in (0, 1, 2)]
+    # Also what holds just before every break.
+    left = [planned(planned.breaks[1:], order, side="left") for order in (0, 1, 2)]
+    both = [np.concatenate(x) for x in zip(states, left, strict=True)]
+    notes = _exceeded(problem, np.append(t, planned.breaks[1:]), both)
+    notes += _differences(planned, problem)
+    notes += _keeping(planned, problem, t, problem.arm.forward(states[0]))
+    return notes + _ends(planned, problem) + _orientation(problem, states[0])
+
+
+def _times(planned: ac.Trajectory, problem: Problem) -> np.ndarray:
+    """Times at which a motion is judged: dense in every interval, segment and length of path."""
+    rng = np.random.default_rng(problem.seed)
+    breaks, path = planned.breaks, planned.path
+    inside = breaks[:-1, None] + rng.random((len(breaks) - 1, RANDOM)) * np.diff(breaks)[:, None]
+    share = np.linspace(0, 1, PLACES + 2)[:-1]
+    places = (path.breaks[:-1, None] + share * path.lengths[:, None]).ravel()
+    count = path.length / max(STEP * problem.options["tolerance"], path.length / MOST_POINTS)
+    along = np.append(places, np.linspace(0, path.length, int(count) + 2))
+    return np.unique(np.concatenate([breaks, inside.ravel(), planned.time_at(along)]))
+
+
+def _exceeded(problem: Problem, t: Any, states: Any) -> list[str]:
+    """Limits that are exceeded."""
+    notes = []
+    for name, ratio in _ratios(problem, *states).items():
+        k = int(np.argmax(np.where(np.isnan(ratio), np.inf, ratio)))
+        if not ratio[k] <= 1 + LEAK:
+            notes.append(f"{name} 1 {ratio[k] - 1:+.2e} at t = {t[k]:.9g} s")
+    return notes
+
+
+def _ratios(problem: Problem, q: Any, dq: Any, ddq: Any) -> dict[str, Any]:
+    limits, arm = problem.limits, problem.arm
+    found: dict[str, Any] = {}
+    if limits.joint_velocity is not None:
+        found["joint velocity"] = (np.abs(dq) / limits.joint_velocity).max(axis=1)
+    if limits.joint_acceleration is not None:
+        low, high = limits.acceleration_bounds(q.shape[1])
+        found["joint acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)
+    if limits.joint_torque is not None:
+        found["joint torque"] = (np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque).max(axis=1)
+    velocity, acceleration = arm.tool_velocity(q, dq), arm.tool_acceleration(q, dq, ddq)
+    speed = np.linalg.norm(velocity, axis=1)
+    if limits.speed is not None:
+        found["speed"] = speed / limits.speed
+    if limits.tool_acceleration is not None:
+        found["tool acceleration"] = np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
+    if limits.centripetal_acceleration is not None:
+        along = np.einsum("ij,ij->i", velocity, acceleration) / np.maximum(speed, SLOWEST) ** 2
+        normal = np.linalg.norm(acceleration - along[:, None] * velocity, axis=1)
+        normal[speed < SLOWEST] = 0.0
+        found["centripetal acceleration"] = normal / limits.centripetal_acceleration
+    return found
+
+
+def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
+    """Limits that positions alone show to be exceeded; means over steps are never larger."""
+    limits = problem.limits
+    t = np.linspace(0, planned.duration, STEPS + 1)
+    h, q = t[1], planned(t)
+    rounding = 64 * np.finfo(float).eps * max(1.0, np.abs(q).max())
+    first, second = np.diff(q, axis=0) / h, np.diff(q, 2, axis=0) / h**2
+    tool = problem.arm.forward(q)
+    velocity, change = np.diff(tool, axis=0) / h, np.diff(tool, 2, axis=0) / h**2
+    speed = np.linalg.norm(velocity, axis=1)
+    low, high = limits.acceleration_bounds(q.shape[1])
+    # How far each is above its limit, and what rounding and the differences themselves may add.
+    found = {"acceleration": (np.maximum(second - high, low - second).max(), rounding / h**2)}
+    if limits.joint_velocity is not None:
+        found["velocity"] = ((np.abs(first) - limits.joint_velocity).max(), rounding / h)
+    if limits.speed is not None:
+        found["speed"] = (speed.max() - limits.speed, rounding / h)
+    if limits.tool_acceleration is not None:
+        most = np.linalg.norm(change, axis=1).max()
+        found["tool acceleration"] = (most - limits.tool_acceleration, rounding / h**2)
+    if limits.centripetal_acceleration is not None:
+        middle = (velocity[1:] + velocity[:-1]) / 2
+        going = np.linalg.norm(middle, axis=1)
+        along = np.einsum("ij,ij->i", middle, change) / np.maximum(going, SLOW) ** 2
+        normal = np.linalg.norm(change - along[:, None] * middle, axis=1)[going > SLOW]
+        most = limits.centripetal_acceleration
+        above = normal.max(initial=0.0) - most
+        found["centripetal acceleration"] = (above, rounding / h**2 + CURVED * most)
+    return [
+        f"{name} above its limit by {above:.3g} by differences of positions"
+        for name, (above, allowed) in found.items()
+        if not above <= allowed + LEAK
+    ]
+
+
+def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) -> list[str]:
+    """Points that are too far from their own part of the objective, and vertices from the path."""
+    pieces = pieces_of(problem)
+    notes = _promised(planned, problem, pieces, t, points)
+    matching = match(points, pieces)
+    if matching.lost >= 0:
+        return [*notes, f"no way along the objective at t = {t[matching.lost]:.9g} s"]
+    far = excess(points, pieces, matching)
+    k = int(np.argmax(far))
+    if far[k] > LEAK * pieces.bands.max() + TRACED:
+        notes.append(f"outside the tolerance by {far[k]:.3g} m at t = {t[k]:.9g} s")
+    vertices, ends = problem.objective.vertices[1:-1], np.cumsum(pieces.lengths)
+    for i, (vertex, place) in enumerate(zip(vertices, problem.objective.breaks[1:-1], strict=True)):
+        at = int(np.argmin(np.abs(ends - place)))
+        own = (matching.first <= at + 1) & (matching.last >= at)
+        distance = np.where(own, np.linalg.norm(points - vertex, axis=1), np.inf)
+        j, allowed = int(np.argmin(distance)), pieces.joints[at] * (1 + LEAK) + TRACED
+        if distance[j] <= allowed:
+            continue
+        bounds = t[max(j - 1, 0)], t[min(j + 1, len(t) - 1)]
+        gap = minimize_scalar(
+            lambda x, v=vertex: np.linalg.norm(problem.arm.forward(planned([x]))[0] - v),
+            bounds=bounds,
+            method="bounded",
+            options={"xatol": 1e-15},
+        ).fun
+        if gap > allowed:
+            notes.append(f"vertex {i + 1} is {gap - pieces.joints[at]:.3g} m outside")
+    return notes
+
+
+def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) -> list[str]:
+    """Points that are too far from the places that the path itself gives for them."""
+    path, objective = planned.path, problem.objective
+    on_path = np.clip(planned.s(t), 0, path.length)
+    place = np.clip(np.interp(on_path, path.places[:, 1], path.places[:, 0]), 0, objective.length)
+    off = np.linalg.norm(points - objective(place), axis=1)
+    edges = np.cumsum(pieces.lengths)[:-1]
+    # At an edge the larger tolerance holds.
+    either = [pieces.bands[np.searchsorted(edges, place + x)] for x in (-SAME_PLACE, SAME_PLACE)]
+    far = off - np.maximum(*either) * (1 + LEAK) - TRACED
+    k = int(np.argmax(far))
+    return [f"{far[k]:.3g} m too far from its place at t = {t[k]:.9g} s"] if far[k] > 0 else []
+
+
+def _ends(planned: ac.Trajectory, problem: Problem) -> list[str]:
+    """Whether the motion starts and ends at rest where the objective does."""
+    t = np.array([0.0, planned.duration])
+    gap = problem.arm.forward(planned(t)) - problem.objective.vertices[[0, -1]]
+    notes = []
+    if np.linalg.norm(gap, axis=1).max() > TRACED:
+        notes.append(f"misses an end by {np.linalg.norm(gap, axis=1).max():.3g} m")
+    if np.abs(planned(t, 1)).max() > 1e-7:
+        notes.append("does not rest at an end")
+    return notes
+
+
+def _orientation(problem: Problem, q: np.ndarray) -> list[str]:
+    """Tools that are not held as the objective wants, which is in one way all along."""
+    if not problem.hold:
+        return []
+    _, rotations = problem.arm.pose(q)
+    if problem.hold == "held":
+        off = np.abs(rotations - DOWN).max()
+    else:
+        axis = DOWN[:, 2] if problem.hold == "axis" else AXIS / np.linalg.norm(AXIS)
+        off = np.linalg.norm(rotations[:, :, 2] - axis, axis=1).max()
+    return [f"the tool is turned by {off:.3g} rad"] if off > TURNED else []
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Lines and arcs in order, each with a tolerance: columns of n rows [m, 1/m].
+
+    `joints` holds the tolerance at the end of every piece, as far as a motion must come that near.
+    """
+
+    starts: np.ndarray
+    tangents: np.ndarray
+    normals: np.ndarray
+    bends: np.ndarray
+    lengths: np.ndarray
+    bands: np.ndarray
+    joints: np.ndarray
+    ends: np.ndarray
+
+    def __len__(self):
+        return len(self.lengths)
+
+    @property
+    def columns(self):
+        """What the compiled functions take."""
+        return self.starts, self.tangents, self.normals, self.bends, self.lengths, self.bands
+
+
+def cut(path, cuts, bands, joints):
+    """Pieces of a path, cut at vertices, at `cuts` [m], and where arcs are long.
+
+    Args:
+        path: The path.
+        cuts: Further places to cut at [m].
+        bands: Tolerance [m] by the middles of pieces [m].
+        joints: Tolerance [m] by the ends of pieces [m].
+    """
+    bounds = [path.breaks, cuts[(cuts > 0) & (cuts < path.length)]]
+    for i in np.flatnonzero(path.curvatures * path.lengths > QUARTER):
+        count = math.ceil(path.curvatures[i] * path.lengths[i] / QUARTER)
+        bounds.append(np.linspace(path.breaks[i], path.breaks[i + 1], count + 1))
+    at = np.unique(np.concatenate(bounds))
+    # What a rounding error cuts off is no piece, unless it is a segment of the path.
+    stays = np.isin(at, path.breaks)
+    at = at[stays | (np.append(np.diff(at), np.inf) > 1e-12)]
+    i = path.locate((at[:-1] + at[1:]) / 2)
+    u = at[:-1] - path.breaks[i]
+    angle = (path.curvatures[i] * u)[:, None]
+    tangents = np.cos(angle) * path.tangents[i] + np.sin(angle) * path.normals[i]
+    normals = np.cos(angle) * path.normals[i] - np.sin(angle) * path.tangents[i]
+    points = path(at)
+    return Pieces(
+        starts=points[:-1],
+        tangents=tangents,
+        normals=normals,
+        bends=np.array(path.curvatures[i]),
+        lengths=np.diff(at),
+        bands=bands((at[:-1] + at[1:]) / 2),
+        joints=joints(at[1:]),
+        ends=points[1:],
+    )
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Own pieces of every point: from `first` to `last`, (m,); `lost` is -1, or a lost point."""
+
+    first: np.ndarray
+    last: np.ndarray
+    lost: int
+
+
+def match(points, pieces):
+    """Match the points of a motion, densely sampled, to the pieces of a path.
+
+    Points are off by as much as they are apart when they are matched, for what lies between them
+    may be nearer; their exact distances from their own pieces are for `excess`.
+    """
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    slack = np.maximum(np.append(step, 0.0), np.append(0.0, step)) + 1e-9
+    first, last, lost = _run(points, slack, *pieces.columns, pieces.ends, pieces.joints)
+    if lost >= 0:
+        return Matching(first, last, lost)
+    back = _reverse(pieces)
+    last_b, first_b, lost_b = _run(points[::-1], slack[::-1], *back.columns, back.ends, back.joints)
+    n = len(pieces) - 1
+    first_b, last_b = n - first_b[::-1], n - last_b[::-1]
+    if lost_b >= 0:
+        return Matching(first, last, len(points) - 1 - lost_b)
+    first, last = np.maximum(first, first_b), np.minimum(last, last_b)
+    wrong = np.flatnonzero(first > last)
+    return Matching(first, last, int(wrong[0]) if len(wrong) else -1)
+
+
+def _reverse(pieces):
+    angle = (pieces.bends * pieces.lengths)[:, None]
+    tangents = np.cos(angle) * pieces.tangents + np.sin(angle) * pieces.normals
+    normals = np.cos(angle) * pieces.normals - np.sin(angle) * pieces.tangents
+    return Pieces(
+        starts=pieces.ends[::-1].copy(),
+        tangents=-tangents[::-1],
+        normals=normals[::-1].copy(),
+        bends=pieces.bends[::-1].copy(),
+        lengths=pieces.lengths[::-1].copy(),
+        bands=pieces.bands[::-1].copy(),
+        joints=np.append(pieces.joints[:-1][::-1], pieces.bands[0]),
+        ends=pieces.starts[::-1].copy(),
+    )
+
+
+def excess(points, pieces, matching):
+    """By how much the points are farther from their own pieces than these allow [m], (m,)."""
+    return _excess(points, *pieces.columns, matching.first, matching.last)
+
+
+@njit(cache=True)
+def _free(x, start, tangent, normal, bend, length, band):
+    """Stretch of a piece within `band` of x: distances from its start; empty if low > high."""
+    w = x - start
+    along = np.dot(w, tangent)
+    if bend == 0.0:
+        # As a difference of squares, a small distance is lost in a large one.
+        off = w - along * tangent
+        room = band * band - np.dot(off, off)
+        if room < 0:
+            return 1.0, 0.0
+        half = math.sqrt(room)
+        return max(along - half, 0.0), min(along + half, length)
+    across = np.dot(w, normal)
+    out = w - along * tangent - across * normal
+    radius = 1.0 / bend
+    turned = math.atan2(along, radius - across)
+    from_center = math.hypot(along, radius - across)
+    radial = (along * along + across * across - 2 * across * radius) / (from_center + radius)
+    room = band * band - np.dot(out, out) - radial * radial
+    if room < 0:
+        return 1.0, 0.0
+    share = room / (4 * max(from_center, 1e-300) * radius)
+    half = math.pi if share >= 1 else 2 * math.asin(math.sqrt(share))
+    sweep = length * bend
+    low, high = 1.0, 0.0
+    for k in range(-1, 2):
+        a = max(turned + 2 * math.pi * k - half, 0.0)
+        b = min(turned + 2 * math.pi * k + half, sweep)
+        if a <= b:
+            low, high = (a, b) if low > high else (min(low, a), max(high, b))
+    return low * radius, high * radius
+
+
+@njit(cache=True)
+def _distance(x, start, tangent, normal, bend, length, end):
+    """Distance from a piece."""
+    w = x - start
+    along = np.dot(w, tangent)
+    ends = math.sqrt(min(np.dot(w, w), np.dot(x - end, x - end)))
+    if bend == 0.0:
+        if along < 0 or along > length:
+            return ends
+        off = w - along * tangent
+        return math.sqrt(np.dot(off, off))
+    across = np.dot(w, normal)
+    out = w - along * tangent - across * normal
+    radius = 1.0 / bend
+    turned = math.atan2(along, radius - across) % (2 * math.pi)
+    if turned > length * bend:
+        return ends
+    from_center = math.hypot(along, radius - across)
+    radial = (along * along + across * across - 2 * across * radius) / (from_center + radius)
+    return math.sqrt(radial * radial + np.dot(out, out))
+
+
+@njit(cache=True)
+def _run(points, slack, starts, tangents, normals, bends, lengths, bands, ends, joints):
+    """First and last piece that each point can be matched to after those before; or one lost."""
+    m, n = len(points), len(lengths)
+    first, last = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
+    low = np.full(n, np.inf)
+    high = np.full(n, -np.inf)
+    low[0], high[0] = 0.0, 0.0
+    begin, until = 0, 0
+    for j in range(m):
+        x = points[j]
+        reached = False
+        found_begin, found_until = -1, -1
+        k = begin
+        while k < n and (k <= until or reached):
+            near = bands[k] + slack[j]
+            a, b = _free(x, starts[k], tangents[k], normals[k], bends[k], lengths[k], near)
+            lowest = np.inf
+            if a <= b:
+                if reached:
+                    lowest = a
+                elif max(a, low[k]) <= min(b, high[k]):
+                    lowest = max(a, low[k])
+            low[k] = lowest
+            high[k] = b if lowest < np.inf else -np.inf
+            if lowest < np.inf:
+                found_begin = k if found_begin < 0 else found_begin
+                found_until = k
+            gap = x - ends[k]
+            reached = (lowest < np.inf) and math.sqrt(np.dot(gap, gap)) <= joints[k] + slack[j]
+            k += 1
+        if found_begin < 0:
+            return first, last, j
+        for i in range(begin, found_begin):
+            low[i], high[i] = np.inf, -np.inf
+        begin, until = found_begin, found_until
+        first[j], last[j] = begin, until
+    return first, last, -1 if until == n - 1 else m - 1
+
+
+@njit(cache=True)
+def _excess(points, starts, tangents, normals, bends, lengths, bands, first, last):
+    m = len(points)
+    found = np.empty(m)
+    for j in range(m):
+        best = np.inf
+        for k in range(first[j], last[j] + 1):
+            angle = bends[k] * lengths[k]
+            if bends[k] == 0.0:
+                end = starts[k] + lengths[k] * tangents[k]
+            else:
+                across = 2 * math.sin(angle / 2) ** 2 / bends[k]
+                end = starts[k] + math.sin(angle) / bends[k] * tangents[k] + across * normals[k]
+            off = _distance(
+                points[j], starts[k], tangents[k], normals[k], bends[k], lengths[k], end
+            )
+            best = min(best, off - bands[k])
+        found[j] = best
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is asked: SI units, points (n, 2), `centripetal` and `velocity` may be missing."""
+
+    points: np.ndarray
+    tolerance: float
+    acceleration: float = 0.72
+    speed: float = 0.15
+    centripetal: float | None = None
+    velocity: float | None = None
+    base: float = 0.135
+    links: tuple[float, float] = (0.250, 0.215)
+
+    @property
+    def lines(self) -> int:
+        """How many lines there are."""
+        return len(self.points) - 1
+
+    @property
+    def limits(self) -> ac.Limits:
+        """The same limits for the package."""
+        return ac.Limits(
+            joint_acceleration=[self.acceleration] * 2,
+            joint_velocity=None if self.velocity is None else [self.velocity] * 2,
+            speed=self.speed,
+            centripetal_acceleration=self.centripetal,
+        )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion: its duration [s], step lengths (m,), q (m + 1, 2) and ddq (m, 2), and its start."""
+
+    duration: float
+    steps: np.ndarray
+    q: np.ndarray
+    ddq: np.ndarray
+    start: str
+
+
+def solve(job: Job, steps: int, starts=STARTS) -> Motion | None:
+    """The fastest motion that was found from any of the starts; None if none was.
+
+    Args:
+        job: What is asked.
+        steps: Steps per line.
+        starts: Of `STARTS`, or motions to start from.
+    """
+    program = _Program(job, steps)
+    found = [program.solve(x) for x in starts]
+    return min((x for x in found if x is not None), key=lambda x: x.duration, default=None)
+
+
+def _start(job, start, steps):
+    """Of the nodes q (2, m + 1), dq, ddq (2, m) and durations of the lines (n,) to start from."""
+    if isinstance(start, Motion):
+        return _resample(job, start, steps)
+    path = ac.Path.polyline(job.points)
+    rounded = ac.round_corners(path, tolerance=0.0 if start == "stops" else start * job.tolerance)
+    planned = ac.plan(rounded, ac.load_arm("pmk3s"), job.limits)
+    fine = np.linspace(0, planned.duration, 20_001)
+    passed = np.interp(rounded.place(path.breaks[1:-1]), planned.s(fine), fine)
+    ends = np.concatenate([[0.0], passed, [planned.duration]])
+    t = np.concatenate([np.linspace(a, b, steps + 1)[:-1] for a, b in pairwise(ends)])
+    t = np.append(t, planned.duration)
+    return planned(t).T, planned(t, 1).T, planned((t[1:] + t[:-1]) / 2, 2).T, np.diff(ends)
+
+
+def _resample(job, motion, steps):
+    """The same motion on more steps, a multiple of its own."""
+    times = steps * job.lines // len(motion.steps)
+    h = np.repeat(motion.steps / times, times)
+    ddq = np.repeat(motion.ddq, times, axis=0)
+    dq = np.concatenate([np.zeros((1, 2)), np.cumsum(h[:, None] * ddq, axis=0)])
+    step = h[:, None] * (dq[:-1] + dq[1:]) / 2
+    q = motion.q[0] + np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
+    return q.T, dq.T, ddq.T, motion.steps.reshape(job.lines, -1).sum(axis=1)
+
+
+class _Program:
+    """The nonlinear program of a job, made once for all starts."""
+
+    def __init__(self, job: Job, steps: int) -> None:
+        import casadi as ca
+
+        self.job, self.steps = job, steps
+        m = job.lines * steps
+        q, v, a = ca.SX.sym("q", 2, m + 1), ca.SX.sym("v", 2, m + 1), ca.SX.sym("a", 2, m)
+        time = ca.SX.sym("t", job.lines)
+        h = ca.vertcat(*(time[k // steps] / steps for k in range(m))).T
+        h = ca.vertcat(h, h)
+        rows, low, high = [], [], []
+
+        def demand(expression, least, most):
+            rows.append(ca.vec(expression))
+            low.append(np.full(rows[-1].numel(), least))
+            high.append(np.full(rows[-1].numel(), most))
+
+        demand(q[:, 1:] - q[:, :-1] - h * v[:, :-1] - h**2 / 2 * a, 0.0, 0.0)
+        demand(v[:, 1:] - v[:, :-1] - h * a, 0.0, 0.0)
+        tool, velocity = self._tool(ca, q), self._velocity(ca, q, v)
+        demand(ca.sum1(velocity**2)[1:-1] / job.speed**2, -np.inf, 1.0)
+        self._tube(ca, tool, demand)
+        if job.centripetal is not None:
+            for k in (slice(0, m), slice(1, m + 1)):
+                self._turning(ca, q[:, k], v[:, k], a, demand)
+        x = ca.vertcat(ca.vec(q), ca.vec(v), ca.vec(a), time)
+        program = {"x": x, "f": ca.sum1(time), "g": ca.vertcat(*rows)}
+        options = {"print_time": False, **{f"ipopt.{k}": y for k, y in IPOPT.items()}}
+        self.solver = ca.nlpsol("fastest", "ipopt", program, options)
+        self.low, self.high = np.concatenate(low), np.concatenate(high)
+
+    def _tool(self, ca, q):
+        (first, second), both = self.job.links, q[0, :] + q[1, :]
+        x = self.job.base + first * ca.sin(q[0, :]) + second * ca.sin(both)
+        return ca.vertcat(x, first * ca.cos(q[0, :]) + second * ca.cos(both))
+
+    def _velocity(self, ca, q, v):
+        (first, second), both, rate = self.job.links, q[0, :] + q[1, :], v[0, :] + v[1, :]
+        x = first * ca.cos(q[0, :]) * v[0, :] + second * ca.cos(both) * rate
+        return ca.vertcat(x, -first * ca.sin(q[0, :]) * v[0, :] - second * ca.sin(both) * rate)
+
+    def _turning(self, ca, q, v, a, demand):
+        """Centripetal acceleration |x' x x''| / |x'| at one end of every step."""
+        (first, second), both, rate = self.job.links, q[0, :] + q[1, :], v[0, :] + v[1, :]
+        velocity = self._velocity(ca, q, v)
+        moved = self._velocity(ca, q, a)
+        ax = -first * ca.sin(q[0, :]) * v[0, :] ** 2 - second * ca.sin(both) * rate**2
+        ay = -first * ca.cos(q[0, :]) * v[0, :] ** 2 - second * ca.cos(both) * rate**2
+        across = velocity[0, :] * (moved[1, :] + ay) - velocity[1, :] * (moved[0, :] + ax)
+        speed = ca.sqrt(ca.sum1(velocity**2) + SLOW**2)
+        demand((across - self.job.centripetal * speed) / 0.01, -np.inf, 0.0)
+        demand((across + self.job.centripetal * speed) / 0.01, 0.0, np.inf)
+
+    def _tube(self, ca, tool, demand):
+        """Nodes within the tolerance of their own line, and of the vertex between two lines."""
+        points, n = self.job.points, self.steps
+        for k, (start, end) in enumerate(pairwise(points)):
+            length = float(np.linalg.norm(end - start))
+            dx, dy = (end - start) / length
+            own = tool[:, k * n + 1 : (k + 1) * n]
+            x, y = own[0, :] - start[0], own[1, :] - start[1]
+            along, across = dx * x + dy * y, dx * y - dy * x
+            beyond = ca.fmax(0, -along) + ca.fmax(0, along - length)
+            demand((across**2 + beyond**2) / self.job.tolerance**2, -np.inf, 1.0)
+            if k:
+                off = tool[:, k * n] - ca.DM(start)
+                demand(ca.sum1(off**2) / self.job.tolerance**2, -np.inf, 1.0)
+
+    def solve(self, start) -> Motion | None:
+        """The local optimum near a start; None if IPOPT finds none."""
+        job, m = self.job, self.job.lines * self.steps
+        q, dq, ddq, time = _start(job, start, self.steps)
+        ends = ac.load_arm("pmk3s").inverse(job.points[[0, -1]])
+        free = np.full((2, m + 1), np.inf)
+        ends_q, ends_v = free.copy(), free.copy()
+        ends_v[:] = np.inf if job.velocity is None else job.velocity
+        low_q, high_q = -ends_q, ends_q.copy()
+        low_q[:, [0, -1]] = high_q[:, [0, -1]] = ends.T
+        low_v, high_v = -ends_v, ends_v.copy()
+        low_v[:, [0, -1]] = high_v[:, [0, -1]] = 0.0
+        most = np.full(2 * m, job.acceleration)
+        found = self.solver(
+            x0=np.concatenate([*(x.ravel(order="F") for x in (q, dq, ddq)), time]),
+            lbx=np.concatenate(
+                [low_q.ravel("F"), low_v.ravel("F"), -most, np.full(len(time), 1e-3)]
+            ),
+            ubx=np.concatenate(
+                [high_q.ravel("F"), high_v.ravel("F"), most, np.full(len(time), 1e3)]
+            ),
+            lbg=self.low,
+            ubg=self.high,
+        )
+        if not self.solver.stats()["success"]:
+            return None
+        x = np.asarray(found["x"]).ravel()
+        lengths = np.repeat(x[-job.lines :] / self.steps, self.steps)
+        q, ddq = x[: 2 * (m + 1)].reshape(-1, 2), x[4 * (m + 1) : -job.lines].reshape(-1, 2)
+        name = start.start if isinstance(start, Motion) else str(start)
+        return Motion(float(found["f"]), lengths, q, ddq, name)
+
+
+def draw_job(seed: int) -> Job:
+    """A random job of five corners; odd seeds have a limit of centripetal acceleration."""
+    rng = np.random.default_rng((151, seed))
+    while True:
+        lengths = rng.uniform(0.015, 0.060, CORNERS + 1)
+        turns = rng.uniform(-MOST_TURN, MOST_TURN, CORNERS)
+        headings = rng.uniform(0, 2 * np.pi) + np.append(0.0, np.cumsum(turns))
+        legs = lengths[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
+        start = rng.uniform((-0.25, 0.05), (0.5, 0.4))
+        points = np.concatenate([[start], start + np.cumsum(legs, axis=0)])
+        distance = np.hypot(points[:, 0] - Job.base, points[:, 1])
+        if distance.min() > INSIDE and distance.max() < OUTSIDE:
+            break
+    tolerance = min(10 ** rng.uniform(-4, np.log10(5e-3)), lengths.min() / 2)
+    return Job(points=points, tolerance=tolerance, centripetal=0.09 if seed % 2 else None)
+
+
+def fastest(job: Job) -> Motion | None:
+    """Every start on few steps, then the best two different answers on many."""
+    program = _Program(job, FEW)
+    coarse = [x for x in map(program.solve, STARTS) if x is not None]
+    coarse.sort(key=lambda x: x.duration)
+    best = coarse[:1] + [x for x in coarse[1:] if x.duration > coarse[0].duration * SAME][:1]
+    return solve(job, MANY, best or STARTS)
+
+
+def gap(seed: int, duration: float) -> float:
+    """Share of a duration by which the shaped motion of the oracle's job is longer."""
+    job = draw_job(seed)
+    path, arm = ac.Path.polyline(job.points), ac.load_arm("pmk3s")
+    planned = ac.plan(path, arm, job.limits, method="shaped", tolerance=job.tolerance)
+    return planned.duration / duration - 1
+
+
+def run_oracle(seed: int) -> Outcome:
+    """Compare a shaped motion with the fastest one that IPOPT finds."""
+    found = fastest(draw_job(seed))
+    if found is None:
+        return Outcome(result="no answer")
+    longer = gap(seed, found.duration)
+    notes = [f"{longer:+.2%} of the oracle's {found.duration:.6f} s"] if longer > BAR else []
+    return Outcome(result="compared", notes=notes)
