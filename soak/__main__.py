@@ -38,6 +38,7 @@ TOPICS = {
     "compensations": ("soak.compensations:run", 50),
     "learning": ("soak.learning:run", 600),
     "learning-servos": ("soak.learning:run_wrong_model", 200),
+    "identification": ("soak.identification:run", 2000),
     "studio": ("soak.studio:run", 1),
 }
 # Shares of intervals of 95 % that may hold the true value.

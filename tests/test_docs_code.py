@@ -17,7 +17,7 @@ import typer
 import yaml
 from docs.pages import agree, blocks, read_page, run_command, run_python
 from markdown_it import MarkdownIt
-from soak.joint import move
+from soak.identification import move
 
 import armcontour as ac
 from armcontour.cli.commands import app

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from soak.joint import move
+from soak.identification import move
 
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify

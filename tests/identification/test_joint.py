@@ -4,7 +4,7 @@ import math
 from itertools import product
 
 import numpy as np
-from soak.joint import move
+from soak.identification import move
 
 from armcontour.identification import _joint
 from armcontour.servo._sensitivity import COLUMNS

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from soak.joint import move
+from soak.identification import move
 
 import armcontour as ac
 from armcontour.identification import Log
