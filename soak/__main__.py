@@ -39,6 +39,8 @@ TOPICS = {
     "learning": ("soak.learning:run", 600),
     "learning-servos": ("soak.learning:run_wrong_model", 200),
     "identification": ("soak.identification:run", 2000),
+    "readers": ("soak.readers:run", 200_000),
+    "interrupts": ("soak.interrupts:run", 400),
     "studio": ("soak.studio:run", 1),
 }
 # Shares of intervals of 95 % that may hold the true value.
