@@ -53,27 +53,6 @@ class Problem:
     arm: Any = None
     options: dict[str, Any] = field(default_factory=dict)
 
-    def scaled(self, q: float = 1.0, s: float = 1.0, t: float = 1.0) -> Problem:
-        """The same problem in other units, in which the numbers are so many times as large."""
-        path = ac.JointPath(
-            breaks=s * self.path.breaks,
-            coefficients=q * self.path.coefficients,
-            stops=s * self.path.stops,
-        )
-        orders = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
-        units = {f"joint_{name}": q / t**order for name, order in orders.items()}
-        units["path_jerk"] = s / t**3
-        changed = {
-            name: unit * value
-            for name, unit in units.items()
-            if (value := getattr(self.limits, name)) is not None
-        }
-        options = {
-            name: value * s / t if name.endswith("speed") else value
-            for name, value in self.options.items()
-        }
-        return replace(self, path=path, limits=ac.Limits(**changed), options=options)
-
 
 def draw(seed: int) -> Problem:
     """The problem of a seed."""
@@ -86,14 +65,10 @@ def draw(seed: int) -> Problem:
     path = ac.JointPath.spline(points, s, ends="clamped" if rng.random() < 0.1 else "natural")
     limits = _limits(rng, path)
     options: dict[str, Any] = {"intervals": int(rng.choice(INTERVALS, p=[0.4, 0.35, 0.15, 0.1]))}
-    problem = Problem(kind=kind, path=path, limits=limits, options=options)
     for name in ("start_speed", "end_speed"):
         if rng.random() < 0.06:
             options[name] = _speed(rng, path, limits)
-    if rng.random() < 0.4:
-        q, s_unit = 10 ** rng.uniform(-3, 3, 2)
-        return problem.scaled(q, s_unit, 10 ** rng.uniform(-1, 1))
-    return problem
+    return Problem(kind=kind, path=path, limits=limits, options=options)
 
 
 def _points(rng: Random) -> np.ndarray:
@@ -116,23 +91,6 @@ def _frozen(rng: Random) -> np.ndarray:
     points = np.column_stack([points, points[:, 0]]) if points.shape[1] == 1 else points
     points[:, rng.integers(points.shape[1])] = rng.uniform(-1.5, 1.5)
     return points
-
-
-def _line(rng: Random) -> np.ndarray:
-    """Points of a straight line, some of them evenly spaced."""
-    ends = rng.uniform(-1.5, 1.5, (2, int(rng.integers(1, 8))))
-    inner = np.sort(rng.uniform(0, 1, int(rng.integers(0, 6))))
-    share = np.concatenate([[0.0], inner, [1.0]])
-    if rng.random() < 0.5:
-        share = np.linspace(0, 1, len(share))
-    return ends[0] + share[:, None] * (ends[1] - ends[0])
-
-
-def _smooth(rng: Random) -> np.ndarray:
-    """Many waypoints of a smooth curve."""
-    t = np.linspace(0, 2 * np.pi, int(rng.integers(20, 60)))[:, None]
-    waves = rng.integers(1, 4, (2, int(rng.integers(2, 8))))
-    return np.sin(waves[0] * t + waves[1]) + 0.1 * t
 
 
 def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
@@ -171,10 +129,8 @@ KINDS: dict[str, Callable[[Random], np.ndarray]] = {
     "points": _points,
     "near-duplicates": _near,
     "frozen joint": _frozen,
-    "line": _line,
-    "smooth": _smooth,
 }
-SHARES = (0.4, 0.25, 0.15, 0.1, 0.1)
+SHARES = (0.5, 0.3, 0.2)
 
 
 def run(seed: int) -> Outcome:
@@ -388,7 +344,6 @@ def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
     size = np.abs(planned(np.linspace(0, planned.duration, 200))).max(axis=0)
     fastest = np.abs(planned(np.linspace(0, planned.duration, 200), 1)).max(axis=0)
     for rate in RATES:
-        # In the units that a problem has, a second may be long or short.
         h = max(1 / rate, planned.duration / MOST_SAMPLES)
         t = np.arange(0, planned.duration, h)
         if len(t) < 4:
@@ -405,20 +360,16 @@ def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
 
 
 # Limits of the tool, with arms of random paths; a tool that uses less than LEAST has no limit.
-ARMS = ("ur5e", "pmk3s", "panda")
-# Places at which lengths are measured, and knots of the spline over the length.
-DENSE, KNOTS = 8001, 200
+ARMS = ("ur5e", "pmk3s")
 # Limits of the tool, and what they are of the speed of a joint or less at the path's size.
 TOOL = ("speed", "tool_acceleration", "centripetal_acceleration", "tool_jerk", "path_jerk")
 ANGULAR = ("angular_speed", "angular_acceleration")
 CHANCE = 0.35
 LEAST = 1e-6
-# How many of the paths are polylines, and how a tool is held that looks down.
-CORNERS, DOWN = 0.4, np.diag([1.0, -1.0, -1.0])
+# How a tool is held that looks down.
+DOWN = np.diag([1.0, -1.0, -1.0])
 # How many of the seeds have a tool that turns, and by about which angle at a waypoint [rad].
 TURNING, TURN = 0.2, 0.2
-# The slowest place of the tool along a drawn curve, as a share of the fastest.
-EVEN = 0.25
 
 
 @cache
@@ -427,26 +378,15 @@ def _arm(name: str) -> Any:
 
 
 def draw_tool(seed: int) -> Problem:
-    """The problem of a seed."""
+    """A polyline with corners of continuous curvature, or with a tool that turns, of a seed."""
     rng = np.random.default_rng((18, seed))
-    kind = "corners" if rng.random() < CORNERS else "spline"
-    arm = _arm(str(rng.choice(ARMS[:2] if kind == "corners" else ARMS)))
-    path: ac.Path | ac.JointPath
-    # Other numbers than those of `rng`, so that other seeds have the problems that they had.
-    turning = np.random.default_rng((19, seed))
-    if turning.random() < TURNING:
+    if rng.random() < TURNING:
         kind, arm = "turning", _arm(ARMS[0])
-        path = _turning(turning, arm)
-        limits = _tool_limits(rng, arm, ac.trace(path, arm))
-    elif kind == "corners":
-        path = _corners(rng, arm)
-        limits = _tool_limits(rng, arm, ac.trace(path, arm))
+        path = _turning(rng, arm)
     else:
-        path, speeds = _path(rng, arm)
-        limits = _tool_limits(rng, arm, path)
-        tool = ac.Path.from_segments(_lines(path, speeds * (limits.speed or 0.3)))
-        breaks = np.append(path.breaks[:-1], tool.length)
-        path = ac.JointPath(breaks=breaks, coefficients=path.coefficients, tool_path=tool)
+        kind, arm = "corners", _arm(str(rng.choice(ARMS)))
+        path = _corners(rng, arm)
+    limits = _tool_limits(rng, arm, ac.trace(path, arm))
     intervals = None if rng.random() < 0.3 else int(rng.choice([200, 500, 1000]))
     return Problem(kind=kind, arm=arm, path=path, limits=limits, options={"intervals": intervals})
 
@@ -475,43 +415,6 @@ def _turning(rng: Random, arm: Any) -> ac.Path:
         except ac.Unreachable:
             continue
         return path
-
-
-def _path(rng: Random, arm: Any) -> tuple[ac.JointPath, np.ndarray]:
-    """A smooth joint path over the length of its tool's path, and shares of speed per piece."""
-    low, high = arm.limits.joint_range(arm.dof)
-    low, high = np.maximum(low, -2.5), np.minimum(high, 2.5)
-    while True:
-        way = low + (high - low) * rng.uniform(0.2, 0.8, (int(rng.integers(3, 6)), arm.dof))
-        way = way[:1] + rng.uniform(0.1, 1.0) * (way - way[:1])
-        curve = CubicSpline(np.arange(len(way)), way)
-        t = np.linspace(0, len(way) - 1, DENSE)
-        rates = series(arm, curve(t), curve(t, 1))[0]
-        speed = np.linalg.norm(rates[1], axis=1)
-        # No place at which the tool nearly turns back.
-        if speed.min() > EVEN * speed.max():
-            break
-    s = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) * (t[1] - t[0])
-    at = np.linspace(0, s[-1], KNOTS)
-    spline = CubicSpline(at, curve(np.interp(at, s, t)))
-    coefficients = np.zeros((KNOTS - 1, 6, arm.dof))
-    for k in range(4):
-        coefficients[:, k] = spline.c[3 - k] * np.diff(at)[:, None] ** k
-    speeds = np.full(KNOTS - 1, np.nan)
-    if rng.random() < 0.3:
-        cuts = np.sort(rng.integers(1, KNOTS - 1, 3))
-        speeds = np.repeat(rng.uniform(0.2, 2.0, 4), np.diff([0, *cuts, KNOTS - 1]))
-    return ac.JointPath(breaks=at, coefficients=coefficients), speeds
-
-
-def _lines(path: ac.JointPath, speeds: np.ndarray) -> list[ac.Line]:
-    """Lines as long as the pieces of the path: of the tool path only lengths and speeds matter."""
-    ends = np.zeros((len(path.breaks), 3))
-    ends[:, 0] = path.breaks
-    return [
-        ac.Line(start=a, end=b, demand=ac.Demand(speed=None if np.isnan(v) else float(v)))
-        for a, b, v in zip(ends[:-1], ends[1:], speeds, strict=True)
-    ]
 
 
 def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:

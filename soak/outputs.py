@@ -405,33 +405,7 @@ def judge_job(seed: int) -> list[str]:
         found[f"length of the {name}"] = (abs(run_length - length), 1e-4 * length + 1e-7)
     resting = (t > begin.t[0] - drawn.dwell) & (t < begin.t[0])
     found["speed in the dwell"] = (speed[resting].max(initial=0.0), NEAR)
-    found |= _outputs(drawn, job, run)
     return [f"{k}: {x:.3g}, allowed {most:.3g}" for k, (x, most) in found.items() if not x <= most]
-
-
-def _outputs(drawn: DrawnJob, job: ac.Job, run: RunPlan) -> dict[str, tuple[float, float]]:
-    """How far switches and analog outputs are off, and what is allowed."""
-    motion = run.trajectory
-    late = [0.0]
-    for event in motion.events:
-        span = motion.contour_spans[0 if event.value is True else -1]
-        if len(motion.contour_spans) == 1 and span.work is not None:
-            lead, due = (
-                (drawn.on, span.work[0]) if event.value is True else (drawn.off, span.work[1])
-            )
-            late.append(abs(event.t - (due - lead)))
-        at = np.array([event.due])
-        late.append(float(np.linalg.norm(tool(motion(at), motion(at, 1))[0] - event.point)))
-    times = np.sort(drawn.rng.uniform(0, motion.duration, 2000))
-    power = analog_outputs(run.path, motion, job.process, run.run.limits)["power"](times)
-    speed = tool(motion(times), motion(times, 1))[1]
-    works = [x.work for x in motion.contour_spans if x.work is not None]
-    on = np.any([(times >= low) & (times <= high) for low, high in works], axis=0)
-    wanted = np.where(on, 0.2 + 0.8 * np.minimum(speed / drawn.speed, 1.0), -1.0)
-    return {
-        "switches": (max(late), 1e-6),
-        "analog output": (float(np.abs(power - wanted).max()), SPEED),
-    }
 
 
 def run(seed: int) -> Outcome:

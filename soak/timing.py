@@ -28,16 +28,7 @@ LONGEST = 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """What the planner is asked.
-
-    Args:
-        seed: Where it was drawn from.
-        kind: What sort of path.
-        path: A tool path, or a joint path.
-        arm: The arm; for a joint path as much of one as planning needs.
-        limits: The limits.
-        options: Of `plan`.
-    """
+    """A path with limits; for a joint path, `arm` is as much of one as planning needs."""
 
     seed: int
     kind: str
@@ -399,30 +390,41 @@ def _ratios(
     dq: np.ndarray,
     ddq: np.ndarray,
 ) -> dict[str, np.ndarray]:
+    """Ratios to the limits; the speed's limit may be that of a segment."""
     limits, arm = problem.limits, problem.arm
+    if planned.path is None:
+        return limit_ratios(limits, None, q, dq, ddq)
+    found = limit_ratios(limits, arm, q, dq, ddq)
+    s = planned.s(planned.breaks)
+    own = planned.path.speeds[planned.path.locate((s[:-1] + s[1:]) / 2)][i]
+    speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1)
+    found["speed of a segment"] = speed / np.where(np.isnan(own), np.inf, own)
+    return found
+
+
+def limit_ratios(
+    limits: ac.Limits, arm: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Ratios to limits of joints, and of the tool of an arm, by their names, (n,) each."""
     found: dict[str, np.ndarray] = {}
     if limits.joint_velocity is not None:
-        found["joint_velocity"] = (np.abs(dq) / limits.joint_velocity).max(axis=1)
+        found["joint velocity"] = (np.abs(dq) / limits.joint_velocity).max(axis=1)
     if limits.joint_acceleration is not None:
         low, high = limits.acceleration_bounds(q.shape[1])
-        found["joint_acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)
-    if planned.path is None:
+        found["joint acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)
+    if arm is None:
         return found
-    velocity = arm.tool_velocity(q, dq)
+    if limits.joint_torque is not None:
+        found["joint torque"] = (np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque).max(axis=1)
+    velocity, acceleration = arm.tool_velocity(q, dq), arm.tool_acceleration(q, dq, ddq)
     speed = np.linalg.norm(velocity, axis=1)
-    s = planned.s(planned.breaks)
-    middle = (s[:-1] + s[1:]) / 2
-    own = planned.path.speeds[planned.path.locate(middle)][i]
-    found["speed"] = speed / np.fmin(own, np.inf if limits.speed is None else limits.speed)
-    if limits.tool_acceleration is None and limits.centripetal_acceleration is None:
-        return found
-    acceleration = arm.tool_acceleration(q, dq, ddq)
+    if limits.speed is not None:
+        found["speed"] = speed / limits.speed
     if limits.tool_acceleration is not None:
-        found["tool_acceleration"] = np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
+        found["tool acceleration"] = np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
     if limits.centripetal_acceleration is not None:
-        moving = speed > SLOWEST
-        normal = np.zeros(len(speed))
-        cross = velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]
-        normal[moving] = np.abs(cross[moving]) / speed[moving]
-        found["centripetal_acceleration"] = normal / limits.centripetal_acceleration
+        along = np.einsum("ij,ij->i", velocity, acceleration) / np.maximum(speed, SLOWEST) ** 2
+        normal = np.linalg.norm(acceleration - along[:, None] * velocity, axis=1)
+        normal[speed < SLOWEST] = 0.0
+        found["centripetal acceleration"] = normal / limits.centripetal_acceleration
     return found
