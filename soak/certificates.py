@@ -145,11 +145,6 @@ def largest_acceleration(
     """The largest share of a joint's acceleration limit found, and when [s].
 
     At random times, on both sides of all breaks, and near to the largest of these.
-
-    Args:
-        plan: The plan.
-        low: Lowest accelerations, (dof,).
-        high: Highest accelerations, (dof,).
     """
 
     def shares(t: FloatArray, side: str = "right") -> FloatArray:
@@ -166,11 +161,7 @@ def largest_acceleration(
 
 
 def on_bodies(count: int) -> list[str]:
-    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds.
-
-    Args:
-        count: Number of robots that are drawn, and of corners.
-    """
+    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
     job = parse_job(SQUARE)
     found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
     box, budget = found.goal.box, found.goal.servo

@@ -231,17 +231,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Case:
-    """One printed trajectory.
-
-    Args:
-        seed: Its seed.
-        arm: Name of the arm.
-        limit: Name of its only limit.
-        allowed: The limit, one value or one per joint.
-        kind: "kept", "scaled", "spike" or "wild".
-        text: The file.
-        log: What stands in it, as intervals; None if no clock or no joint goes there.
-    """
+    """One printed trajectory."""
 
     seed: int
     arm: str
@@ -254,15 +244,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Answer:
-    """What was said of a case.
-
-    Args:
-        case: The case.
-        said: The verdict, "refused", or "crash".
-        proof: "proven", "open" (nearer than floating point can tell, or than the bound of the
-            tool's rounding) or "not proven".
-        note: What a refusal or a crash said.
-    """
+    """What was said of a case."""
 
     case: Case
     said: str
@@ -428,14 +410,7 @@ def _printed(values, form):
 
 
 def _intervals(values, names, form, late):
-    """What printed numbers stand for; None if no clock or no joint goes there.
-
-    Args:
-        values: The numbers as they are printed, times first, (n, columns).
-        names: "q", and perhaps "dq", "ddq".
-        form: Format and digits of all but the times.
-        late: Half of the last digit of times; none of times that are even, as these are exact.
-    """
+    """What printed numbers stand for; None if no clock or no joint goes there."""
     t, dof = values[:, :1], (values.shape[1] - 1) // len(names)
     if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():
         return None

@@ -103,12 +103,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
 
 
 class Judge:
-    """Touches of pairs by triangles and by other kinematics.
-
-    Args:
-        chain: The chain of the arm.
-        pairs: The pairs.
-    """
+    """Touches of pairs by triangles and by other kinematics."""
 
     def __init__(self, chain: Chain, pairs: tuple[Pair, ...]) -> None:
         self._chain = chain
@@ -215,14 +210,7 @@ def judge_motion(
     tally: Tally,
     finer: int = FINER,
 ) -> None:
-    """Check a random motion in a random scene; if it is clear, look at it at random times.
-
-    Args:
-        arm: The arm.
-        rng: Random numbers.
-        tally: What was found is added to it.
-        finer: How many times as often the judge looks at a pair as the certificate did.
-    """
+    """Check a random motion in a random scene; if it is clear, look at it at random times."""
     motion, scene = random_motion(arm, rng), random_scene(rng)
     found = ac.check_clearance(motion, arm, scene)
     tally.motions += 1
@@ -238,11 +226,7 @@ def judge_motion(
 
 
 def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
-    """MuJoCo's answer which links of an arm touch at joint positions.
-
-    Args:
-        arm: An arm whose shapes are meshes.
-    """
+    """MuJoCo's answer which links of an arm touch at joint positions."""
     import mujoco
 
     assert arm.chain is not None and arm.shapes is not None

@@ -201,12 +201,7 @@ def early(seed: int) -> list[str]:
 
 
 class Sampled:
-    """A law at places of every interval: `s` and its derivatives, (n, k), and those of q.
-
-    Args:
-        law: A `PathLaw`.
-        places: How many places of every interval.
-    """
+    """A law at places of every interval: `s` and its derivatives, (n, k), and those of q."""
 
     def __init__(self, law: ac.PathLaw, places: int = PLACES) -> None:
         self.law, self.path = law, law.joint_path
@@ -444,12 +439,7 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
 
 
 def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Derivatives of the tool's position, (n, 3) each, and of its rotation matrix, (n, 3, 3) each.
-
-    Args:
-        arm: The arm.
-        q: Joint positions and their derivatives by any parameter, (n, dof) each.
-    """
+    """Derivatives of the tool's position, (n, 3), and of its rotation matrix, (n, 3, 3)."""
     chain, size = arm.chain, len(q[0])
     rotation, point = _fixed(chain.base, size, len(q))
     for k in range(arm.dof):
@@ -621,15 +611,7 @@ def _no_square(s: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """What is kept: SI units, (dof,) each, infinite where there is none.
-
-    Args:
-        velocity: Of the joints.
-        acceleration: Of the joints, either way.
-        jerk: Of the joints.
-        path_jerk: Of s.
-        square: The largest ds² at arc lengths; this is how limits of the tool come in.
-    """
+    """What is kept: SI units, (dof,) each, infinite where there is none."""
 
     velocity: np.ndarray
     acceleration: np.ndarray

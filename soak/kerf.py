@@ -212,14 +212,7 @@ class Part:
 
 @dataclass
 class Verdict:
-    """Deviations of a part from its drawing.
-
-    Args:
-        cut_into: Largest depth to which the cut goes into the part [m].
-        left_over: Largest distance by which the cut misses an edge that it can reach [m].
-        reached: Share of the edges that a cut of this width can reach.
-        open_error: Largest distance of the tool from open contours [m].
-    """
+    """Deviations of a part from its drawing."""
 
     cut_into: float
     left_over: float
@@ -261,12 +254,6 @@ class Distances:
 
 def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: float) -> Verdict:
     """Deviations of the part that tool paths cut out, from the drawing.
-
-    Args:
-        part: The drawing.
-        tools: The tool path along every contour, dense; closed ones have equal ends.
-        leads: Leads of closed contours.
-        kerf: Width of the cut [m].
 
     Raises:
         AssertionError: The tool is on the wrong side of a contour.
@@ -356,12 +343,7 @@ def _turned(vertices: Vertices) -> Vertices:
 
 
 def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
-    """A DXF file of a random plate with holes, slots, islands, blocks and open contours; its part.
-
-    Args:
-        rng: Random numbers.
-        kerf: Width of the cut [mm], by which contours are apart.
-    """
+    """A DXF file of a random plate with holes, islands, blocks and open contours; its part."""
     import ezdxf
 
     document = ezdxf.new("R2010")
@@ -470,10 +452,6 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
     """Cut the drawing of a file, which the package reads, and judge the part.
 
     Drawings of more than LONGEST are judged by the path that would be planned.
-
-    Args:
-        file: The drawing; larger ones than the arm can reach are made smaller.
-        kerf: Width of the cut [m].
     """
     corners = np.concatenate([x.path.vertices for x in ac.read_path(file, flat=True).contours])
     scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))

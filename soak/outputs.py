@@ -277,11 +277,7 @@ SPEED = 1e-5
 
 
 class DrawnJob:
-    """A random job.
-
-    Args:
-        seed: Its seed.
-    """
+    """A random job."""
 
     def __init__(self, seed: int) -> None:
         rng = self.rng = np.random.default_rng(seed)

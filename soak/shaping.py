@@ -566,14 +566,7 @@ class Pieces:
 
 
 def cut(path, cuts, bands, joints):
-    """Pieces of a path, cut at vertices, at `cuts` [m], and where arcs are long.
-
-    Args:
-        path: The path.
-        cuts: Further places to cut at [m].
-        bands: Tolerance [m] by the middles of pieces [m].
-        joints: Tolerance [m] by the ends of pieces [m].
-    """
+    """Pieces of a path, cut at vertices, at `cuts` [m], and where arcs are long."""
     bounds = [path.breaks, cuts[(cuts > 0) & (cuts < path.length)]]
     for i in np.flatnonzero(path.curvatures * path.lengths > QUARTER):
         count = math.ceil(path.curvatures[i] * path.lengths[i] / QUARTER)
@@ -773,13 +766,7 @@ class Motion:
 
 
 def solve(job: Job, steps: int, starts=STARTS) -> Motion | None:
-    """The fastest motion that was found from any of the starts; None if none was.
-
-    Args:
-        job: What is asked.
-        steps: Steps per line.
-        starts: Of `STARTS`, or motions to start from.
-    """
+    """The fastest motion that was found from any of the starts; None if none was."""
     program = _Program(job, steps)
     found = [program.solve(x) for x in starts]
     return min((x for x in found if x is not None), key=lambda x: x.duration, default=None)

@@ -39,12 +39,7 @@ TEXTS = ("0.1 m/s", "3 mm", "0", "-1", "none", "", "1e400", "7 apples", "ⅷ", "
 
 
 class Monkey:
-    """Does something random, one small step at a time.
-
-    Args:
-        studio: The page.
-        seed: What it does.
-    """
+    """Does something random, one small step at a time."""
 
     def __init__(self, studio: Studio, seed: int) -> None:
         self.studio, self.random = studio, random.Random(seed)
@@ -176,13 +171,7 @@ def undo_all(studio: Studio) -> int:
 
 
 def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
-    """Let a monkey at a page that shows the run `optimal`; returns what went wrong.
-
-    Args:
-        studio: The page, at rest and with nothing to undo.
-        seconds: For how long.
-        seed: What it does.
-    """
+    """Let a monkey at a page that shows the run `optimal`; returns what went wrong."""
     text, figures = studio.text, [studio.figure(x) for x in ("duration", "rms")]
     monkey, server = Monkey(studio, seed), studio.server
     monkey.run(WARM * seconds)
