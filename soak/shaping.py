@@ -59,10 +59,8 @@ ARCS = (0.3, 0.7, 1.0)
 STARTS = ("stops", *ARCS)
 # A tool this slow [m/s] has hardly a direction: it rounds the edge of the centripetal limit.
 SLOW = 1e-5
-# Steps per line for all starts, and for the best of them.
-FEW, MANY = 45, 180
-# Durations that differ by less than this factor are of one answer.
-SAME = 1 + 1e-4
+# Steps per line.
+STEPS_OF_LINE = 180
 # Random jobs: corners, largest turn [rad], distances from the first joint [m].
 CORNERS, MOST_TURN = 5, np.radians(150)
 INSIDE, OUTSIDE = 0.12, 0.44
@@ -754,28 +752,15 @@ class Job:
         )
 
 
-@dataclass(frozen=True)
-class Motion:
-    """A motion: its duration [s], step lengths (m,), q (m + 1, 2) and ddq (m, 2), and its start."""
-
-    duration: float
-    steps: np.ndarray
-    q: np.ndarray
-    ddq: np.ndarray
-    start: str
-
-
-def solve(job: Job, steps: int, starts=STARTS) -> Motion | None:
-    """The fastest motion that was found from any of the starts; None if none was."""
+def solve(job: Job, steps: int, starts=STARTS) -> float | None:
+    """Duration of the fastest motion found from any of the starts [s]; None if none was."""
     program = _Program(job, steps)
     found = [program.solve(x) for x in starts]
-    return min((x for x in found if x is not None), key=lambda x: x.duration, default=None)
+    return min((x for x in found if x is not None), default=None)
 
 
 def _start(job, start, steps):
     """Of the nodes q (2, m + 1), dq, ddq (2, m) and durations of the lines (n,) to start from."""
-    if isinstance(start, Motion):
-        return _resample(job, start, steps)
     path = ac.Path.polyline(job.points)
     rounded = ac.round_corners(path, tolerance=0.0 if start == "stops" else start * job.tolerance)
     planned = ac.plan(rounded, ac.load_arm("pmk3s"), job.limits)
@@ -785,17 +770,6 @@ def _start(job, start, steps):
     t = np.concatenate([np.linspace(a, b, steps + 1)[:-1] for a, b in pairwise(ends)])
     t = np.append(t, planned.duration)
     return planned(t).T, planned(t, 1).T, planned((t[1:] + t[:-1]) / 2, 2).T, np.diff(ends)
-
-
-def _resample(job, motion, steps):
-    """The same motion on more steps, a multiple of its own."""
-    times = steps * job.lines // len(motion.steps)
-    h = np.repeat(motion.steps / times, times)
-    ddq = np.repeat(motion.ddq, times, axis=0)
-    dq = np.concatenate([np.zeros((1, 2)), np.cumsum(h[:, None] * ddq, axis=0)])
-    step = h[:, None] * (dq[:-1] + dq[1:]) / 2
-    q = motion.q[0] + np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
-    return q.T, dq.T, ddq.T, motion.steps.reshape(job.lines, -1).sum(axis=1)
 
 
 class _Program:
@@ -868,37 +842,26 @@ class _Program:
                 off = tool[:, k * n] - ca.DM(start)
                 demand(ca.sum1(off**2) / self.job.tolerance**2, -np.inf, 1.0)
 
-    def solve(self, start) -> Motion | None:
-        """The local optimum near a start; None if IPOPT finds none."""
+    def solve(self, start) -> float | None:
+        """Duration of the local optimum near a start; None if IPOPT finds none."""
         job, m = self.job, self.job.lines * self.steps
         q, dq, ddq, time = _start(job, start, self.steps)
-        ends = ac.load_arm("pmk3s").inverse(job.points[[0, -1]])
-        free = np.full((2, m + 1), np.inf)
-        ends_q, ends_v = free.copy(), free.copy()
-        ends_v[:] = np.inf if job.velocity is None else job.velocity
-        low_q, high_q = -ends_q, ends_q.copy()
-        low_q[:, [0, -1]] = high_q[:, [0, -1]] = ends.T
-        low_v, high_v = -ends_v, ends_v.copy()
-        low_v[:, [0, -1]] = high_v[:, [0, -1]] = 0.0
-        most = np.full(2 * m, job.acceleration)
+        high_q, high_v = np.full((2, m + 1), np.inf), np.full((2, m + 1), np.inf)
+        if job.velocity is not None:
+            high_v[:] = job.velocity
+        low_q, low_v = -high_q, -high_v
+        ends = ac.load_arm("pmk3s").inverse(job.points[[0, -1]]).T
+        low_q[:, [0, -1]], high_q[:, [0, -1]] = ends, ends
+        low_v[:, [0, -1]], high_v[:, [0, -1]] = 0.0, 0.0
+        most, times = np.full(2 * m, job.acceleration), np.ones(len(time))
         found = self.solver(
-            x0=np.concatenate([*(x.ravel(order="F") for x in (q, dq, ddq)), time]),
-            lbx=np.concatenate(
-                [low_q.ravel("F"), low_v.ravel("F"), -most, np.full(len(time), 1e-3)]
-            ),
-            ubx=np.concatenate(
-                [high_q.ravel("F"), high_v.ravel("F"), most, np.full(len(time), 1e3)]
-            ),
+            x0=np.concatenate([*(x.ravel("F") for x in (q, dq, ddq)), time]),
+            lbx=np.concatenate([low_q.ravel("F"), low_v.ravel("F"), -most, 1e-3 * times]),
+            ubx=np.concatenate([high_q.ravel("F"), high_v.ravel("F"), most, 1e3 * times]),
             lbg=self.low,
             ubg=self.high,
         )
-        if not self.solver.stats()["success"]:
-            return None
-        x = np.asarray(found["x"]).ravel()
-        lengths = np.repeat(x[-job.lines :] / self.steps, self.steps)
-        q, ddq = x[: 2 * (m + 1)].reshape(-1, 2), x[4 * (m + 1) : -job.lines].reshape(-1, 2)
-        name = start.start if isinstance(start, Motion) else str(start)
-        return Motion(float(found["f"]), lengths, q, ddq, name)
+        return float(found["f"]) if self.solver.stats()["success"] else None
 
 
 def draw_job(seed: int) -> Job:
@@ -918,15 +881,6 @@ def draw_job(seed: int) -> Job:
     return Job(points=points, tolerance=tolerance, centripetal=0.09 if seed % 2 else None)
 
 
-def fastest(job: Job) -> Motion | None:
-    """Every start on few steps, then the best two different answers on many."""
-    program = _Program(job, FEW)
-    coarse = [x for x in map(program.solve, STARTS) if x is not None]
-    coarse.sort(key=lambda x: x.duration)
-    best = coarse[:1] + [x for x in coarse[1:] if x.duration > coarse[0].duration * SAME][:1]
-    return solve(job, MANY, best or STARTS)
-
-
 def gap(seed: int, duration: float) -> float:
     """Share of a duration by which the shaped motion of the oracle's job is longer."""
     job = draw_job(seed)
@@ -937,9 +891,9 @@ def gap(seed: int, duration: float) -> float:
 
 def run_oracle(seed: int) -> Outcome:
     """Compare a shaped motion with the fastest one that IPOPT finds."""
-    found = fastest(draw_job(seed))
-    if found is None:
+    best = solve(draw_job(seed), STEPS_OF_LINE)
+    if best is None:
         return Outcome(result="no answer")
-    longer = gap(seed, found.duration)
-    notes = [f"{longer:+.2%} of the oracle's {found.duration:.6f} s"] if longer > BAR else []
+    longer = gap(seed, best)
+    notes = [f"{longer:+.2%} of the oracle's {best:.6f} s"] if longer > BAR else []
     return Outcome(result="compared", notes=notes)
