@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from soak import Outcome
+from soak.corners import Piece
 
 # What is allowed between an offset and its distance [m].
 OFFSET = 1e-6
@@ -59,24 +60,8 @@ def shape(rng: np.random.Generator, scale: float) -> ac.Path:
 
 def distances(points: np.ndarray, path: ac.Path) -> np.ndarray:
     """Distances of points to a path, segment by segment."""
-    found = np.full(len(points), np.inf)
-    for i in range(len(path)):
-        a, t, n = path.starts[i], path.tangents[i], path.normals[i]
-        k, length = path.curvatures[i], path.lengths[i]
-        v = points - a
-        if k == 0:
-            u = np.clip(v @ t, 0, length)
-            near = np.linalg.norm(v - u[:, None] * t, axis=1)
-        else:
-            center = a + n / k
-            w = points - center
-            angle = np.arctan2(w @ t, -(w @ n)) % (2 * np.pi)
-            end = center + (np.sin(k * length) * t - np.cos(k * length) * n) / k
-            ends = np.minimum(np.linalg.norm(v, axis=1), np.linalg.norm(points - end, axis=1))
-            on = np.abs(np.linalg.norm(w, axis=1) - 1 / k)
-            near = np.where(angle <= k * length, on, ends)
-        found = np.minimum(found, near)
-    return found
+    rows = zip(path.starts, path.tangents, path.normals, path.curvatures, path.lengths, strict=True)
+    return np.min([Piece(*x).distance(points) for x in rows], axis=0)
 
 
 def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
@@ -424,11 +409,6 @@ def tool_path(program: ac.Program) -> tuple[list[np.ndarray], list[np.ndarray]]:
     return tools, leads
 
 
-def cut_out(drawing: ac.Program, process: ac.Process) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """The tool path that cuts a drawing, and its leads."""
-    return tool_path(ac.round_corners(ac.prepare(drawing, process), tolerance=CORNERS))
-
-
 def check_part(verdict: Verdict) -> None:
     """Refuse a part that deviates from its drawing.
 
@@ -489,7 +469,8 @@ def run_plate(seed: int) -> tuple[str, Verdict | None]:
         lead = None if length is None else ac.Lead(length=length, shape="arc")
         process = ac.Process(kerf=1e-3 * kerf, begin=begin, lead_in=lead, lead_out=lead)
         try:
-            tools, leads = cut_out(drawing, process)
+            prepared = ac.prepare(drawing, process)
+            tools, leads = tool_path(ac.round_corners(prepared, tolerance=CORNERS))
         except InvalidInput as error:
             assert error.allowed is not None, str(error)
             if "lead-" not in str(error):
