@@ -1,7 +1,7 @@
 """Plans with limits of jerk: against IPOPT, and many cells against few.
 
-Six joints, the first of the splines that `soak.jerk` solves; for many cells a spline through
-many waypoints.
+Six joints, the first of the splines that `tests.oracle.jerk_optimum` solves; for many cells a
+spline through many waypoints.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 import numpy as np
-from soak import jerk as judge
+from tests.oracle import jerk_optimum as judge
 
 import armcontour as ac
 from benchmarks import reference
@@ -56,4 +56,4 @@ def _long(cells: int) -> ac.Trajectory:
     """The plan of a spline through many waypoints."""
     way = np.random.default_rng(0).uniform(-1.5, 1.5, (WAYPOINTS, len(judge.VELOCITY)))
     path = ac.JointPath.spline(way, np.arange(WAYPOINTS))
-    return ac.plan(path, limits=judge.spline_limits(10.0), intervals=cells)
+    return ac.plan(path, limits=judge.limits_of(10.0), intervals=cells)

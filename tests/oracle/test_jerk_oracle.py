@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from soak import jerk
-from soak.jerk import NEAR, WITHOUT, Bounds, not_a_knot, solve
+from soak.jerk import run_move
+from tests.oracle.jerk_optimum import NEAR, WITHOUT, Bounds, not_a_knot, paper, solve, splines
 
 import armcontour as ac
 
@@ -11,7 +11,7 @@ import armcontour as ac
 LINE = ac.JointPath.spline([[0.0], [1.0]])
 LIMITS = ac.Limits(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
 EXACT = 1.35
-# Durations [s] that `soak.jerk.solve` has found.
+# Durations [s] that `solve` has found.
 KEPT = {
     "spline 0 at 10": 6.13785,
     "spline 1 at 10": 5.232257,
@@ -48,19 +48,19 @@ def test_a_plan_is_as_fast_as_the_oracle():
 
 def test_splines_and_the_paper_s_job_are_as_fast_as_the_kept_oracle():
     """It finds the same again: `python -m soak jerk-oracle` takes minutes."""
-    for name, path, limits in jerk.splines():
+    for name, path, limits in splines():
         duration = ac.plan(path, limits=limits).duration
         plain = ac.plan(path, limits=limits.replace(joint_jerk=None)).duration
         assert -NEAR < duration / KEPT[name] - 1 <= NEAR, name
         assert 0 < duration / plain - 1 <= WITHOUT[name.split()[-1]], name
-    for name, path, limits in jerk.paper():
+    for name, path, limits in paper():
         duration = ac.plan(path, ac.load_arm("pmk3s"), limits).duration
         assert -NEAR < duration / KEPT[name] - 1 <= NEAR, name
 
 
 def test_the_kept_oracle_is_found_again():
     pytest.importorskip("casadi")
-    name, path, limits = next(jerk.splines())
+    name, path, limits = next(splines())
     again = solve(path, Bounds.of(limits, path.dof), (100,)).duration
     assert again == pytest.approx(KEPT[name], rel=3e-3)
 
@@ -68,4 +68,4 @@ def test_the_kept_oracle_is_found_again():
 def test_straight_moves_take_as_long_as_ruckig_s():
     pytest.importorskip("ruckig")
     for seed in range(8):
-        assert jerk.run_move(seed).notes == [], seed
+        assert run_move(seed).notes == [], seed

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from soak.shaping import Job, draw_job, gap, solve
+from tests.oracle.shaped_optimum import Job, draw, gap, solve
 
 import armcontour as ac
 
@@ -36,6 +36,6 @@ def test_the_paper_s_job(tolerance, duration):
 def test_shaped_paths_are_near_it(seed, start, kept):
     """Durations of 180 steps a line; `python -m soak shaping-oracle` compares many jobs."""
     # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.
-    again = solve(draw_job(seed), 40, [start]) / kept
+    again = solve(draw(seed), 40, [start]) / kept
     assert 1 - 1e-4 < again < (1.01 if seed % 2 else 1.001)
     assert -5e-3 < gap(seed, kept) < 0.015
