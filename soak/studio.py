@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 
-from tests.browser.studio_page import Server, Studio, browsing, serving, write_job
+from tools.studio_page import Server, Studio, browsing, serving, write_job
 
 from soak import Outcome
 

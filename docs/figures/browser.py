@@ -15,7 +15,7 @@ from pathlib import Path
 from docs.pages import ROOT, read_page
 from PIL import Image
 from playwright.sync_api import Browser
-from tests.browser.studio_page import Studio, browsing, serving
+from tools.studio_page import Studio, browsing, serving
 
 FOLDER = Path(__file__).parent
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"

@@ -20,7 +20,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from docs.site.names import by_room
 from tests.browser.axe_faults import faults, load_axe
-from tests.browser.studio_page import browsing, find_browser
+from tools.studio_page import browsing, find_browser
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
