@@ -10,12 +10,6 @@ from soak import Outcome
 PERIOD = 4e-3
 
 
-def delayed(servo: ac.ServoModel, delay: float) -> ac.ServoModel:
-    """A servo whose velocity loop takes its command later [s], to first order."""
-    left = 1 - servo.kp * delay
-    return servo.replace(kp=servo.kp / left, kv=servo.kv * left)
-
-
 def run(seed: int) -> Outcome:
     """Compare the default compensation with none for a random path, arm and gains."""
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ STEP, MOST_POINTS = 0.25, 30_000
 STEPS = 20_000
 CURVED = 5e-3
 # A tool this slow [m/s] has no direction; and none that differences would show.
-SLOWEST, SLOW = 1e-6, 2e-3
+SLOW = 2e-3
 PMK = ac.load_arm("pmk3s")
 # A tool that looks down, and an axis of one that is tilted.
 DOWN, AXIS = np.diag([1.0, -1.0, -1.0]), np.array([0.2, 0.1, -1.0])

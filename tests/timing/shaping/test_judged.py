@@ -9,8 +9,8 @@ from soak.shaping import Problem, excess, judge, match, pieces_of, run
 import armcontour as ac
 from armcontour.geometry import Outcome
 
-# A job of nearly every kind that are shaped in a moment; `python -m soak shaping` judges thousands.
-SEEDS = (10, 11, 15, 16, 21, 26, 27, 28, 33)
+# Jobs that are shaped in a moment; `python -m soak shaping` judges thousands.
+SEEDS = (3, 4, 5, 6, 16)
 TOLERANCE = 2e-3
 SPEED = 0.08
 
