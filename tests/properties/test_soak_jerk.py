@@ -18,6 +18,7 @@ def few_samples(monkeypatch):
     monkeypatch.setattr("soak.jerk.MOST_SAMPLES", 4000)
 
 
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
 @pytest.mark.parametrize(("judged", "seeds"), [(run, SEEDS), (run_tool, TOOL_SEEDS)])
 def test_random_plans_keep_their_limits(judged, seeds):
     outcomes = {seed: judged(seed) for seed in seeds}
