@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.timing.jerk import limiting
 from soak import Outcome
+from soak.timing import answer
 
 Random = np.random.Generator
 # Exponents of the distances between waypoints by which their parameters grow.
@@ -135,28 +136,15 @@ SHARES = (0.5, 0.3, 0.2)
 def run(seed: int) -> Outcome:
     """Plan and judge the problem of a seed."""
     problem = draw(seed)
-    result, notes, worst = _answer(problem)
+    result, notes, worst = answer(problem, _judge)
     if seed % AGAIN == 0:
         notes += early(seed)
     return Outcome(kind=problem.kind, result=result, notes=notes, worst=worst)
 
 
-def _answer(problem: Problem) -> tuple[str, list[str], float]:
-    options, refused = dict(problem.options), False
-    # Each end's speed may be refused once, and what is then said to be allowed can be had.
-    for _ in range(3):
-        try:
-            planned = ac.plan(problem.path, limits=problem.limits, **options)
-        except ac.NotRealizable as error:
-            name = (error.limit or "").replace(" ", "_")
-            if not options.get(name) or not error.allowed < options[name]:
-                return "wrong", [f"refused: {error}"], 0.0
-            options[name], refused = error.allowed, True
-            continue
-        ends = options.get("start_speed", 0.0), options.get("end_speed", 0.0)
-        notes, worst = judge(planned, problem.limits, ends)
-        return "wrong" if notes else "refused" if refused else "planned", notes, worst
-    return "wrong", ["what was said to be allowed was refused too"], 0.0
+def _judge(planned: ac.Trajectory, problem: Problem, options: dict[str, Any]) -> Any:
+    ends = options.get("start_speed", 0.0), options.get("end_speed", 0.0)
+    return judge(planned, problem.limits, ends)
 
 
 def judge(

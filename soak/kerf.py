@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 import armcontour as ac
@@ -31,8 +32,8 @@ STEPS = 200
 POINTS = 60
 
 
-def shape(rng: np.random.Generator, scale: float) -> ac.Path:
-    """A random closed contour of lines and arcs around (0, 0), within a circle of radius scale."""
+def shape(rng: np.random.Generator, scale: float, centre: ArrayLike = (0.0, 0.0)) -> ac.Path:
+    """A random closed contour of lines and arcs, within a circle of radius scale."""
     n = int(rng.integers(3, 11))
     angles = (
         np.sort(rng.uniform(0, 2 * np.pi, n))
@@ -42,8 +43,7 @@ def shape(rng: np.random.Generator, scale: float) -> ac.Path:
     knots = (
         scale * rng.uniform(0.1, 1, n)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     )
-    if rng.random() < 0.5:
-        knots = knots[::-1]
+    knots = centre + (knots[::-1] if rng.random() < 0.5 else knots)
     segments: list[ac.Line | ac.Arc] = []
     for a, b in zip(knots, np.roll(knots, -1, axis=0), strict=True):
         if rng.random() < 0.5:

@@ -121,22 +121,28 @@ def record(executed, noise, clock, rng):
     )
 
 
-def teach(task, rng, seed, runs):
-    """True errors of all runs [m], lessons, and what noise alone leaves of the best run [m]."""
-    plant, noise = draw(task, rng, seed)
-    clock = rng.uniform(1 - CLOCK, 1 + CLOCK)
+def repeat(task, plant, noise, clock, rng, runs):
+    """Taught data of the last run, its execution, true errors of all runs [m], and lessons."""
     taught, errors, lessons = task.taught, [], []
     for run in range(runs + 1):
         done = ac.execute(taught, plant(run))
         errors.append(ac.evaluate(done, task.path).contour_error.rms)
-        if run == runs:
+        if run == runs or (lessons and lessons[-1].finished):
             break
         taught = ac.learn(taught, record(done, noise, clock, rng), arm=task.arm, servo=SERVO)
         lessons.append(taught)
+    return taught, done, np.array(errors), lessons
+
+
+def teach(task, rng, seed, runs):
+    """True errors of all runs [m], lessons, and what noise alone leaves of the best run [m]."""
+    plant, noise = draw(task, rng, seed)
+    clock = rng.uniform(1 - CLOCK, 1 + CLOCK)
+    taught, done, errors, lessons = repeat(task, plant, noise, clock, rng, runs)
     again = ac.execute(taught, plant(runs + 1))
     size = min(len(again.q), len(done.q))
     apart = np.linalg.norm(again.tool[:size] - done.tool[:size], axis=1)
-    return np.array(errors), lessons, float(np.sqrt(np.mean(apart**2) / 2))
+    return errors, lessons, float(np.sqrt(np.mean(apart**2) / 2))
 
 
 def wrong_model(task, seed, runs=RUNS):
@@ -161,15 +167,8 @@ def wrong_model(task, seed, runs=RUNS):
             true, servo, STRONG.for_joints(dof), noise=noise, known=task.arm, seed=1000 * seed + run
         )
 
-    taught, errors, lessons = task.taught, [], []
-    for run in range(runs + 1):
-        done = ac.execute(taught, plant(run))
-        errors.append(ac.evaluate(done, task.path).contour_error.rms)
-        if run == runs or (lessons and lessons[-1].finished):
-            break
-        taught = ac.learn(taught, record(done, noise, 1.0, rng), arm=task.arm, servo=SERVO)
-        lessons.append(taught)
-    return np.array(errors), lessons
+    _, _, errors, lessons = repeat(task, plant, noise, 1.0, rng, runs)
+    return errors, lessons
 
 
 def run(seed: int) -> Outcome:

@@ -21,6 +21,7 @@ import armcontour as ac
 from armcontour.geometry import round_with_parabolas
 from soak import Outcome
 from soak.corners import Piece
+from soak.kerf import shape
 from soak.timing import limit_ratios
 
 LEAK = 1e-9
@@ -239,24 +240,8 @@ def _polyline(rng: Random) -> ac.Path:
     return _with_demands(rng, points)
 
 
-def _closed(rng: Random) -> ac.Path:
-    """A polygon whose corners lie anywhere on two circles."""
-    count = int(rng.integers(3, 9))
-    angles = (
-        rng.uniform(0, 2 * np.pi)
-        + 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.8, count)) / count
-    )
-    while True:
-        radius = rng.uniform(0.01, 0.06) * rng.uniform(0.4, 1, count)
-        middle = rng.uniform((-0.2, 0.1), (0.45, 0.38))
-        corners = middle + radius[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-        points = np.concatenate([corners, corners[:1]])
-        if _reached(points):
-            return _with_demands(rng, points)
-
-
 def _crossing(rng: Random) -> ac.Path:
-    """A loop that crosses itself, or a line that comes back beside itself: a place to hop."""
+    """A loop that crosses itself, or a line that comes back beside itself: a chance to hop."""
     if rng.random() < 0.5:
         turns = np.radians([rng.uniform(80, 130) * s for s in (1, 1, 1)]) * _signs(rng, 1)
         return ac.Path.polyline(_walk(rng, rng.uniform(0.02, 0.06, 4), turns))
@@ -267,36 +252,12 @@ def _crossing(rng: Random) -> ac.Path:
     return ac.Path.polyline(_walk(rng, lengths, turns))
 
 
-def _arcs(rng: Random) -> ac.Path:
-    """Lines and arcs in turn, with tangential joints and with corners."""
+def _contour(rng: Random) -> ac.Path:
+    """A closed contour of lines and arcs, with corners."""
     while True:
-        count = int(rng.integers(2, 7))
-        at, heading = rng.uniform((-0.25, 0.08), (0.5, 0.4)), rng.uniform(0, 2 * np.pi)
-        parts: list[ac.Line | ac.Arc] = []
-        points = [at]
-        for _ in range(count):
-            along = np.array([np.cos(heading), np.sin(heading)])
-            if rng.random() < 0.5:
-                there = at + rng.uniform(0.008, 0.05) * along
-                parts.append(ac.Line(start=at.tolist(), end=there.tolist()))
-                points.append(there)
-            else:
-                radius, sweep = (
-                    10 ** rng.uniform(-2.7, -1.2),
-                    rng.uniform(0.3, 3) * rng.choice([-1, 1]),
-                )
-                center = at + np.sign(sweep) * radius * np.array([-along[1], along[0]])
-                parts.append(ac.Arc(start=at.tolist(), center=center.tolist(), angle=sweep))
-                turn = np.linspace(0, sweep, 9)[1:, None]
-                v = at - center
-                points += list(center + np.cos(turn) * v + np.sin(turn) * np.array([-v[1], v[0]]))
-                heading += sweep
-                there = points[-1]
-            at = there
-            if rng.random() < 0.5:
-                heading += rng.uniform(0.05, 2.7) * rng.choice([-1, 1])
-        if _reached(np.array(points)):
-            return ac.Path.from_segments(parts)
+        path = shape(rng, rng.uniform(0.01, 0.06), rng.uniform((-0.2, 0.1), (0.45, 0.38)))
+        if _reached(path(np.linspace(0, path.length, 400))):
+            return path
 
 
 def _space(rng: Random) -> ac.Path:
@@ -313,12 +274,11 @@ def _space(rng: Random) -> ac.Path:
 
 KINDS: dict[str, Callable[[Random], ac.Path]] = {
     "polyline": _polyline,
-    "closed": _closed,
     "crossing": _crossing,
-    "arcs": _arcs,
+    "contour": _contour,
     "space": _space,
 }
-SHARES = (0.65, 0.1, 0.05, 0.15, 0.05)
+SHARES = (0.7, 0.05, 0.2, 0.05)
 
 
 def run(seed: int) -> Outcome:

@@ -287,11 +287,11 @@ WEIGHTS = (0.25, 0.2, 0.1, 0.15, 0.1, 0.05, 0.1, 0.05)
 def run(seed: int) -> Outcome:
     """Plan and judge the problem of a seed."""
     problem = draw(seed)
-    result, notes, worst = _answer(problem)
+    result, notes, worst = answer(problem, judge)
     return Outcome(kind=problem.kind, result=result, notes=notes, worst=worst)
 
 
-def _answer(problem: Problem) -> tuple[str, list[str], float]:
+def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], float]:
     """What the planner does, what is wrong with it, and the largest ratio to a limit."""
     options = dict(problem.options)
     refused = ""
@@ -312,7 +312,7 @@ def _answer(problem: Problem) -> tuple[str, list[str], float]:
             if _leaves_reach(problem):
                 return "refused", [], 0.0
             return "dishonest", [f"{type(error).__name__}: {error}"], 0.0
-        notes, worst = judge(planned, problem)
+        notes, worst = judge(planned, problem, options)
         return "refused" if refused else "planned", notes, worst
     return "dishonest", [f"{refused} (and what was allowed was then refused too)"], 0.0
 
@@ -334,7 +334,9 @@ def _leaves_reach(problem: Problem) -> bool:
     return bool(distance.min() < near + EDGE or distance.max() > far - EDGE)
 
 
-def judge(planned: ac.Trajectory, problem: Problem) -> tuple[list[str], float]:
+def judge(
+    planned: ac.Trajectory, problem: Problem, options: dict[str, Any]
+) -> tuple[list[str], float]:
     """What is wrong with a plan, and its largest ratio to a limit."""
     (law,) = planned.laws
     n = len(law.breaks) - 1
@@ -344,7 +346,7 @@ def judge(planned: ac.Trajectory, problem: Problem) -> tuple[list[str], float]:
     t[:, -1] = law.breaks[1:]
     t, i = t.ravel(), np.repeat(np.arange(n), PLACES + 2)
     q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
-    notes = _steps(law, q.reshape(n, -1, q.shape[1]), problem)
+    notes = _steps(law, q.reshape(n, -1, q.shape[1]), options)
     found = _ratios(planned, problem, i, q, dq, ddq)
     worst = 0.0
     for name, ratio in found.items():
@@ -355,7 +357,7 @@ def judge(planned: ac.Trajectory, problem: Problem) -> tuple[list[str], float]:
     return notes, worst
 
 
-def _steps(law: Any, q: np.ndarray, problem: Problem) -> list[str]:
+def _steps(law: Any, q: np.ndarray, options: dict[str, Any]) -> list[str]:
     """Jumps at breaks, ends that are not the path's, and ways back."""
     notes = []
     path = law.joint_path
@@ -370,7 +372,7 @@ def _steps(law: Any, q: np.ndarray, problem: Problem) -> list[str]:
         notes.append("joint positions jump")
     if np.abs(ends - law.s[1:]).max() > STEP * length:
         notes.append(f"intervals miss their ends by {np.abs(ends - law.s[1:]).max() / length:.1e}")
-    after = np.append(law.rates.ds[1:], problem.options.get("end_speed", 0.0))
+    after = np.append(law.rates.ds[1:], options.get("end_speed", 0.0))
     if np.abs(speeds[:-1] - after[:-1]).max(initial=0.0) > 1e-6 * fastest:
         notes.append("path speed jumps")
     if (law.rates.ds[1:] < 0).any() or speeds.min() < -1e-6 * fastest:
