@@ -42,7 +42,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures schema kernels vendor clean
+.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -89,29 +89,10 @@ package: $(VENV)/dev  ## Build the source archive and the wheel, compare their f
 		$(BIN)/python -m build --installer $(if $(PIP),pip,uv) --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 	$(BIN)/python tools/try_package.py dist
 
-soak: $(VENV)/test  ## Hours: random problems, broken files, hostile numbers, signals; each judged independently
+soak: $(VENV)/test  ## Hours: random problems, broken files, signals; each judged independently
 	$(BIN)/python -m soak
-	$(BIN)/python -m soak.readers
 	$(BIN)/python -m soak.gcode
 	$(BIN)/python -m soak.gcode --cycles --count 2000
-	$(BIN)/python -m soak.corners
-	$(BIN)/python -m soak.encoders
-	$(BIN)/python -m soak.encoders --friction
-	$(BIN)/python -m soak.check
-	$(BIN)/python -m soak.kerf
-	$(BIN)/python -m soak.kerf --plates 200
-	$(BIN)/python -m soak.processes
-	$(BIN)/python -m soak.outputs
-	$(BIN)/python -m soak.shapes
-	$(BIN)/python -m soak.shapes --oracle
-	$(BIN)/python -m soak.jerk
-	$(BIN)/python -m soak.learning
-	$(BIN)/python -m soak.clearance
-	$(BIN)/python -m soak.certificates
-	$(BIN)/python -m soak.certificates --jobs 100
-	$(BIN)/python -m soak.placement
-	$(BIN)/python -m soak.numbers
-	$(BIN)/python -m soak.interrupts
 	$(BIN)/python -m soak.batch
 	$(BIN)/python -m tests.oracle.toppra_kept
 	$(BIN)/python -m pytest tests/properties -m hypothesis --hypothesis-profile soak -n auto
@@ -130,15 +111,12 @@ site: docs $(VENV)/test-all  ## Build the site and test it: its code, links, nam
 links: $(VENV)/docs  ## Ask other people's sites whether the links to them still lead somewhere
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/links
 
-figures: $(VENV)/docs  ## Draw the figures of docs/ and of its gallery
+figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.gallery
 
-schema: $(VENV)/base  ## Rewrite the published JSON Schema of job files, and the tables of their keys
-	$(BIN)/python -m docs.reference.job_keys
-
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
-	$(BIN)/python -m soak.kernels
+	$(BIN)/python -m tools.kernels
 
 vendor:  ## Bundle what the Studio's page takes from others (needs node)
 	npm --prefix $(TOOLS) ci

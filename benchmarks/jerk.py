@@ -1,7 +1,7 @@
 """Plans with limits of jerk: against IPOPT, and many cells against few.
 
-Six joints, the first of the splines that `soak.jerk_oracle` solves; for many cells a spline through
-many waypoints.
+Six joints, the first of the splines that `tests.oracle.jerk_optimum` solves; for many cells a
+spline through many waypoints.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 import numpy as np
-from soak import jerk_oracle
+from tests.oracle import jerk_optimum as judge
 
 import armcontour as ac
 from benchmarks import reference
@@ -31,7 +31,7 @@ def lines() -> list[Line]:
 
 
 def _plan() -> Pair:
-    _, path, limits = next(jerk_oracle.splines())
+    _, path, limits = next(judge.splines())
     ours = timed(lambda: ac.plan(path, limits=limits, intervals=CELLS))
     return Pair(ours, timed(reference.work))
 
@@ -39,11 +39,11 @@ def _plan() -> Pair:
 def _against_ipopt() -> Pair:
     if find_spec("casadi") is None:
         raise Missing("casadi is not installed")
-    _, path, limits = next(jerk_oracle.splines())
+    _, path, limits = next(judge.splines())
 
-    def ipopt() -> jerk_oracle.Timing:
-        bounds = jerk_oracle.Bounds.of(limits, path.dof)
-        return jerk_oracle.solve(path, bounds, (jerk_oracle.CELLS[0], CELLS))
+    def ipopt() -> judge.Timing:
+        bounds = judge.Bounds.of(limits, path.dof)
+        return judge.solve(path, bounds, (judge.CELLS[0], CELLS))
 
     return Pair(timed(lambda: ac.plan(path, limits=limits, intervals=CELLS)), timed(ipopt))
 
@@ -54,6 +54,6 @@ def _many() -> Pair:
 
 def _long(cells: int) -> ac.Trajectory:
     """The plan of a spline through many waypoints."""
-    way = np.random.default_rng(0).uniform(-1.5, 1.5, (WAYPOINTS, len(jerk_oracle.VELOCITY)))
+    way = np.random.default_rng(0).uniform(-1.5, 1.5, (WAYPOINTS, len(judge.VELOCITY)))
     path = ac.JointPath.spline(way, np.arange(WAYPOINTS))
-    return ac.plan(path, limits=jerk_oracle.limits(10.0), intervals=cells)
+    return ac.plan(path, limits=judge.limits_of(10.0), intervals=cells)

@@ -12,7 +12,7 @@ from importlib.resources import files
 from itertools import count
 from typing import Any
 
-from soak.studio_page import SQUARE
+from tools.studio_page import SQUARE
 
 from armcontour._yaml import load
 from benchmarks import reference

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from soak.studio_page import SQUARE, Studio, browsing, serving, write_job
+from tools.studio_page import SQUARE, Studio, browsing, serving, write_job
 
 import armcontour
 from benchmarks.commands import gcode

@@ -1,92 +1,134 @@
-"""`python -m soak`: plan and judge many random problems; exit code 1 if one goes wrong."""
+"""Judge random problems of a topic: `python -m soak TOPIC [--count N]`; without one, of all.
+
+Each wrong outcome is printed with its seed, which repeats it. Exit code 1 if there is one.
+"""
 
 from __future__ import annotations
 
 import argparse
-import heapq
+import importlib
+import math
 import os
 import sys
-from collections import Counter
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+import time
+import warnings
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from itertools import islice
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from soak import Outcome
 
-from soak.judge import Outcome, run
+# The function that judges the problem of a seed, and how many problems are usual.
+TOPICS = {
+    "timing": ("soak.timing:run", 100_000),
+    "jerk": ("soak.jerk:run", 600),
+    "jerk-tool": ("soak.jerk:run_tool", 200),
+    "jerk-oracle": ("tests.oracle.jerk_optimum:run", 12),
+    "jerk-moves": ("soak.jerk:run_move", 1000),
+    "shaping": ("soak.shaping:run", 2000),
+    "shaping-oracle": ("tests.oracle.shaped_optimum:run", 200),
+    "corners": ("soak.corners:run", 10_000),
+    "kerf": ("soak.kerf:run", 2000),
+    "outputs": ("soak.outputs:run", 600),
+    "clearance": ("soak.clearance:run", 10_000),
+    "placement": ("soak.placement:run", 50),
+    "certificates": ("soak.certificates:run", 100),
+    "check": ("soak.check:run", 4000),
+    "compensations": ("soak.compensations:run", 50),
+    "learning": ("soak.learning:run", 600),
+    "learning-servos": ("soak.learning:run_wrong_model", 200),
+    "identification": ("soak.identification:run", 2000),
+    "readers": ("soak.readers:run", 200_000),
+    "interrupts": ("soak.interrupts:run", 400),
+    "studio": ("soak.studio:run", 1),
+}
+# Shares of intervals of 95 % that may hold the true value.
+COVERED = (0.90, 0.99)
 
-CHUNK = 100
-SLOWEST = 3
+
+def judge(task: tuple[str, int]) -> tuple[int, Outcome, float]:
+    """Judge the problem of a seed; any exception or warning is wrong."""
+    place, seed = task
+    module, _, name = place.partition(":")
+    run = getattr(importlib.import_module(module), name)
+    begun = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Limits of jerk add")
+        try:
+            found = run(seed)
+        except Exception as error:  # noqa: BLE001 - every crash is a finding
+            found = Outcome(result="crash", notes=[f"{type(error).__name__}: {error}"])
+    return seed, found, time.perf_counter() - begun
 
 
-def _run_all(seeds: range) -> list[Outcome]:
-    return [run(seed) for seed in seeds]
+def judge_all(
+    place: str, seeds: range, jobs: int, seconds: float
+) -> Iterator[tuple[int, Outcome, float]]:
+    """Judge the problems of seeds in several processes, until the time is over."""
+    begun, tasks = time.monotonic(), iter((place, seed) for seed in seeds)
+    if jobs == 1:
+        yield from map(judge, tasks)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        while time.monotonic() - begun < seconds and (some := list(islice(tasks, 20 * jobs))):
+            yield from pool.map(judge, some)
+
+
+def uncovered(hits: dict[str, list[bool]]) -> int:
+    """Print how many intervals hold the true value; returns how many names miss the bar."""
+    missed = 0
+    for name, held in sorted(hits.items()):
+        share, slack = sum(held) / len(held), 2 * math.sqrt(0.05 * 0.95 / len(held))
+        bad = not COVERED[0] - slack <= share <= COVERED[1] + slack
+        missed += bad
+        print(f"  {name:44} {share:6.1%} of {len(held)} held{', outside the bar' if bad else ''}")
+    return missed
+
+
+def soak(topic: str, given: argparse.Namespace) -> int:
+    """Judge the problems of a topic; returns how many are wrong."""
+    place, usual = TOPICS[topic]
+    seeds = range(given.first_seed, given.first_seed + (given.count or usual))
+    counts: Counter[tuple[str, str]] = Counter()
+    hits: dict[str, list[bool]] = defaultdict(list)
+    wrong, worst, slowest = 0, 0.0, (0.0, -1)
+    for seed, found, seconds in judge_all(place, seeds, given.jobs, given.seconds):
+        counts[found.kind, found.result] += 1
+        wrong += bool(found.notes)
+        worst, slowest = max(worst, found.worst), max(slowest, (seconds, seed))
+        for name, held in found.covered.items():
+            hits[name].append(held)
+        for note in found.notes:
+            print(f"seed {seed} ({found.kind}) {found.result}: {note}", flush=True)
+    for (kind, result), count in sorted(counts.items()):
+        print(f"  {kind:24} {result:16} {count:7d}")
+    wrong += uncovered(hits)
+    ratio = f", largest ratio 1 {worst - 1:+.2e}" if worst else ""
+    print(
+        f"{topic}: {sum(counts.values())} problems, {wrong} wrong{ratio}; "
+        f"slowest: seed {slowest[1]}, {slowest[0]:.1f} s",
+        flush=True,
+    )
+    return wrong
 
 
 def main() -> int:
-    """Run the soak; returns the exit code."""
+    """Judge the topics that are named, or all; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m soak", description=__doc__)
-    parser.add_argument("--count", type=int, default=100_000, help="how many problems")
+    parser.add_argument("topics", nargs="*", metavar="TOPIC", help=", ".join(TOPICS))
+    parser.add_argument("--count", type=int, help="how many problems")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--seconds", type=float, default=math.inf, help="time per topic")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     given = parser.parse_args()
-    last = given.first_seed + given.count
-    chunks = (range(a, min(a + CHUNK, last)) for a in range(given.first_seed, last, CHUNK))
-    counts: Counter[str] = Counter()
-    slowest: list[tuple[float, int, str]] = []
-    worst = 0.0
-    console = Console()
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]:.0f}/s"),
-        TimeRemainingColumn(),
-    )
-    with (
-        Progress(*columns, console=console) as progress,
-        ProcessPoolExecutor(given.jobs) as pool,
-    ):
-        task = progress.add_task("soak", total=given.count, rate=0.0)
-        waiting: dict[Future[list[Outcome]], range] = {}
-        while True:
-            for chunk in islice(chunks, 2 * given.jobs - len(waiting)):
-                waiting[pool.submit(_run_all, chunk)] = chunk
-            if not waiting:
-                break
-            for done in wait(waiting, return_when=FIRST_COMPLETED).done:
-                seeds = waiting.pop(done)
-                try:
-                    outcomes = done.result()
-                except Exception as error:
-                    console.print(f"A process died in seeds {seeds[0]} to {seeds[-1]}: {error}")
-                    return 1
-                for outcome in outcomes:
-                    counts[outcome.result] += 1
-                    worst = max(worst, outcome.worst)
-                    heapq.heappush(slowest, (outcome.seconds, outcome.seed, outcome.kind))
-                    if len(slowest) > SLOWEST:
-                        heapq.heappop(slowest)
-                    if outcome.failed:
-                        console.print(
-                            f"seed {outcome.seed} ({outcome.kind}) {outcome.result}: "
-                            f"{outcome.note}",
-                            markup=False,
-                            highlight=False,
-                            soft_wrap=True,
-                        )
-                progress.advance(task, len(outcomes))
-                progress.update(task, rate=progress.tasks[0].speed or 0.0)
-    for seconds, seed, kind in sorted(slowest, reverse=True):
-        console.print(f"slowest: seed {seed} ({kind}) {seconds:.2f} s", highlight=False)
-    console.print(
-        f"seeds {given.first_seed} to {last - 1}: {counts['planned']} planned, "
-        f"{counts['refused']} refused, {counts['violation']} violations above 1 + 1e-9, "
-        f"{counts['dishonest']} dishonest refusals, {counts['crash']} crashes; "
-        f"largest ratio 1 {worst - 1:+.2e}",
-        highlight=False,
-        soft_wrap=True,
-    )
-    return int(counts["violation"] + counts["dishonest"] + counts["crash"] > 0)
+    unknown = sorted(set(given.topics) - set(TOPICS))
+    if unknown:
+        parser.error(f"there is no topic {unknown[0]}: they are {', '.join(TOPICS)}")
+    # Threads of the linear algebra would only wait for each other.
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    return int(sum(soak(x, given) for x in given.topics or TOPICS) > 0)
 
 
 if __name__ == "__main__":

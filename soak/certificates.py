@@ -1,15 +1,7 @@
-"""`python -m soak.certificates`: sample drawings certified on both cells, judged independently.
-
-With `--jobs 100`: so many random jobs of one path each, executed until all joints are at rest.
-With `--bodies 1000`: a square on the rigid bodies of the UR5e, judged by MuJoCo on so many newly
-drawn robots of the box, and on as many of its worst corners.
-"""
+"""Certificates of sample drawings, of random jobs and of rigid bodies, executed and judged."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path as FilePath
 
@@ -22,6 +14,7 @@ from armcontour.io.cell import read_cell
 from armcontour.robustness.bodies import BodyRuns, spread_on_bodies
 from armcontour.robustness.deviations import deviations_of
 from armcontour.robustness.unknowns import Unknowns
+from soak import Outcome
 
 SQUARE = """
 name: square
@@ -54,10 +47,9 @@ runs:
 DRAWINGS = FilePath(__file__).parents[1] / "examples" / "drawings"
 CASES = (("gasket.dxf", "pmk3s"), ("gasket.dxf", "ur5e"))
 SERVO = 1e-4
-# Random times at which joints' accelerations are looked at, and places around the largest of them.
+ROBOTS = 1000  # on rigid bodies, and as many corners of the box
+# Random times at which joints' accelerations are judged.
 TIMES = 1_000_000
-LARGEST = 300
-AROUND = 1e-3  # [s]
 # A certified error may be exceeded by this [m]: rounding, and peaks between samples of the search.
 ROUNDED = 1e-9
 # Joints may take this much more than their limits: rounding.
@@ -150,12 +142,7 @@ def largest_acceleration(
 ) -> tuple[float, float]:
     """The largest share of a joint's acceleration limit found, and when [s].
 
-    At random times, on both sides of all breaks, and near to the largest of these.
-
-    Args:
-        plan: The plan.
-        low: Lowest accelerations, (dof,).
-        high: Highest accelerations, (dof,).
+    At random times, and on both sides of all breaks.
     """
 
     def shares(t: FloatArray, side: str = "right") -> FloatArray:
@@ -165,18 +152,11 @@ def largest_acceleration(
     t = np.random.default_rng(2).uniform(0.0, plan.duration, TIMES)
     t = np.concatenate([t, plan.breaks])
     found = np.maximum(shares(t), shares(t, "left"))
-    near = t[np.argsort(found)[-LARGEST:], None] + np.linspace(-AROUND, AROUND, 801)
-    near = np.clip(near.ravel(), 0.0, plan.duration)
-    t, found = np.concatenate([t, near]), np.concatenate([found, shares(near)])
     return float(found.max()), float(t[np.argmax(found)])
 
 
 def on_bodies(count: int) -> list[str]:
-    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds.
-
-    Args:
-        count: Number of robots that are drawn, and of corners.
-    """
+    """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
     job = parse_job(SQUARE)
     found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
     box, budget = found.goal.box, found.goal.servo
@@ -196,43 +176,18 @@ def on_bodies(count: int) -> list[str]:
         ("corners", deviations.across().worst().corners(count)),
     ):
         executed = spread_on_bodies(runs, errors)
-        largest = f"{executed.max.max() * 1e3:.4f} mm"
-        print(f"  {found.duration:.4f} s, {len(executed)} {name}: at most {largest}")
         if executed.within(budget) < 1.0 or executed.saturated.any():
+            largest = f"{executed.max.max() * 1e3:.4f} mm"
             said.append(f"{1 - executed.within(budget):.2%} of {name} are outside, {largest}")
     return said
 
 
-def main() -> int:
-    """Run it; returns the exit code."""
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--bodies", type=int, default=0, help="robots as rigid bodies")
-    arguments.add_argument("--jobs", type=int, default=0, help="random jobs of one path")
-    arguments.add_argument("--seed", type=int, default=0, help="seed of the first random job")
-    given = arguments.parse_args()
-    bodies, jobs = given.bodies, given.jobs
-    bad = 0
-    if jobs:
-        results = [until_rest(given.seed + k) for k in range(jobs)]
-        certified = [x for x in results if x is not None]
-        for said in certified:
-            bad += bool(said)
-            print("".join(f"  {x}\n" for x in said), end="")
-        print(f"{jobs} random jobs: {len(certified)} certified, {bad} executed with larger errors")
-        return int(bad > 0)
-    if bodies:
-        said = on_bodies(bodies)
-        print("\n".join(said) or "none outside")
-        return int(bool(said))
-    for drawing, cell in CASES:
-        begun = time.perf_counter()
-        said = outside(drawing, cell)
-        print(f"{drawing} on {cell}: {time.perf_counter() - begun:.1f} s, {len(said)} wrong")
-        for x in said:
-            print(f"  {x}")
-        bad += len(said)
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(seed: int) -> Outcome:
+    """Certify a random job; the first ones are sample drawings, and a square on rigid bodies."""
+    if seed < len(CASES):
+        return Outcome(kind="drawing", result="certified", notes=outside(*CASES[seed]))
+    if seed == len(CASES):
+        return Outcome(kind="rigid bodies", result="certified", notes=on_bodies(ROBOTS))
+    notes = until_rest(seed)
+    result = "refused" if notes is None else "certified"
+    return Outcome(kind="random", result=result, notes=notes or [])

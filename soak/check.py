@@ -1,15 +1,15 @@
-"""`python -m soak.check`: random trajectories that break a limit or keep all, printed and judged.
+"""Verdicts of `check` on random printed trajectories that break a limit or keep all of them.
 
-`armcontour check` must never say "kept" of samples that prove a violation, and never "violated" of
-samples that do not prove one, or of a motion that keeps its limits.
+The oracle proves violations by intervals: every printed number stands for an interval, half of its
+last digit wide to either side. A motion through any values in these intervals has, between two
+samples, the mean velocity of the chord, and over three samples twice the difference of two chords
+by their common time as a mean acceleration. `check` must never say "kept" of samples that prove a
+violation, and never "violated" of samples that do not prove one, or of a motion that keeps limits.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import warnings
-from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,9 +18,171 @@ import numpy as np
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_trajectory
-from soak import oracle
-from soak.oracle import HAIR, Interval
+from soak import Outcome
 
+# A proof counts from this part above the limit on, and what is below it by this part is no proof:
+# between them floating point decides.
+HAIR = 1e-6
+# Joints move by this much to tell the direction in which the tool goes [rad].
+SMALL = 1e-5
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Numbers that are known from `low` to `high`."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def around(cls, value, half):
+        """Numbers that are off by `half` at most."""
+        return cls(value - half, value + half)
+
+    def __sub__(self, other):
+        return Interval(self.low - other.high, self.high - other.low)
+
+    def __mul__(self, other):
+        ends = [x * y for x in (self.low, self.high) for y in (other.low, other.high)]
+        return Interval(np.minimum.reduce(ends), np.maximum.reduce(ends))
+
+    def __truediv__(self, other):
+        """Divided by what is above zero; where that may be zero, nothing is known."""
+        good = other.low > 0
+        safe = np.where(good, other.low, 1.0), np.where(good, other.high, 1.0)
+        found = self * Interval(1 / safe[1], 1 / safe[0])
+        return Interval(np.where(good, found.low, -np.inf), np.where(good, found.high, np.inf))
+
+    def __getitem__(self, rows):
+        return Interval(self.low[rows], self.high[rows])
+
+    @property
+    def least(self):
+        """The smallest amount that a number may have."""
+        return np.maximum(np.maximum(self.low, -self.high), 0.0)
+
+
+@dataclass(frozen=True)
+class Log:
+    """Printed samples: t (n, 1), q, dq, ddq (n, dof) as intervals; dq, ddq may be missing."""
+
+    t: Interval
+    q: Interval
+    dq: Interval | None = None
+    ddq: Interval | None = None
+
+    def __len__(self):
+        return len(self.t.low)
+
+
+def proven_velocity(log):
+    """Per joint, the largest velocity that the samples prove [rad/s]."""
+    best = np.zeros(log.q.low.shape[1])
+    if log.dq is not None:
+        best = log.dq.least.max(axis=0)
+    for k in range(1, len(log)):
+        best = np.maximum(best, _chords(log, log.q, k).least.max(axis=0))
+    return best
+
+
+def proven_acceleration(log):
+    """Per joint, the largest acceleration that the samples prove [rad/s²]."""
+    best = np.zeros(log.q.low.shape[1])
+    if log.ddq is not None:
+        best = log.ddq.least.max(axis=0)
+    for k in range(1, len(log)):
+        span = log.t[slice(k, None)] - log.t[slice(None, -k)]
+        found = []
+        if log.dq is not None:
+            found.append(_chords(log, log.dq, k))
+            step = log.q[slice(k, None)] - log.q[slice(None, -k)]
+            half = Interval(span.low**2 / 2, span.high**2 / 2)
+            half = Interval(np.where(span.low > 0, half.low, 0.0), half.high)
+            for v in (log.dq[slice(None, -k)], log.dq[slice(k, None)]):
+                found.append((step - v * span) / half)
+        if 2 * k < len(log):
+            chords = _chords(log, log.q, k)
+            span = log.t[slice(2 * k, None)] - log.t[slice(None, -2 * k)]
+            change = chords[slice(k, None)] - chords[slice(None, -k)]
+            found.append(change / Interval(span.low / 2, span.high / 2))
+        for x in found:
+            best = np.maximum(best, np.nan_to_num(x.least, nan=0.0).max(axis=0))
+    return best
+
+
+def proven_position(log):
+    """Per joint, the largest amount of a position that the samples prove [rad]."""
+    return log.q.least.max(axis=0)
+
+
+def proven_speed(log, forward, reach):
+    """The smallest and the largest tool speed that the samples may prove [m/s].
+
+    `forward` gives the tool's points (n, dimension), `reach` how far a joint may be from the tool.
+    The first number is proven, as a joint that is off by an angle moves the tool by no more than
+    the angle times the reach. The second is what exact numbers would prove.
+    """
+    middle = (log.q.low + log.q.high) / 2
+    off = ((log.q.high - log.q.low) / 2 * reach).sum(axis=1)
+    points = forward(middle)
+    low = high = 0.0
+    for k in range(1, len(log)):
+        span = log.t[slice(k, None)] - log.t[slice(None, -k)]
+        length = np.linalg.norm(points[k:] - points[:-k], axis=1)
+        least = np.maximum(length - off[k:] - off[:-k], 0.0)
+        low = max(low, float((least / span.high[:, 0]).max()))
+        high = max(high, float((length / np.maximum(span.low[:, 0], 1e-300)).max()))
+    if log.dq is not None:
+        speed, off = _sample_speeds(log, middle, forward, reach)
+        low, high = max(low, float((speed - off).max())), max(high, float(speed.max()))
+    return low, high
+
+
+def _sample_speeds(log, q, forward, reach):
+    """Tool speeds at the samples, and a bound on their errors [m/s], (n,)."""
+    dq = (log.dq.low + log.dq.high) / 2
+    # Steps of the same length in joint positions, whatever the velocities.
+    step = SMALL / np.maximum(np.abs(dq).max(axis=1), 1e-12)[:, None]
+    speed = np.linalg.norm(forward(q + dq * step) - forward(q - dq * step), axis=1)
+    angle = ((log.q.high - log.q.low) / 2).sum(axis=1)
+    # A joint that is off turns the tool's velocity with it, and moves the axes of those after it.
+    off = ((log.dq.high - log.dq.low) / 2 * reach).sum(axis=1)
+    off += (
+        2 * angle * (np.maximum(np.abs(log.dq.low), np.abs(log.dq.high)) * reach.max()).sum(axis=1)
+    )
+    return speed / (2 * step[:, 0]), off
+
+
+def _chords(log, y, k):
+    step = y[slice(k, None)] - y[slice(None, -k)]
+    return step / (log.t[slice(k, None)] - log.t[slice(None, -k)])
+
+
+def pmk3s(q):
+    """The tool of the paper's arm, (1) [m]."""
+    first, both = q[:, 0], q[:, 0] + q[:, 1]
+    x = 0.135 + 0.250 * np.sin(first) + 0.215 * np.sin(both)
+    return np.column_stack([x, 0.250 * np.cos(first) + 0.215 * np.cos(both)])
+
+
+def ur5e(q):
+    """The flange of a UR5e, from the manufacturer's Denavit-Hartenberg parameters [m]."""
+    a = (0.0, -0.425, -0.3922, 0.0, 0.0, 0.0)
+    d = (0.1625, 0.0, 0.0, 0.1333, 0.0997, 0.0996)
+    alpha = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
+    frame = np.tile(np.eye(4), (len(q), 1, 1))
+    for j in range(6):
+        c, s, ca, sa = np.cos(q[:, j]), np.sin(q[:, j]), np.cos(alpha[j]), np.sin(alpha[j])
+        link = np.zeros((len(q), 4, 4))
+        link[:, 0] = np.column_stack([c, -s * ca, s * sa, a[j] * c])
+        link[:, 1] = np.column_stack([s, c * ca, -c * sa, a[j] * s])
+        link[:, 2] = [0.0, sa, ca, d[j]]
+        link[:, 3, 3] = 1.0
+        frame = frame @ link
+    return frame[:, :3, 3]
+
+
+# Limits that are drawn.
 LIMITS = ("joint_velocity", "joint_acceleration", "joint_upper", "speed")
 # A violation is at least this large, as the digits of a file can hide smaller ones.
 LEAST, MOST = 1.01, 1e6
@@ -28,7 +190,7 @@ LEAST, MOST = 1.01, 1e6
 WILD = ("1e308", "-1e308", "1e200", "-1e30", "9e9", "1e-308", "5e-324", "1e999", "-0.0")
 # How far each joint's axis may be from the tool [m]: all links stretched.
 REACH = {"pmk3s": np.array([0.465, 0.215]), "ur5e": np.array([1.1, 1.1, 0.7, 0.35, 0.2, 0.1])}
-FORWARD = {"pmk3s": oracle.pmk3s, "ur5e": oracle.ur5e}
+FORWARD = {"pmk3s": pmk3s, "ur5e": ur5e}
 
 
 @dataclass(frozen=True)
@@ -69,17 +231,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Case:
-    """One printed trajectory.
-
-    Args:
-        seed: Its seed.
-        arm: Name of the arm.
-        limit: Name of its only limit.
-        allowed: The limit, one value or one per joint.
-        kind: "kept", "scaled", "spike" or "wild".
-        text: The file.
-        log: What stands in it, as intervals; None if no clock or no joint goes there.
-    """
+    """One printed trajectory."""
 
     seed: int
     arm: str
@@ -87,20 +239,12 @@ class Case:
     allowed: np.ndarray
     kind: str
     text: str
-    log: oracle.Log | None
+    log: Log | None
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What was said of a case.
-
-    Args:
-        case: The case.
-        said: The verdict, "refused", or "crash".
-        proof: "proven", "open" (nearer than floating point can tell, or than the bound of the
-            tool's rounding) or "not proven".
-        note: What a refusal or a crash said.
-    """
+class Answer:
+    """What was said of a case."""
 
     case: Case
     said: str
@@ -183,20 +327,20 @@ def judge(case):
             said, note = "refused", str(error)
         except Exception as error:  # noqa: BLE001 - every crash is a finding
             said, note = "crash", f"{type(error).__name__}: {error}"
-    return Outcome(case, said, "open" if case.log is None else prove(case), note)
+    return Answer(case, said, "open" if case.log is None else prove(case), note)
 
 
 def prove(case):
-    """Whether the samples prove a violation, by the oracle."""
+    """Whether the samples prove a violation."""
     log, allowed = case.log, case.allowed
     if case.limit == "speed":
-        low, high = oracle.proven_speed(log, FORWARD[case.arm], REACH[case.arm])
+        low, high = proven_speed(log, FORWARD[case.arm], REACH[case.arm])
         ratios = low / allowed, high / allowed
     else:
         prove_limit = {
-            "joint_velocity": oracle.proven_velocity,
-            "joint_acceleration": oracle.proven_acceleration,
-            "joint_upper": oracle.proven_position,
+            "joint_velocity": proven_velocity,
+            "joint_acceleration": proven_acceleration,
+            "joint_upper": proven_position,
         }[case.limit]
         ratios = (prove_limit(log) / allowed,) * 2
     if np.max(ratios[0]) > 1 + HAIR:
@@ -266,14 +410,7 @@ def _printed(values, form):
 
 
 def _intervals(values, names, form, late):
-    """What printed numbers stand for; None if no clock or no joint goes there.
-
-    Args:
-        values: The numbers as they are printed, times first, (n, columns).
-        names: "q", and perhaps "dq", "ddq".
-        form: Format and digits of all but the times.
-        late: Half of the last digit of times; none of times that are even, as these are exact.
-    """
+    """What printed numbers stand for; None if no clock or no joint goes there."""
     t, dof = values[:, :1], (values.shape[1] - 1) // len(names)
     if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():
         return None
@@ -288,34 +425,13 @@ def _intervals(values, names, form, late):
             first = np.floor(np.log10(np.where(part == 0, 1.0, np.abs(part))))
             error = np.where(part == 0, 0.0, 10.0 ** (first - digits + 1) / 2)
         columns[name] = Interval.around(part, error)
-    return oracle.Log(t=Interval.around(t, late), **columns)
+    return Log(t=Interval.around(t, late), **columns)
 
 
-def main() -> int:
-    """Run it; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.check", description=__doc__)
-    parser.add_argument("--count", type=int, default=2000, help="how many of either sort")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    given = parser.parse_args()
-    bad = 0
-    for violating in (True, False):
-        counts: Counter[tuple[str, ...]] = Counter()
-        for seed in range(given.first_seed, given.first_seed + given.count):
-            found = judge(draw(seed, violating))
-            counts[found.said, found.proof] += 1
-            if found.wrong:
-                bad += 1
-                case = found.case
-                print(
-                    f"seed {seed} ({case.kind}, {case.arm}, {case.limit}): {found.said}, "
-                    f"{found.proof} {found.note}"
-                )
-        print(f"{given.count} trajectories that {'break a limit' if violating else 'keep all'}:")
-        for (said, proof), count in sorted(counts.items()):
-            print(f"  {said:12} violation {proof:10} {count:6d}")
-    print(f"{bad} wrong answers")
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(seed: int) -> Outcome:
+    """Check and judge the trajectory of a seed; odd ones break a limit."""
+    found = judge(draw(seed, bool(seed % 2)))
+    case = found.case
+    kind = f"{'breaks a limit' if seed % 2 else 'keeps all'}, {found.proof}"
+    what = f"{case.kind}, {case.arm}, {case.limit} {found.note}"
+    return Outcome(kind=kind, result=found.said, notes=[what] if found.wrong else [])

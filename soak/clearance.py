@@ -1,21 +1,14 @@
-r"""`python -m soak.clearance`: what is certified clear touches nothing, and MuJoCo agrees.
+"""Motions that are certified clear touch nothing, and MuJoCo agrees on contacts.
 
 Random motions of three arms between random obstacles are checked. Of those that are certified
 clear, the bodies are looked at 100 times as often as the certificate did, at random times: by other
-kinematics (rotations of scipy), and with triangles instead of hulls. With `--meshes`, the triangles
-of built-in arms are those of their makers' meshes, which their hulls hold:
-
-    python -m soak.clearance --meshes ur5e=ur.urdf.xacro@base_link_inertia,ur_type:=ur5e,name:=ur \
-        --meshes panda=fer.urdf
-
-Then random postures are given to MuJoCo, which has kinematics and collisions of its own. Where one
-says that two bodies touch and the other does not, they are as near as EXCESS.
+kinematics (rotations of scipy), and with triangles instead of hulls. Random postures are given to
+MuJoCo, which has kinematics and collisions of its own. Where one says that two bodies touch and the
+other does not, they are as near as EXCESS.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -36,18 +29,17 @@ from armcontour.scene import (
     Box,
     Capsule,
     Cylinder,
-    LinkShape,
     Mesh,
     Obstacle,
     Scene,
     Shape,
     Sphere,
 )
+from soak import Outcome
 
 ARMS = ("ur5e", "ur10e", "panda")
 FINER = 100
-# The tally is printed after so many motions.
-TOLD = 50
+POSTURES = 50  # given to MuJoCo per seed
 LAPS, LAP = 4, 0.3
 # How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
 EXCESS = 5e-6
@@ -62,13 +54,6 @@ class Tally:
     clear: int = 0
     looks: int = 0
     touches: int = 0
-
-    def __str__(self) -> str:
-        """What was found so far."""
-        return (
-            f"{self.motions} motions, {self.clear} certified clear, {self.looks:,} looks at pairs "
-            f"of those, {self.touches} touches"
-        )
 
 
 def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
@@ -118,22 +103,14 @@ def random_shape(rng: np.random.Generator) -> Shape:
 
 
 class Judge:
-    """Touches of pairs by triangles and by other kinematics.
+    """Touches of pairs by triangles and by other kinematics."""
 
-    Args:
-        chain: The chain of the arm.
-        pairs: The pairs.
-        exact: Triangles of links in the frames of the links, by their names; else the hulls.
-    """
-
-    def __init__(
-        self, chain: Chain, pairs: tuple[Pair, ...], exact: dict[str, LinkShape] | None = None
-    ) -> None:
+    def __init__(self, chain: Chain, pairs: tuple[Pair, ...]) -> None:
         self._chain = chain
         both = [(pair.first, pair.second) for pair in pairs]
         bodies = {id(x): x for pair in both for x in pair}
         order = {key: k for k, key in enumerate(bodies)}
-        self._bodies = [(x.link, *_body(x, exact or {})) for x in bodies.values()]
+        self._bodies = [(x.link, *_body(x)) for x in bodies.values()]
         self._pairs = np.array([[order[id(x)] for x in pair] for pair in both])
         balls = [_ball(shape) for _, shape, _ in self._bodies]
         self._centres = np.array([np.append(centre, 1.0) for centre, _ in balls])
@@ -193,12 +170,9 @@ def _ball(shape: Any) -> tuple[FloatArray, float]:
     return np.zeros(3), radius
 
 
-def _body(x: Body, exact: dict[str, LinkShape]) -> tuple[object, FloatArray]:
+def _body(x: Body) -> tuple[object, FloatArray]:
     """A body of the library, of triangles where it is a mesh, and its place in its link."""
     shape, place = x.exact or x.shape, x.place
-    if x.name in exact:
-        given = exact[x.name]
-        shape, place = given.exact or given.shape, given.place
     made: object
     match shape:
         case Mesh():
@@ -234,18 +208,9 @@ def judge_motion(
     arm: ac.Arm,
     rng: np.random.Generator,
     tally: Tally,
-    exact: dict[str, LinkShape] | None = None,
     finer: int = FINER,
 ) -> None:
-    """Check a random motion in a random scene; if it is clear, look at it at random times.
-
-    Args:
-        arm: The arm.
-        rng: Random numbers.
-        tally: What was found is added to it.
-        exact: Triangles of links, by their names; else those of the hulls.
-        finer: How many times as often the judge looks at a pair as the certificate did.
-    """
+    """Check a random motion in a random scene; if it is clear, look at it at random times."""
     motion, scene = random_motion(arm, rng), random_scene(rng)
     found = ac.check_clearance(motion, arm, scene)
     tally.motions += 1
@@ -254,18 +219,14 @@ def judge_motion(
     tally.clear += 1
     pairs, _ = pairs_of(arm, scene)
     assert arm.chain is not None
-    judge = Judge(arm.chain, pairs, exact)
+    judge = Judge(arm.chain, pairs)
     times = rng.uniform(0, motion.duration, finer * found.evaluations // len(pairs))
     tally.looks += len(times) * len(pairs)
     tally.touches += judge.touches(motion(times))
 
 
 def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
-    """MuJoCo's answer which links of an arm touch at joint positions.
-
-    Args:
-        arm: An arm whose shapes are meshes.
-    """
+    """MuJoCo's answer which links of an arm touch at joint positions."""
     import mujoco
 
     assert arm.chain is not None and arm.shapes is not None
@@ -335,55 +296,13 @@ def compare_contacts(
     return count * len(pairs), touching, worst, different
 
 
-def exact_of(given: str, built_in: ac.Arm) -> dict[str, LinkShape]:
-    """Meshes of the links of a description, by the names of the built-in arm's links.
-
-    Args:
-        given: The file of the description, with @ and its base if that is not the root, and for a
-            .xacro file the values of its arguments, as name:=value, each after a comma.
-        built_in: The built-in arm.
-    """
-    described, *values = given.split(",")
-    file, _, base = described.partition("@")
-    arguments = dict(x.split(":=", 1) for x in values)
-    shapes = ac.load_arm(
-        file, base=base or None, trust_xacro=bool(arguments), arguments=arguments
-    ).shapes
-    assert shapes is not None and built_in.shapes is not None
-    names = {x.link: x.name for x in built_in.shapes.shapes}
-    return {names[x.link]: x for x in shapes.shapes}
-
-
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    given = argparse.ArgumentParser(prog="python -m soak.clearance", description=__doc__)
-    given.add_argument("--count", type=int, default=10_000, help="how many motions, and postures")
-    given.add_argument("--seed", type=int, default=0, help="seed of the first one")
-    given.add_argument("--meshes", action="append", default=[], help="ARM=FILE@BASE,NAME:=VALUE")
-    told = given.parse_args()
-    files = dict(x.split("=", 1) for x in told.meshes)
-    bad = 0
-    for name in ARMS:
-        arm = ac.load_arm(name)
-        exact = exact_of(files[name], arm) if name in files else None
-        tally = Tally()
-        for k in range(told.count // len(ARMS)):
-            judge_motion(arm, np.random.default_rng((told.seed, k)), tally, exact)
-            if tally.motions % TOLD == 0:
-                print(f"{name}: {tally}", flush=True)
-        print(f"{name}: {tally}", flush=True)
-        postures = told.count // len(ARMS)
-        looked, touching, worst, different = compare_contacts(
-            arm, np.random.default_rng(told.seed), postures
-        )
-        print(
-            f"{name}: {postures} postures, {looked:,} pairs, {touching} touch for MuJoCo; "
-            f"{different} differ, by up to {worst * 1e6:.2f} um",
-            flush=True,
-        )
-        bad += tally.touches + (worst > EXCESS)
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(seed: int) -> Outcome:
+    """Judge a random motion of an arm, and compare contacts at random postures with MuJoCo."""
+    name, rng, tally = ARMS[seed % len(ARMS)], np.random.default_rng(seed), Tally()
+    arm = ac.load_arm(name)
+    judge_motion(arm, rng, tally)
+    _, _, worst, different = compare_contacts(arm, rng, POSTURES)
+    notes = [f"{tally.touches} touches of a motion certified clear"] if tally.touches else []
+    if worst > EXCESS:
+        notes.append(f"MuJoCo differs at {different} pairs, by up to {worst * 1e6:.2f} um")
+    return Outcome(kind=name, result="clear" if tally.clear else "not clear", notes=notes)

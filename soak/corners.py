@@ -1,19 +1,14 @@
-"""`python -m soak.corners`: rounds random corners beside arcs; exit code 1 if one goes wrong.
-
-Everything is measured here from points and angles, without the package's geometry.
-"""
+"""Rounded corners beside arcs, measured from points and angles, without the package's geometry."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from soak import Outcome
 
 SAMPLES = np.linspace(0.0, 1.0, 41)
 ROUNDING = 1e-12
@@ -74,7 +69,6 @@ class Piece:
 class Case:
     """One corner: two pieces that leave it, how much the path turns there, and what is allowed."""
 
-    seed: int
     away: tuple[Piece, Piece]
     turn: float
     tolerance: float
@@ -142,7 +136,7 @@ def draw(seed):
             twist = Rotation.from_rotvec(rng.uniform(-3, 3) * away[1].tangent)
             away[1] = _turned(away[1], twist)
         away = [_turned(x, Rotation.random(random_state=seed)) for x in away]
-    return Case(seed, tuple(away), turn, 10 ** rng.uniform(-6, -2), kind)
+    return Case(tuple(away), turn, 10 ** rng.uniform(-6, -2), kind)
 
 
 def _lift(piece):
@@ -194,26 +188,9 @@ def judge(case):
     return "", False
 
 
-def main() -> int:
-    """Run it; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.corners", description=__doc__)
-    parser.add_argument("--count", type=int, default=10_000, help="how many corners")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    given = parser.parse_args()
-    counts: Counter[tuple[str, bool]] = Counter()
-    bad = 0
-    for seed in range(given.first_seed, given.first_seed + given.count):
-        case = draw(seed)
-        wrong, stopped = judge(case)
-        counts[case.kind, stopped] += 1
-        if wrong:
-            bad += 1
-            print(f"seed {seed} ({case.kind}, turn {case.turn:.9g}): {wrong}")
-    for (kind, stopped), count in sorted(counts.items()):
-        print(f"  {kind:36} {'full stop' if stopped else 'rounded':10} {count:6d}")
-    print(f"{given.count} corners beside arcs, {bad} wrong")
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def run(seed: int) -> Outcome:
+    """Round and judge the corner of a seed."""
+    case = draw(seed)
+    wrong, stopped = judge(case)
+    notes = [f"turn {case.turn:.9g}: {wrong}"] if wrong else []
+    return Outcome(kind=case.kind, result="full stop" if stopped else "rounded", notes=notes)

@@ -1,18 +1,15 @@
 """Signals, kills and races at random moments of every command.
 
-    python -m soak.interrupts [--signals 300] [--kills 50] [--races 50] [--seed 1]
-
 A command that gets a signal must end within a second, with the old result, the new one or none,
 and nothing else left. After `kill -9` the same command gives a clean result, unless the kill came
 while files were renamed: then it names the folder of the earlier result. Of two runs at once into
-one folder one succeeds and one is refused. Prints each case that fails, with its seed.
+one folder one succeeds and one is refused.
 """
 
 from __future__ import annotations
 
-import argparse
+import atexit
 import hashlib
-import os
 import random
 import shutil
 import signal
@@ -20,11 +17,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path as FilePath
 
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
+
+from soak import Outcome
 
 COMMANDS = {
     "run": ["run", "job.yaml", "--out", "out"],
@@ -170,108 +169,71 @@ class Bench:
         return ""
 
 
-def try_signals(bench: Bench, count: int, seed: int) -> int:
-    """Signals at random moments: how many cases failed."""
-    failed = 0
-    latencies: list[float] = []
-    codes: Counter[str] = Counter()
-    for i in range(count):
-        draw = random.Random(f"{seed} signal {i}")
-        name = draw.choice(list(COMMANDS))
-        number = draw.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-        earlier = draw.random() < 0.5
-        arguments = bench.prepare(name, earlier)
-        ended = call(
-            bench.folder, arguments, number, draw.uniform(0.0, 1.05 * bench.durations[name])
-        )
-        wrong = bench.wrong(name, earlier)
-        # Python's own start-up, before any line of this program, ends by the signal itself.
-        if ended.code not in (bench.codes[name], 128 + number, -number):
-            wrong = f"exit code {ended.code}: {ended.said}"
-        # Once this program listens, no signal raises this: it came in Python's own start-up.
-        if "KeyboardInterrupt" in ended.said:
-            codes["interrupted in Python's own start-up"] += 1
-        elif "Traceback" in ended.said:
-            wrong = wrong or f"a traceback: {ended.said[-300:]}"
-        latencies.append(ended.after)
-        if ended.after > BAR:
-            wrong = wrong or f"ended {ended.after:.2f} s after the signal"
-        codes["by signal" if ended.code == 128 + number else "ended before"] += 1
-        if wrong:
-            failed += 1
-            print(f"seed {seed}, signal {i}: {name}, {number.name}, {earlier=}: {wrong}")
-    longest = max(latencies, default=0.0)
-    print(f"{count} signals: {failed} failed; {dict(codes)}; longest {longest:.2f} s")
-    return failed
+def try_signal(bench: Bench, draw: random.Random) -> list[str]:
+    """A signal at a random moment."""
+    name = draw.choice(list(COMMANDS))
+    number = draw.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    earlier = draw.random() < 0.5
+    arguments = bench.prepare(name, earlier)
+    ended = call(bench.folder, arguments, number, draw.uniform(0.0, 1.05 * bench.durations[name]))
+    notes = [bench.wrong(name, earlier)]
+    # Python's own start-up, before any line of this program, ends by the signal itself.
+    if ended.code not in (bench.codes[name], 128 + number, -number):
+        notes.append(f"exit code {ended.code}: {ended.said}")
+    # Once this program listens, no signal raises KeyboardInterrupt.
+    if "Traceback" in ended.said and "KeyboardInterrupt" not in ended.said:
+        notes.append(f"a traceback: {ended.said[-300:]}")
+    if ended.after > BAR:
+        notes.append(f"ended {ended.after:.2f} s after the signal")
+    return [f"{name}, {number.name}, {earlier=}: {x}" for x in notes if x]
 
 
-def try_kills(bench: Bench, count: int, seed: int) -> int:
-    """`kill -9`, then the same command without and with --force: how many cases failed."""
-    failed = 0
-    for i in range(count):
-        draw = random.Random(f"{seed} kill {i}")
-        name = draw.choice([x for x in COMMANDS if bench.whole[x]])
-        earlier = draw.random() < 0.5
-        arguments = bench.prepare(name, earlier)
-        wait = draw.uniform(0.2, 1.0) * bench.durations[name]
-        call(bench.folder, arguments, signal.SIGKILL, wait)
-        if any(bench.folder.glob("out/.armcontour-next/.old/*")):
-            print(f"seed {seed}, kill {i}: {name}: killed during the renames")
-            continue
-        plain = call(bench.folder, COMMANDS[name])
-        wrong = "" if plain.code in (0, 2) else f"without --force: {plain.code} {plain.said}"
-        wrong = wrong or bench.wrong(name, earlier)
-        forced = call(bench.folder, [*COMMANDS[name], "--force"])
-        wrong = wrong or ("" if forced.code == 0 else f"with --force: {forced.code} {forced.said}")
-        wrong = wrong or bench.wrong(name, earlier=True)
-        if wrong:
-            failed += 1
-            print(f"seed {seed}, kill {i}: {name}, {earlier=}: {wrong}")
-    print(f"{count} kills: {failed} failed")
-    return failed
+def try_kill(bench: Bench, draw: random.Random) -> list[str]:
+    """`kill -9`, then the same command without and with --force."""
+    name = draw.choice([x for x in COMMANDS if bench.whole[x]])
+    earlier = draw.random() < 0.5
+    arguments = bench.prepare(name, earlier)
+    wait = draw.uniform(0.2, 1.0) * bench.durations[name]
+    call(bench.folder, arguments, signal.SIGKILL, wait)
+    if any(bench.folder.glob("out/.armcontour-next/.old/*")):
+        return []
+    plain = call(bench.folder, COMMANDS[name])
+    notes = [] if plain.code in (0, 2) else [f"without --force: {plain.code} {plain.said}"]
+    notes.append(bench.wrong(name, earlier))
+    forced = call(bench.folder, [*COMMANDS[name], "--force"])
+    if forced.code:
+        notes.append(f"with --force: {forced.code} {forced.said}")
+    notes.append(bench.wrong(name, earlier=True))
+    return [f"{name}, {earlier=}: {x}" for x in notes if x]
 
 
-def try_races(bench: Bench, count: int, seed: int) -> int:
-    """Two runs at once into one folder: how many cases failed."""
-    failed = 0
-    for i in range(count):
-        draw = random.Random(f"{seed} race {i}")
-        name = draw.choice(["run", "export", "demo"])
-        earlier = draw.random() < 0.5
-        arguments = bench.prepare(name, earlier=earlier)
-        first = begin(bench.folder, arguments)
-        time.sleep(draw.uniform(0.0, 0.2))
-        second = begin(bench.folder, arguments)
-        said = [x.communicate(timeout=600)[1] for x in (first, second)]
-        codes = sorted((first.returncode, second.returncode))
-        wrong = bench.wrong(name, earlier=True)
-        # A folder is written to for a sixth of a second. Where it may be replaced, the second run
-        # may come after the first.
-        if codes != [0, 2] and not (earlier and codes == [0, 0]):
-            wrong = f"exit codes {codes}: {said}"
-        if wrong:
-            failed += 1
-            print(f"seed {seed}, race {i}: {name}: {wrong}")
-    print(f"{count} races: {failed} failed")
-    return failed
+def try_race(bench: Bench, draw: random.Random) -> list[str]:
+    """Two runs at once into one folder."""
+    name = draw.choice(["run", "export", "demo"])
+    earlier = draw.random() < 0.5
+    arguments = bench.prepare(name, earlier=earlier)
+    first = begin(bench.folder, arguments)
+    time.sleep(draw.uniform(0.0, 0.2))
+    second = begin(bench.folder, arguments)
+    said = [x.communicate(timeout=600)[1] for x in (first, second)]
+    codes = sorted((first.returncode, second.returncode))
+    notes = [bench.wrong(name, earlier=True)]
+    # Where a folder may be replaced, the second run may come after the first.
+    if codes != [0, 2] and not (earlier and codes == [0, 0]):
+        notes.append(f"exit codes {codes}: {said}")
+    return [f"{name}: {x}" for x in notes if x]
 
 
-def main() -> None:
-    """Try all three; the exit code tells whether a case failed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--signals", type=int, default=300)
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--races", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1)
-    x = parser.parse_args()
-    os.environ["PYTHONIOENCODING"] = "utf-8"
-    with tempfile.TemporaryDirectory() as root:
-        bench = Bench(FilePath(root))
-        failed = try_signals(bench, x.signals, x.seed)
-        failed += try_kills(bench, x.kills, x.seed)
-        failed += try_races(bench, x.races, x.seed)
-    sys.exit(bool(failed))
+@cache
+def own_bench() -> Bench:
+    """The folder of this process."""
+    root = tempfile.mkdtemp(prefix="interrupts-")
+    atexit.register(shutil.rmtree, root, ignore_errors=True)
+    return Bench(FilePath(root))
 
 
-if __name__ == "__main__":
-    main()
+def run(seed: int) -> Outcome:
+    """Six signals to a kill and a race."""
+    act = (try_kill, try_race, *[try_signal] * 6)[seed % 8]
+    notes = act(own_bench(), random.Random(seed))
+    return Outcome(kind=act.__name__, result="ended", notes=notes)

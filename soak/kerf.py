@@ -1,39 +1,39 @@
-"""`python -m soak.kerf`: offsets of random contours, judged by distances; exit code 1 if one fails.
+"""Kerf: offsets of random contours judged by distances, and parts that tool paths cut out.
 
-`python -m soak.kerf --plates 200` cuts random plates with planned tool paths and compares the parts
-with what is drawn (`soak.parts`); `python -m soak.kerf FILE ... --width 0.2` does it with drawings.
+The judge of offsets samples the contours, has its own distance to lines and arcs, and asks of each
+offset: is every point of it at the distance d from the contour; does it cover every point at
+distance d on its side that no other place of the contour is nearer to; and does it wind around just
+those random points that lie at this side, farther than d away.
 
-The judge shares nothing with the offset. It samples the contours, has its own distance to lines and
-arcs, and asks of each offset: is every point of it at the distance d from the contour; does it
-cover every point at distance d on its side that no other place of the contour is nearer to; and
-does it wind around just those random points that lie at this side, farther than d away.
+The judge of parts cuts drawings with the planned tool path, and compares the parts with the
+drawings. It has its own plates, of lines and arcs that it writes to DXF files and samples itself,
+its own kinematics of an arm with two links, and its own distances and insides.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
-from collections import Counter
-from collections.abc import Callable
-from functools import partial
+import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 import armcontour as ac
-from armcontour.errors import ArmContourError, InvalidInput
-from soak import parts
+from armcontour.errors import InvalidInput
+from soak import Outcome
+from soak.corners import Piece
 
 # What is allowed between an offset and its distance [m].
-ALLOWED = 1e-6
+OFFSET = 1e-6
 # Steps along a contour between samples, as a share of its length.
 STEPS = 200
 POINTS = 60
 
 
-def shape(rng: np.random.Generator, scale: float) -> ac.Path:
-    """A random closed contour of lines and arcs around (0, 0), within a circle of radius scale."""
+def shape(rng: np.random.Generator, scale: float, centre: ArrayLike = (0.0, 0.0)) -> ac.Path:
+    """A random closed contour of lines and arcs, within a circle of radius scale."""
     n = int(rng.integers(3, 11))
     angles = (
         np.sort(rng.uniform(0, 2 * np.pi, n))
@@ -43,8 +43,7 @@ def shape(rng: np.random.Generator, scale: float) -> ac.Path:
     knots = (
         scale * rng.uniform(0.1, 1, n)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     )
-    if rng.random() < 0.5:
-        knots = knots[::-1]
+    knots = centre + (knots[::-1] if rng.random() < 0.5 else knots)
     segments: list[ac.Line | ac.Arc] = []
     for a, b in zip(knots, np.roll(knots, -1, axis=0), strict=True):
         if rng.random() < 0.5:
@@ -61,24 +60,8 @@ def shape(rng: np.random.Generator, scale: float) -> ac.Path:
 
 def distances(points: np.ndarray, path: ac.Path) -> np.ndarray:
     """Distances of points to a path, segment by segment."""
-    found = np.full(len(points), np.inf)
-    for i in range(len(path)):
-        a, t, n = path.starts[i], path.tangents[i], path.normals[i]
-        k, length = path.curvatures[i], path.lengths[i]
-        v = points - a
-        if k == 0:
-            u = np.clip(v @ t, 0, length)
-            near = np.linalg.norm(v - u[:, None] * t, axis=1)
-        else:
-            center = a + n / k
-            w = points - center
-            angle = np.arctan2(w @ t, -(w @ n)) % (2 * np.pi)
-            end = center + (np.sin(k * length) * t - np.cos(k * length) * n) / k
-            ends = np.minimum(np.linalg.norm(v, axis=1), np.linalg.norm(points - end, axis=1))
-            on = np.abs(np.linalg.norm(w, axis=1) - 1 / k)
-            near = np.where(angle <= k * length, on, ends)
-        found = np.minimum(found, near)
-    return found
+    rows = zip(path.starts, path.tangents, path.normals, path.curvatures, path.lengths, strict=True)
+    return np.min([Piece(*x).distance(points) for x in rows], axis=0)
 
 
 def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +106,7 @@ def comes_back(path: ac.Path) -> bool:
     return bool((near & (apart > 3)).any())
 
 
-def judge(rng: np.random.Generator, source: ac.Path, side: str, kerf: float) -> str:
+def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: float) -> str:
     """What an offset is, "offset", "parts", "vanished" or "crossing"; raises AssertionError."""
     d, scale = kerf / 2, float(np.abs(source.vertices).max())
     program = ac.Program(moves=(ac.Contour(path=source, name="c", keep_start=True),))
@@ -155,119 +138,358 @@ def judge(rng: np.random.Generator, source: ac.Path, side: str, kerf: float) -> 
     for x in found:
         on = x(np.linspace(0, x.length, STEPS))
         worst = np.abs(distances(on, source) - d).max()
-        assert worst <= ALLOWED, f"{worst:.3g} m off"
+        assert worst <= OFFSET, f"{worst:.3g} m off"
         assert np.linalg.norm(x(0.0) - x(x.length)) <= 1e-9, "open"
     points, normals = samples(source)
     asked = points + sign * d * normals
     asked = asked[distances(asked, source) >= d - 1e-12]
     if len(asked) and found:
         missed = np.min([distances(asked, x) for x in found], axis=0).max()
-        assert missed <= ALLOWED, f"{missed:.3g} m missed"
+        assert missed <= OFFSET, f"{missed:.3g} m missed"
     elif len(asked):
         # Where the offset shrinks to a point, rounding may leave one.
         apart = np.linalg.norm(asked - asked[0], axis=1).max()
-        assert apart <= ALLOWED, "vanished, but should not"
+        assert apart <= OFFSET, "vanished, but should not"
     return ("vanished", "offset")[len(found)] if len(found) < 2 else "parts"
 
 
-def judge_nested(rng: np.random.Generator, kerf: float) -> str:
-    """An outline with a hole and an island in it, by the waste side; raises AssertionError."""
-    parts = [shape(rng, 0.1 * x) for x in (1, 0.25, 0.06)]
-    names = ("outline", "hole", "island")
-    program = ac.Program(
-        moves=tuple(ac.Contour(path=x, name=n) for x, n in zip(parts, names, strict=True))
-    )
-    try:
-        done = ac.prepare(program, ac.Process(kerf=kerf))
-    except InvalidInput as error:
-        return "crossing" if "crosses" in str(error) else "refused"
-    places = rng.uniform(-0.12, 0.12, (POINTS, 2))
-    away = np.min([distances(places, x) for x in parts], axis=0)
-    material = sum((windings(places, x) != 0).astype(int) for x in parts) % 2 == 1
-    left = sum((windings(places, x.path) != 0).astype(int) for x in done.contours) % 2 == 1
-    sure = (np.abs(away - kerf / 2) > 1e-5) & (away > 1e-4)
-    nested = all(
-        (windings(parts[k](np.linspace(0, parts[k].length, 99)), parts[k - 1]) != 0).all()
-        for k in (1, 2)
-    )
-    if not nested:
-        return "crossing"
-    assert (left == (material | (away < kerf / 2)))[sure].all(), "another area of the part"
-    for x in done.contours:
-        near = np.min(
-            [distances(x.path(np.linspace(0, x.path.length, STEPS)), y) for y in parts], axis=0
-        )
-        assert np.abs(near - kerf / 2).max() <= ALLOWED, "another distance"
-    return "nested"
-
-
-def run(seed: int) -> str:
+def run_offset(seed: int) -> str:
     """Judge the problem of a seed."""
     rng = np.random.default_rng(seed)
     found = "crossing"
     # Shapes that cross are drawn anew.
     while found == "crossing":
-        if seed % 5 == 4:
-            found = judge_nested(rng, 10 ** rng.uniform(-5, -2.5))
-            continue
         scale = 10 ** rng.uniform(-2.5, -0.5)
         side = "left" if rng.random() < 0.5 else "right"
         share = rng.uniform(0.1, 0.6) if seed % 5 == 3 else 10 ** rng.uniform(-3, 0.2)
-        found = judge(rng, shape(rng, scale), side, scale * share)
+        found = judge_offset(rng, shape(rng, scale), side, scale * share)
     return found
 
 
-# Largest figures of all parts.
-WORST: dict[str, float] = {}
+# Largest deviation of the part from the drawing, beside the tolerance of corners [m].
+ALLOWED = 1e-7
+# Distance of chords from arcs of the drawing [m], and largest spacing of points [m].
+SAGITTA, SPACING = 5e-9, 1e-4
+# Tolerance of corners of the plan [m], and time between points of its tool path [s].
+CORNERS, STEP = 1e-4, 2e-4
+# Lengths of both links [m], and where plates lie [m].
+LINKS, PLACE = (0.5, 0.5), (0.45, 0.2)
+# Largest size of a drawing [m], and length of contours up to which they are planned [m].
+LARGEST, LONGEST = 0.3, 10.0
+LAYERS = ("CUT", "HOLES", "PARTS", "0")
 
 
-def run_part(judged: Callable[[], tuple[str, parts.Verdict | None]], say: str = "") -> str:
-    """Cut a part and judge it; with a name, say what is found of it."""
-    try:
-        kind, verdict = judged()
-    except ArmContourError as error:
-        if say:
-            print(f"{say}: {error}")
-        return "refused"
-    if verdict is not None:
-        for name in ("cut_into", "left_over", "lost", "open_error"):
-            WORST[name] = max(WORST.get(name, 0.0), getattr(verdict, name))
-        WORST["least reached"] = min(WORST.get("least reached", 1.0), verdict.reached)
-        if say:
-            print(f"{say}: {verdict}")
-    return kind
+@dataclass
+class Part:
+    """What is drawn: dense polylines [m], closed ones with equal ends."""
+
+    closed: list[np.ndarray] = field(default_factory=list)
+    opened: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def waste(self) -> list[bool]:
+        """Whether the waste is inside of each closed polyline."""
+        return [
+            sum(inside(x[:1], y)[0] for k, y in enumerate(self.closed) if k != i) % 2 == 1
+            for i, x in enumerate(self.closed)
+        ]
 
 
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.kerf", description=__doc__)
-    parser.add_argument("--count", type=int, default=2000, help="how many contours")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--plates", type=int, default=0, help="how many plates, no contours then")
-    parser.add_argument(
-        "files", nargs="*", type=Path, help="drawings that are cut, no contours then"
-    )
-    parser.add_argument("--width", type=float, default=0.2, help="kerf of these drawings [mm]")
-    given = parser.parse_args()
-    begin, counts, failed = time.perf_counter(), Counter[str](), 0
-    seeds = range(given.first_seed, given.first_seed + (given.plates or given.count))
-    problems: dict[str, Callable[[], str]] = {f"seed {x}": partial(run, x) for x in seeds}
-    if given.plates:
-        problems = {f"seed {x}": partial(run_part, partial(parts.run, x)) for x in seeds}
-    if given.files:
-        cut = partial(parts.run_file, kerf=1e-3 * given.width)
-        problems = {str(x): partial(run_part, partial(cut, x), say=str(x)) for x in given.files}
-    for name, problem in problems.items():
+@dataclass
+class Verdict:
+    """Deviations of a part from its drawing."""
+
+    cut_into: float
+    left_over: float
+    reached: float
+    open_error: float
+
+
+def inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """Whether points are inside of a closed polyline, by crossings of a ray."""
+    (ax, ay), (bx, by) = polygon[:-1].T, polygon[1:].T
+    found = np.zeros(len(points), dtype=bool)
+    for i, (x, y) in enumerate(points):
+        cross = (ay > y) != (by > y)
+        at = ax[cross] + (y - ay[cross]) / (by[cross] - ay[cross]) * (bx[cross] - ax[cross])
+        found[i] = np.count_nonzero(at > x) % 2 == 1
+    return found
+
+
+class Distances:
+    """Distances to dense polylines: to both segments at each of the nearest points."""
+
+    def __init__(self, lines: list[np.ndarray]) -> None:
+        self.a = np.concatenate([x[:-1] for x in lines])
+        self.b = np.concatenate([x[1:] for x in lines])
+        self.tree = cKDTree(np.concatenate([self.a, self.b]))
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Distance of each point from the nearest polyline."""
+        n = len(self.a)
+        found = np.full(len(points), np.inf)
+        for near in self.tree.query(points, k=min(6, 2 * n))[1].T:
+            a, b = self.a[near % n], self.b[near % n]
+            along = np.einsum("ij,ij->i", points - a, b - a)
+            share = np.clip(along / np.einsum("ij,ij->i", b - a, b - a), 0, 1)
+            away = np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)
+            found = np.minimum(found, away)
+        return found
+
+
+def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: float) -> Verdict:
+    """Deviations of the part that tool paths cut out, from the drawing.
+
+    Raises:
+        AssertionError: The tool is on the wrong side of a contour.
+    """
+    half, drawn = kerf / 2, Distances(part.closed)
+    rings = [x for x in tools if (x[0] == x[-1]).all()]
+    lines = [x for x in tools if (x[0] != x[-1]).any()]
+    for x in (*rings, *leads):
+        depth = sum(inside(x[:: max(1, len(x) // 3)], y).astype(int) for y in part.closed)
+        assert (depth % 2 == 0).all(), "wrong side"
+    cut_into = max(float((half - drawn(x)).max()) for x in (*rings, *leads))
+    cut = Distances(rings)
+    left_over, reachable, edges = 0.0, 0, 0
+    for x, waste_inside in zip(part.closed, part.waste, strict=True):
+        step = np.diff(x, axis=0)
+        middle = (x[:-1] + x[1:]) / 2
+        normal = np.column_stack([-step[:, 1], step[:, 0]])
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        area = np.sum(x[:-1, 0] * x[1:, 1] - x[1:, 0] * x[:-1, 1]) / 2
+        centers = middle + half * normal * (1 if (area > 0) == waste_inside else -1)
+        reached = drawn(centers) >= half - 1e-8
+        edges, reachable = edges + len(reached), reachable + int(reached.sum())
+        if reached.any():
+            left_over = max(left_over, float((cut(middle[reached]) - half).max()))
+    open_error = 0.0
+    if part.opened or lines:
+        given, found = Distances(part.opened), Distances(lines)
+        open_error = max(float(given(np.concatenate(lines)).max()), 0.0)
+        open_error = max(open_error, float(found(np.concatenate(part.opened)).max()))
+    return Verdict(cut_into, left_over, reachable / edges, open_error)
+
+
+# A vertex with the bulge of DXF on the way to the next vertex [mm].
+Vertices = list[tuple[float, float, float]]
+
+
+def sampled(vertices: Vertices, closed: bool) -> np.ndarray:
+    """Dense points on a polyline with bulges, in its unit, given in mm."""
+    sagitta, spacing = 1e3 * SAGITTA, 1e3 * SPACING
+    ends = [*vertices[1:], vertices[0]] if closed else vertices[1:]
+    points = []
+    for (ax, ay, bulge), (bx, by, _) in zip(vertices, ends, strict=False):
+        a, b = np.array([ax, ay]), np.array([bx, by])
+        size = float(np.linalg.norm(b - a))
+        if bulge == 0:
+            share = np.linspace(0, 1, max(2, int(size / spacing) + 2))[:-1, None]
+            points.append(a + share * (b - a))
+            continue
+        turn = 4 * np.arctan(bulge)
+        radius = size / 2 / np.sin(abs(turn) / 2)
+        # The centre lies to the left of the chord for an arc to the left of up to half a circle.
+        left = np.array([ay - by, bx - ax]) / size
+        center = (a + b) / 2 + left * np.sign(turn) * radius * np.cos(turn / 2)
+        step = min(np.sqrt(8 * sagitta / radius), spacing / radius)
+        angles = np.linspace(0, turn, int(abs(turn) / step) + 2)[:-1, None]
+        x, y = (a - center)[0], (a - center)[1]
+        points.append(
+            center + np.cos(angles) * np.array([x, y]) + np.sin(angles) * np.array([-y, x])
+        )
+    last = points[0][:1] if closed else np.array([vertices[-1][:2]])
+    return np.concatenate([*points, last])
+
+
+def _blob(rng: np.random.Generator, radius: float, kerf: float) -> Vertices:
+    """A random closed shape around the origin within a radius [mm]."""
+    kind = rng.integers(4)
+    if kind == 0 or radius < 2:
+        r = radius * rng.uniform(0.6, 1)
+        return [(r, 0, 1), (-r, 0, 1)]
+    if kind == 1:
+        r, half = radius * rng.uniform(0.25, 0.45), radius / 2
+        return [(-half, -r, 0), (half, -r, 1), (half, r, 0), (-half, r, 1)]
+    n = int(rng.integers(3, 8))
+    angles = 2 * np.pi * (np.arange(n) + rng.uniform(0, 0.4, n)) / n
+    radii = radius * (rng.uniform(0.6, 1, n) if n > 3 else np.ones(n)) * (0.95 if n > 3 else 1)
+    bulges = rng.uniform(-0.15, 0.1, n) if kind == 3 and n > 4 else np.zeros(n)
+    return [
+        (r * np.cos(a), r * np.sin(a), b) for r, a, b in zip(radii, angles, bulges, strict=True)
+    ]
+
+
+def _turned(vertices: Vertices) -> Vertices:
+    """A closed shape in the other direction."""
+    points = [x[:2] for x in vertices[::-1]]
+    bulges = [-x[2] for x in vertices[-2::-1]] + [-vertices[-1][2]]
+    return [(x, y, b) for (x, y), b in zip(points, bulges, strict=True)]
+
+
+def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
+    """A DXF file of a random plate with holes, islands, blocks and open contours; its part."""
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    space, part = document.modelspace(), Part()
+
+    def add(vertices: Vertices, at: np.ndarray, closed: bool = True) -> None:
+        layer = str(rng.choice(LAYERS))
+        vertices = _turned(vertices) if closed and rng.random() < 0.5 else vertices
+        angle = rng.uniform(0, 2 * np.pi) if closed and rng.random() < 0.7 else 0.0
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        line = sampled(vertices, closed) @ turn.T + at
+        (part.closed if closed else part.opened).append(1e-3 * line + PLACE)
+        # A block that is inserted, or a polyline in its place.
+        if rng.random() < 0.4:
+            block = document.blocks.new(f"B{len(document.blocks)}")
+            block.add_lwpolyline(vertices, format="xyb", close=closed, dxfattribs={"layer": layer})
+            space.add_blockref(block.name, at, dxfattribs={"rotation": np.degrees(angle)})
+            return
+        moved = [(*(turn @ x[:2] + at), x[2]) for x in vertices]
+        space.add_lwpolyline(moved, format="xyb", close=closed, dxfattribs={"layer": layer})
+
+    columns, rows, cell = int(rng.integers(1, 4)), int(rng.integers(1, 3)), 24.0
+    x, y = columns * cell + 4, rows * cell + 4
+    r = rng.choice([0.0, 3.0])
+    q = np.tan(np.pi / 8)
+    if r:
+        outline = [(r, 0, 0), (x - r, 0, q), (x, r, 0), (x, y - r, q), (x - r, y, 0)]
+        outline += [(r, y, q), (0, y - r, 0), (0, r, q)]
+    else:
+        outline = [(0, 0, 0), (x, 0, 0), (x, y, 0), (0, y, 0)]
+    line = sampled(outline, True)
+    part.closed.append(1e-3 * line + PLACE)
+    layer = {"layer": str(rng.choice(LAYERS))}
+    space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs=layer)
+    for column in range(columns):
+        for row in range(rows):
+            at = np.array([2 + cell * (column + 0.5), 2 + cell * (row + 0.5)])
+            kind = rng.integers(5)
+            if kind < 2:
+                add(_blob(rng, rng.uniform(max(3.0, 2.2 * kerf), 10), kerf), at)
+            elif kind < 4:
+                add([(10, 0, 1), (-10, 0, 1)], at)
+                inner = 9.5 - 1.05 * kerf
+                add(_blob(rng, inner, kerf), at)
+                deepest = 0.3 * inner - 0.3
+                if deepest > 0.6 * kerf and rng.random() < 0.5:
+                    add([(deepest / 2, 0, 1), (-deepest / 2, 0, 1)], at)
+            else:
+                points = rng.uniform(-8, 8, (3, 2))
+                add([(*p, 0.0) for p in points], at, closed=False)
+    with tempfile.NamedTemporaryFile("w+", suffix=".dxf") as file:
+        document.write(file)
+        file.flush()
+        return Path(file.name).read_bytes(), part
+
+
+def tool_path(program: ac.Program) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """The planned tool path along each contour, and its leads, from the joints of a plan."""
+    limits = ac.Limits(joint_acceleration=20.0, speed=0.1, centripetal_acceleration=0.5)
+    arm = ac.PlanarTwoLink(name="two links", base=0.0, links=LINKS, limits=limits)
+    planned = ac.plan(program, arm, limits)
+    samples = planned.sample(STEP)
+    first, both = samples.q[:, 0], samples.q.sum(axis=1)
+    points = LINKS[0] * np.column_stack([np.sin(first), np.cos(first)])
+    points += LINKS[1] * np.column_stack([np.sin(both), np.cos(both)])
+    tools, leads = [], []
+    for contour, span in zip(program.contours, planned.contour_spans, strict=True):
+        assert span.work is not None
+        cuts = np.searchsorted(samples.t, [span.t[0], *span.work, span.t[1]])
+        before, work, after = (points[a:b] for a, b in zip(cuts, cuts[1:], strict=False))
+        if contour.closed:
+            # Work begins and ends between two samples.
+            tools.append(np.concatenate([work, work[:1]]))
+            leads += [x for x in (before, after) if len(x)]
+        else:
+            tools.append(work)
+    return tools, leads
+
+
+def check_part(verdict: Verdict) -> None:
+    """Refuse a part that deviates from its drawing.
+
+    Raises:
+        AssertionError: A deviation exceeds what is allowed.
+    """
+    assert verdict.cut_into <= ALLOWED, f"cut {verdict.cut_into:.3g} m into the part"
+    assert verdict.left_over <= ALLOWED + CORNERS, f"{verdict.left_over:.3g} m are left over"
+    assert verdict.open_error <= ALLOWED + CORNERS, f"open contour {verdict.open_error:.3g} m off"
+
+
+def points_on(path: ac.Path, begin: float, end: float) -> np.ndarray:
+    """Dense points on a path between two arc lengths [m]."""
+    steps = np.minimum(SPACING, np.sqrt(8 * SAGITTA / np.maximum(path.curvatures, 1e-9)))
+    ends = zip(path.breaks, path.lengths / steps, np.roll(path.breaks, -1), strict=False)
+    s = np.concatenate([np.linspace(a, b, int(n) + 2) for a, n, b in ends])
+    return path(np.unique(np.clip(s, begin, end)))
+
+
+def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
+    """Cut the drawing of a file, which the package reads, and judge the part.
+
+    Drawings of more than LONGEST are judged by the path that would be planned.
+    """
+    corners = np.concatenate([x.path.vertices for x in ac.read_path(file, flat=True).contours])
+    scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))
+    at = np.array(PLACE) - scale * corners.min(axis=0)
+    drawing = ac.read_path(file, flat=True, scale=scale, frame=ac.Frame(position=(*at, 0)))
+    part = Part()
+    for x in drawing.contours:
+        (part.closed if x.closed else part.opened).append(points_on(x.path, 0.0, x.path.length))
+    process = ac.Process(kerf=kerf, order="drawn")
+    program = ac.round_corners(ac.prepare(drawing, process), tolerance=CORNERS)
+    if program.length <= LONGEST:
+        tools, leads = tool_path(program)
+    else:
+        tools, leads = [points_on(x.path, *x.at_work) for x in program.contours], []
+    verdict = judge(part, tools, leads, kerf)
+    check_part(verdict)
+    return "part", verdict
+
+
+def run_plate(seed: int) -> tuple[str, Verdict | None]:
+    """Cut the plate of a seed and judge it; "refused" if its kerf or its leads do not fit.
+
+    In the place of leads that are refused, the longest that are said to fit are judged.
+    """
+    rng = np.random.default_rng([seed, 17])
+    kerf = float(np.exp(rng.uniform(np.log(0.2), np.log(3))))
+    data, part = plate(rng, kerf)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "plate.dxf"
+        file.write_bytes(data)
+        drawing = ac.read_path(file, frame=ac.Frame(position=(*PLACE, 0)))
+    length: float | None = 1e-3 * rng.uniform(0.3, 4) if rng.random() < 0.5 else None
+    begin = str(rng.choice(["auto", "drawn"]))
+    while True:
+        lead = None if length is None else ac.Lead(length=length, shape="arc")
+        process = ac.Process(kerf=1e-3 * kerf, begin=begin, lead_in=lead, lead_out=lead)
         try:
-            counts[problem()] += 1
-        except Exception as error:
-            failed += 1
-            print(f"{name}: {type(error).__name__}: {error}")
-    if WORST:
-        print({name: f"{x:.3g}" for name, x in WORST.items()})
-    print(f"{dict(counts)}, {failed} failed, in {time.perf_counter() - begin:.0f} s")
-    return 1 if failed else 0
+            prepared = ac.prepare(drawing, process)
+            tools, leads = tool_path(ac.round_corners(prepared, tolerance=CORNERS))
+        except InvalidInput as error:
+            assert error.allowed is not None, str(error)
+            if "lead-" not in str(error):
+                return "refused kerf", None
+            if not error.allowed:
+                return "refused lead", None
+            length = error.allowed
+        else:
+            break
+    verdict = judge(part, tools, leads, 1e-3 * kerf)
+    check_part(verdict)
+    return "part with leads" if leads else "part", verdict
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def run(seed: int) -> Outcome:
+    """Judge an offset, and every tenth time a part."""
+    try:
+        if seed % 10:
+            return Outcome(kind="offset", result=run_offset(seed))
+        return Outcome(kind="part", result=run_plate(seed)[0])
+    except AssertionError as error:
+        return Outcome(result="wrong", notes=[str(error)])

@@ -1,35 +1,41 @@
-"""`python -m soak.outputs`: outputs of random programs against the work; exit code 1 if one fails.
+"""Outputs of random programs and jobs, judged against the joints' positions over time.
 
 Programs of lines and circles get leads, tabs, passes, overlaps, dwells, gaps of their own, several
 outputs and a place from which they are resumed. The judge takes the positions of the joints at
 every sample of the plan, its own arc length along each line and circle, and the gaps as they were
 drawn. An output must be off wherever the tool does no work by more than the leads, and on wherever
 it works; events and analog values are judged alike.
+
+Jobs are polygons on the PMK-3s, each written twice, in SI and in other units. The judge has the
+arm's kinematics of its own: is the tool at work within the tolerance of the polygon, does it cover
+it, are leads as long as asked, does the tool rest in dwells, are outputs switched where the tool
+is, and do analog outputs follow its speed.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import sys
-import time
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import yaml
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.jobs import analog_outputs
+from armcontour.io import parse_job
+from armcontour.jobs import RunPlan, analog_outputs, teach
+from soak import Outcome
 
 STEP = 1e-3
 # Time by which samples and events may differ [s], and distance from the contour [m].
-SLACK, NEAR = 2e-3, 1e-6
+SLACK, ON = 2e-3, 1e-6
 CELL, ORIGIN = 0.035, np.array([0.27, 0.13])
-SPEED = 0.06
+ASSIGNED = 0.06
 
 
 @dataclass
-class Drawn:
+class Shape:
     """A line or a circle, and where the drawing has it off: in every lap, and before its begin."""
 
     start: np.ndarray
@@ -80,22 +86,22 @@ class Drawn:
         angle = np.arctan2(spokes[:, 1], spokes[:, 0]) - np.arctan2(first[1], first[0])
         s = np.unwrap(self.turn * angle) * radius
         distance = np.abs(np.linalg.norm(spokes, axis=1) - radius)
-        last = np.flatnonzero(distance < NEAR)[-1]
+        last = np.flatnonzero(distance < ON)[-1]
         return s + np.round((end - s[last]) / self.length) * self.length, distance
 
 
-def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Drawn:
+def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
     """A line or a circle in a cell of its own, with gaps as the style has them."""
     corner = ORIGIN + CELL * np.array([number % 3, number // 3])
     middle = corner + CELL / 2
     if rng.random() < 0.5:
         angle = rng.uniform(0, 2 * np.pi)
         half = 0.5 * rng.uniform(0.014, 0.022) * np.array([np.cos(angle), np.sin(angle)])
-        found = Drawn(middle - half, middle + half, None)
+        found = Shape(middle - half, middle + half, None)
     else:
         angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.005, 0.01)
         start = middle + radius * np.array([np.cos(angle), np.sin(angle)])
-        found = Drawn(start, None, middle, rng.choice([-1.0, 1.0]))
+        found = Shape(start, None, middle, rng.choice([-1.0, 1.0]))
     length = found.length
     gaps = np.sort(rng.uniform(0.3, 0.9, 2 * rng.integers(0, 3))) * length
     gaps = gaps.reshape(-1, 2)
@@ -124,11 +130,11 @@ def lead(rng: np.random.Generator, active: bool) -> ac.Lead | None:
     )
 
 
-def run(seed: int) -> int:
+def judge_program(seed: int) -> int:
     """Judge one program; returns the number of samples, 0 if gaps are too short for its leads."""
     rng = np.random.default_rng(seed)
     in_order = rng.random() < 0.4
-    drawn: list[Drawn] = []
+    drawn: list[Shape] = []
     moves: list[object] = []
     for k in range(rng.integers(1, 6)):
         layer = str(rng.choice(["", "SEAL"]))
@@ -171,7 +177,7 @@ def run(seed: int) -> int:
             ac.Analog(name="flow", rest=1.0, full=1.0, follows="laser"),
         ),
     )
-    visits: list[tuple[Drawn, float]] = []
+    visits: list[tuple[Shape, float]] = []
     for x in drawn:
         closed = x.centre is not None
         visits += [(x, passes * x.length + overlap if closed else x.length)] * (
@@ -189,7 +195,7 @@ def run(seed: int) -> int:
             first += 1
         process = dataclasses.replace(process, from_s=from_s)
     arm = ac.load_arm("pmk3s")
-    limits = arm.limits.replace(speed=SPEED)
+    limits = arm.limits.replace(speed=ASSIGNED)
     program = ac.prepare(ac.Program(moves=tuple(moves)), process)
     try:
         plan = ac.plan(program, arm, limits)
@@ -208,7 +214,7 @@ def run(seed: int) -> int:
     for k, (span, (x, end)) in enumerate(zip(spans, visits[first:], strict=True)):
         here = (t >= span.t[0]) & (t <= span.t[1])
         s, distance = x.places(tool[here], end)
-        work = (distance < NEAR) & (s >= max(x.begin, begun if k == 0 else 0.0)) & (s <= end)
+        work = (distance < ON) & (s >= max(x.begin, begun if k == 0 else 0.0)) & (s <= end)
         for a, b in x.off:
             place = s if x.centre is None else s % x.length
             work &= (place < a) | (place > b)
@@ -221,19 +227,19 @@ def run(seed: int) -> int:
         on = np.zeros(len(t), dtype=bool)
         for y in own:
             on[t >= y.t] = y.value is not False
-        judge(f"seed {seed}, {name}", t, on, work, leads, on_lead, off_lead)
+        _judge_output(f"seed {seed}, {name}", t, on, work, leads, on_lead, off_lead)
         if name == "laser":
             # It follows the laser, on the other layer too, where the laser is off.
-            judge(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, leads, 0.0, 0.0)
+            _judge_output(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, leads, 0.0, 0.0)
     power = analog["power"](t) != process.analog[0].off
     work = works["laser"] | works["glue"]
     ahead = np.interp(t + early, t, work.astype(float), right=0.0) > 0.5
     leads = np.interp(t + early, t, leads.astype(float), right=0.0) > 0
-    judge(f"seed {seed}, power", t, power, ahead, leads, 0.0, 0.0)
+    _judge_output(f"seed {seed}, power", t, power, ahead, leads, 0.0, 0.0)
     return len(t)
 
 
-def judge(
+def _judge_output(
     what: str,
     t: np.ndarray,
     on: np.ndarray,
@@ -257,26 +263,153 @@ def judge(
     assert not wrong.any(), f"{what}: off at work at {t[wrong][:5]} s, {wrong.sum()} samples"
 
 
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.outputs", description=__doc__)
-    parser.add_argument("--count", type=int, default=500, help="how many programs")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    given = parser.parse_args()
-    begin, samples, refused, failed = time.perf_counter(), 0, 0, 0
-    for seed in range(given.first_seed, given.first_seed + given.count):
-        try:
-            judged = run(seed)
-            samples, refused = samples + judged, refused + (judged == 0)
-        except Exception as error:
-            failed += 1
-            print(f"{seed}: {type(error).__name__}: {error}")
-    print(
-        f"{given.count} programs, {samples} samples, {refused} refused, {failed} failed, ", end=""
-    )
-    print(f"in {time.perf_counter() - begin:.0f} s")
-    return 1 if failed else 0
+UNITS = {
+    "m": (("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("inch", 1 / 0.0254)),
+    "m/s": (("m/s", 1.0), ("mm/s", 1e3), ("m/min", 60.0), ("inch/s", 1 / 0.0254)),
+    "s": (("s", 1.0), ("ms", 1e3), ("us", 1e6)),
+}
+CENTER = np.array([0.36, 0.16])
+TIMES = 20_001
+# Rounding errors of units and of plans, as a share [-] and as a length [m].
+SAME, NEAR = 1e-7, 1e-8
+# Speeds of the tool and along its path differ by this share: the joint path is an interpolation.
+SPEED = 1e-5
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+class DrawnJob:
+    """A random job."""
+
+    def __init__(self, seed: int) -> None:
+        rng = self.rng = np.random.default_rng(seed)
+        n, size = int(rng.integers(3, 7)), float(rng.uniform(0.015, 0.05))
+        angle = np.linspace(0, 2 * np.pi, n, endpoint=False) + rng.uniform(-0.3, 0.3, n)
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        corners = CENTER + size * rng.uniform(0.6, 1.2, (n, 1)) * around
+        self.closed = bool(rng.random() < 0.75)
+        self.points = np.append(corners, corners[:1], axis=0) if self.closed else corners
+        self.tolerance = size * float(10 ** rng.uniform(-2, -1))
+        self.speed = float(rng.uniform(0.02, 0.15))
+        self.lead_in, self.lead_out, self.dwell, self.on, self.off = (
+            float(rng.uniform(low, high)) * bool(rng.random() < share)
+            for low, high, share in (
+                (0.1 * size, 0.5 * size, 0.8),
+                (0.1 * size, 0.5 * size, 0.5),
+                (0.05, 0.3, 0.5),
+                (0.0, 0.02, 0.8),
+                (0.0, 0.02, 0.8),
+            )
+        )
+        if not self.lead_in and not self.dwell:
+            self.on = 0.0
+        self.overlap = self.closed * float(rng.uniform(0, 0.5 * size)) * bool(rng.random() < 0.5)
+        self.passes = int(rng.integers(1, 4)) if self.closed else 1
+
+    def text(self, other_units: bool) -> str:
+        """The job as YAML."""
+
+        def write(value: float, unit: str) -> Any:
+            if not other_units:
+                return float(value)
+            name, factor = UNITS[unit][self.rng.integers(len(UNITS[unit]))]
+            return f"{float(value) * factor!r} {name}"
+
+        process: dict[str, Any] = {"passes": self.passes, "overlap": write(self.overlap, "m")}
+        for name, length in (("lead_in", self.lead_in), ("lead_out", self.lead_out)):
+            if length:
+                process[name] = {"length": write(length, "m")}
+        process["dwell"] = write(self.dwell, "s")
+        leads = {"on_lead": write(self.on, "s"), "off_lead": write(self.off, "s")}
+        process["switch"] = {"name": "laser", **leads}
+        process["analog"] = [{"name": "power", "rest": 0.2, "off": -1.0}]
+        return yaml.safe_dump(
+            {
+                "name": "drawn",
+                "arm": "pmk3s",
+                "path": {"points": [[write(x, "m") for x in p] for p in self.points]},
+                "limits": {"speed": write(self.speed, "m/s"), "joint_acceleration": 4.0},
+                "corners": {"tolerance": write(self.tolerance, "m")},
+                "process": process,
+                "servo": {"kp": 25.0, "kv": 150.0},
+                "command_interval": write(0.004, "s"),
+                "runs": {"only": {"compensation": {"method": "none"}}},
+            }
+        )
+
+
+def tool(q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tool points [m] and speeds [m/s] of the PMK-3s, angles clockwise from y."""
+    arm = ac.load_arm("pmk3s")
+    assert isinstance(arm, ac.PlanarTwoLink)
+    first, second = q[:, 0], q.sum(axis=1)
+    ones = np.array([arm.link1, arm.link2])
+    x = np.stack([np.sin(first), np.sin(second)], axis=1)
+    y = np.stack([np.cos(first), np.cos(second)], axis=1)
+    rate = np.stack([dq[:, 0], dq.sum(axis=1)], axis=1)
+    point = np.stack([x @ ones + arm.base, y @ ones], axis=1)
+    return point, np.hypot((y * rate) @ ones, (x * rate) @ ones)
+
+
+def distances(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """Distances of points from a polygon [m], (n,)."""
+    a, along = polygon[:-1], np.diff(polygon, axis=0)
+    share = np.einsum("nkd,kd->nk", points[:, None] - a, along) / (along**2).sum(axis=1)
+    foot = a + np.clip(share, 0, 1)[..., None] * along
+    return np.asarray(np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1))
+
+
+def plan(text: str) -> tuple[ac.Job, RunPlan]:
+    """The job of a text, and its run without simulation."""
+    job = parse_job(text)
+    return job, next(iter(teach(job).values()))
+
+
+def judge_job(seed: int) -> list[str]:
+    """What is wrong with a job, in words."""
+    drawn = DrawnJob(seed)
+    try:
+        job, run = plan(drawn.text(False))
+    except ac.ArmContourError as error:
+        return [f"refused: {error}"]
+    other = plan(drawn.text(True))[1].trajectory.duration
+    motion = run.trajectory
+    spans = motion.contour_spans
+    ends = [y for x in spans for y in (*x.t, *(x.work or ()))]
+    t = np.unique(np.concatenate([np.linspace(0, motion.duration, TIMES), motion.breaks, ends]))
+    point, speed = tool(motion(t), motion(t, 1))
+    work = np.any([(t >= x.work[0]) & (t <= x.work[1]) for x in spans if x.work], axis=0)
+    step = speed.max() * motion.duration / TIMES
+    share = np.linspace(0, 1, 200)[:, None, None]
+    places = (drawn.points[:-1] + share * np.diff(drawn.points, axis=0)).reshape(-1, 2)
+    far = np.array([np.linalg.norm(point[work] - x, axis=1).min() for x in places])
+    found = {
+        "duration in other units": (abs(other / motion.duration - 1), SAME),
+        "distance from the contour": (
+            distances(point[work], drawn.points).max(),
+            drawn.tolerance + NEAR,
+        ),
+        "contour not covered": (far.max(), drawn.tolerance + step + NEAR),
+        "speed over assigned": (speed.max() / drawn.speed - 1, SPEED),
+    }
+    begin, end = spans[0], spans[-1]
+    assert begin.work is not None and end.work is not None
+    for name, low, high, length in (
+        ("lead-in", begin.t[0], begin.work[0], drawn.lead_in),
+        ("lead-out", end.work[1], end.t[1], drawn.lead_out),
+    ):
+        here = (t >= low) & (t <= high)
+        run_length = float(np.trapezoid(speed[here], t[here]))
+        found[f"length of the {name}"] = (abs(run_length - length), 1e-4 * length + 1e-7)
+    resting = (t > begin.t[0] - drawn.dwell) & (t < begin.t[0])
+    found["speed in the dwell"] = (speed[resting].max(initial=0.0), NEAR)
+    return [f"{k}: {x:.3g}, allowed {most:.3g}" for k, (x, most) in found.items() if not x <= most]
+
+
+def run(seed: int) -> Outcome:
+    """Judge the outputs of a program, and every fourth time a job."""
+    if seed % 4 == 0:
+        return Outcome(kind="job", result="judged", notes=judge_job(seed))
+    try:
+        samples = judge_program(seed)
+    except AssertionError as error:
+        return Outcome(kind="program", result="wrong", notes=[str(error)])
+    return Outcome(kind="program", result="judged" if samples else "refused")

@@ -1,22 +1,12 @@
-"""`python -m soak.placement`: best places of random grids against plans of all of their places.
-
-    python -m soak.placement [--count 50] [--first-seed 0]
-    python -m soak.placement --bars [--yaw 12] [--every]
+"""Best places of random grids, against plans of all of their places.
 
 The judge moves the path, where `place` moves the frame that it is given in, and plans every place
-by itself. It asks: is the best of the grid the best of all; is no bound above a plan; is refused
-just what has no plan. With --bars, 2,500 places of a square of 100 mm before a UR5e are timed, by
-the clock and by the processors, and with --yaw times as many; measure on a quiet machine. With
---every all of them are planned, too, and must have the same best place.
+by itself. Is the best of the grid the best of all; is no bound above a plan; is refused just what
+has no plan?
 """
 
 from __future__ import annotations
 
-import argparse
-import resource
-import sys
-import time
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +16,7 @@ from armcontour.errors import ArmContourError, Unreachable
 from armcontour.io import parse_job
 from armcontour.jobs import Job
 from armcontour.placement import Moves, Placement
+from soak import Outcome
 
 # Plans of a path that is moved differ from those in a moved frame by this share, as rounding
 # decides where grids are refined.
@@ -84,13 +75,14 @@ def durations(found: Placement, job: Job) -> np.ndarray:
     return np.array(known)
 
 
-def judge(seed: int) -> tuple[str, int, int]:
-    """What is wrong with a placement, or "" ; how many places it has, and how many it planned."""
+def run(seed: int) -> Outcome:
+    """Find the best place of a random grid, and plan all of its places."""
     job, over = random_problem(seed)
     try:
         found = ac.place(job, over=over, processes=1)
     except Unreachable as error:
-        return ("" if "is feasible" in str(error) else str(error)), 0, 0
+        notes = [] if "is feasible" in str(error) else [str(error)]
+        return Outcome(result="none", notes=notes)
     known = durations(found, job)
     best = found.best.verdict.duration
     bounds = found.values("bound").ravel()
@@ -109,65 +101,4 @@ def judge(seed: int) -> tuple[str, int, int]:
         wrong.append("a plan where there is none")
     if found.refined.verdict.duration > best:
         wrong.append("refined is worse")
-    return "; ".join(wrong), len(known), found.planned
-
-
-def time_bars(yaw: int, every: bool) -> int:
-    """Print the times of the bars; returns the exit code."""
-    job = job_of("ur5e", [0.45, 0.08, 0.2], 0.1, [np.pi, 0.0, 0.0], 0.25)
-    over: dict[str, tuple[float, float, int]] = {"x": (-0.5, 0.3, 50), "y": (-0.6, 0.6, 50)}
-    if yaw:
-        over["yaw"] = (0.0, 2 * np.pi, yaw)
-    found = timed(job, over)
-    if not every:
-        return 0
-    best = timed(job, over, every=True).best
-    same = best.values == found.best.values
-    print(f"best of all plans: {best}, {'the same' if same else 'not the same'}")
-    return 0 if same else 1
-
-
-def timed(job: Job, over: dict[str, tuple[float, float, int]], every: bool = False) -> Placement:
-    """A placement, of which the times are printed."""
-    begin, spent = time.perf_counter(), _processor_time()
-    found = ac.place(job, over=over, every=every)
-    clock, spent = time.perf_counter() - begin, _processor_time() - spent
-    print(
-        f"{len(found.verdicts)} places: {clock:.1f} s by the clock, {spent:.1f} s of processors; "
-        f"{found!r}; own place {found.own.duration:.4f} s; {found.refusals}",
-        flush=True,
-    )
-    return found
-
-
-def _processor_time() -> float:
-    """Processor time of this process and of those that have ended [s]."""
-    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return sum(x.ru_utime + x.ru_stime for x in map(resource.getrusage, both))
-
-
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.placement", description=__doc__)
-    parser.add_argument("--count", type=int, default=50, help="how many problems")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--bars", action="store_true", help="time the bars instead")
-    parser.add_argument("--yaw", type=int, default=0, help="with --bars: places of yaw, such as 12")
-    parser.add_argument("--every", action="store_true", help="with --bars: plan all places, too")
-    given = parser.parse_args()
-    if given.bars:
-        return time_bars(given.yaw, given.every)
-    counts: Counter[str] = Counter()
-    failed = 0
-    for seed in range(given.first_seed, given.first_seed + given.count):
-        wrong, places, planned = judge(seed)
-        counts.update(places=places, planned=planned)
-        if wrong:
-            failed += 1
-            print(f"seed {seed}: {wrong}")
-    print(f"{given.count} placements, {dict(counts)}, {failed} failed")
-    return 1 if failed else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome(result="placed", notes=wrong)

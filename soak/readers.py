@@ -1,22 +1,15 @@
-"""`python -m soak.readers`: read many broken files; exit code 1 if a reader does not bear one.
+"""Broken files: a reader reads them, or refuses them with a sentence that names the file.
 
-What a reader may do with a file is to read it, or to refuse it with a sentence that names it; soon,
-and with little memory.
+It does so soon, and with little memory.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
+import importlib
 import resource
 import signal
-import sys
 import tempfile
-import time
 import warnings
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +20,7 @@ from armcontour._checks import LONGEST_NAME
 from armcontour._text import LONGEST_SENTENCE
 from armcontour.io.drawings.endings import READERS
 from armcontour.io.drawings.reading import Reading
+from soak import Outcome
 from soak.samples import samples
 
 KINDS = {
@@ -51,7 +45,6 @@ CHANGES = (0.06, 0.02, 0.1, 0.06, 0.12, 0.12, 0.38, 0.1, 0.02, 0.02)
 # Characters of a piece that is repeated until a pattern that goes back would not end.
 LONGEST_REPEAT = 60_000
 LARGEST_FILE = 200_000
-CHUNK = 100
 # What breaks readers, beside noise.
 TOKENS = (
     b"1e308", b"-1e308", b"nan", b"inf", b"1e-320", b"0", b"-1", b"99999999999999999999", b"\0",
@@ -66,21 +59,6 @@ TOKENS = (
 
 class TooSlow(BaseException):
     """Not an `Exception`, so that no reader takes it for a broken file."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What came of a file: "read", "refused", "crash", "nameless", "slow" or "large"."""
-
-    kind: str
-    seed: int
-    result: str
-    note: str = ""
-
-    @property
-    def failed(self) -> bool:
-        """Whether the reader did not bear it."""
-        return self.result not in ("read", "refused")
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -127,57 +105,57 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(text)
 
 
-def read(kind: str, seed: int) -> Outcome:
-    """Read one broken file."""
-    rng = np.random.default_rng([seed, len(kind), ord(kind[0])])
-    of = samples(kind)
-    data = mutated(of[int(rng.integers(len(of)))], rng)
-    name = f"part{KINDS[kind]}"
-    how = Reading(
-        unit=None if rng.random() < 0.5 else 1e-3,
-        unknown="refuse" if rng.random() < 0.5 else "skip",
-    )
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    result, note = _result(kind, name, data, how)
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
-    if grown > LARGEST:
-        result, note = "large", f"{grown / 1e6:.0f} MB more"
-    return Outcome(kind=kind, seed=seed, result=result, note=note)
+def run(seed: int) -> Outcome:
+    """Read a broken file, within limits of time and memory."""
+    kind = list(KINDS)[seed % len(KINDS)]
 
-
-def _result(kind: str, name: str, data: bytes, how: Reading) -> tuple[str, str]:
     def late(*_: object) -> None:
         raise TooSlow
 
     signal.signal(signal.SIGALRM, late)
     signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    try:
+        found = read(kind, seed // len(KINDS))
+    except TooSlow:
+        return Outcome(kind=kind, result="slow", notes=[f"more than {LONGEST:g} s"])
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    if grown > LARGEST:
+        return Outcome(kind=kind, result="large", notes=[f"{grown / 1e6:.0f} MB more"])
+    return found
+
+
+def read(kind: str, seed: int) -> Outcome:
+    """Read one broken file."""
+    rng = np.random.default_rng([seed, len(kind), ord(kind[0])])
+    of = samples(kind)
+    data = mutated(of[int(rng.integers(len(of)))], rng)
+    name, notes = f"part{KINDS[kind]}", []
+    how = Reading(
+        unit=None if rng.random() < 0.5 else 1e-3,
+        unknown="refuse" if rng.random() < 0.5 else "skip",
+    )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             length, names = _read_as(kind, name, data, how)
-        if not np.isfinite(length):
-            return "crash", "a length that is not finite"
-        odd = [x for x in names if not x.isprintable() or len(x) > LONGEST_NAME]
-        if odd:
-            return "crash", f"the name {odd[0]!r}"
     except ac.InvalidInput as error:
         if not str(error).isprintable() or len(str(error)) > LONGEST_SENTENCE:
-            return "crash", f"the sentence {str(error)[:LONGEST_SENTENCE]!r}"
-        named = name in str(error)
-        return ("refused", str(error)) if named else ("nameless", str(error))
-    except TooSlow:
-        return "slow", f"more than {LONGEST:g} s"
-    except Exception as error:
-        return "crash", f"{type(error).__name__}: {error}"
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-    return "read", ""
+            notes.append(f"the sentence {str(error)[:LONGEST_SENTENCE]!r}")
+        if name not in str(error):
+            notes.append(f"does not name the file: {error}")
+        return Outcome(kind=kind, result="refused", notes=notes)
+    if not np.isfinite(length):
+        notes.append("a length that is not finite")
+    odd = [x for x in names if not x.isprintable() or len(x) > LONGEST_NAME]
+    notes += [f"the name {x!r}" for x in odd[:1]]
+    return Outcome(kind=kind, result="read", notes=notes)
 
 
 def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, list[str]]:
     """Length of what is read [m], and all names in it."""
-    import importlib
-
     if kind in BODIES:
         return _read_bodies(kind, name, data)
     if kind == "job":
@@ -212,51 +190,3 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
         found = read_scene_file(file)
     sizes = [np.abs(x.place.position).max() for x in found]
     return float(max(sizes, default=0.0)), [x.name for x in found]
-
-
-def _read_all(kind: str, seeds: range) -> tuple[list[Outcome], float]:
-    begin = time.monotonic()
-    return [read(kind, seed) for seed in seeds], time.monotonic() - begin
-
-
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    from rich.console import Console
-    from rich.progress import track
-
-    parser = argparse.ArgumentParser(prog="python -m soak.readers", description=__doc__)
-    parser.add_argument("--count", type=int, default=20_000, help="files per reader")
-    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--reader", choices=KINDS, action="append", help="only this reader")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
-    given = parser.parse_args()
-    console = Console()
-    failed = 0
-    last = given.first_seed + given.count
-    with ProcessPoolExecutor(given.jobs) as pool:
-        for kind in given.reader or KINDS:
-            chunks = [range(a, min(a + CHUNK, last)) for a in range(given.first_seed, last, CHUNK)]
-            counts: Counter[str] = Counter()
-            seconds = 0.0
-            found = pool.map(_read_all, [kind] * len(chunks), chunks)
-            for outcomes, took in track(found, kind, len(chunks), console=console):
-                seconds += took
-                for x in outcomes:
-                    counts[x.result] += 1
-                    if x.failed:
-                        failed += 1
-                        console.print(
-                            f"{kind} seed {x.seed} {x.result}: {x.note}",
-                            markup=False,
-                            highlight=False,
-                            soft_wrap=True,
-                        )
-            console.print(
-                f"{kind}: {dict(counts)}, {seconds / given.count * 1e3:.1f} ms a file",
-                highlight=False,
-            )
-    return int(failed > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,26 +1,25 @@
 """A monkey at the Studio: random input at 60 Hz, and then everything is undone.
 
-    python -m soak.studio [--seconds 300] [--seed 0]
-
 Nothing may fail: no exception in the page or the server, no message in the console, no request to
 anybody else. Server and page grow by less than 50 MB. At the end every step is undone, the text has
-the bytes that it had, and the figures are those of the start. Exit code 1 if that is not so.
+the bytes that it had, and the figures are those of the start.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 
-from soak.studio_page import Server, Studio, browsing, serving, write_job
+from tools.studio_page import Server, Studio, browsing, serving, write_job
+
+from soak import Outcome
 
 # How often something is done [Hz], and how much memory may grow [bytes].
 RATE, GROWTH = 60.0, 50e6
+SECONDS = 300.0
 # The share of the time after which memory is measured first: by then all is loaded.
 WARM = 0.2
 # In a shorter time not all is loaded, so that memory is only told [s].
@@ -40,12 +39,7 @@ TEXTS = ("0.1 m/s", "3 mm", "0", "-1", "none", "", "1e400", "7 apples", "ⅷ", "
 
 
 class Monkey:
-    """Does something random, one small step at a time.
-
-    Args:
-        studio: The page.
-        seed: What it does.
-    """
+    """Does something random, one small step at a time."""
 
     def __init__(self, studio: Studio, seed: int) -> None:
         self.studio, self.random = studio, random.Random(seed)
@@ -177,13 +171,7 @@ def undo_all(studio: Studio) -> int:
 
 
 def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
-    """Let a monkey at a page that shows the run `optimal`; returns what went wrong.
-
-    Args:
-        studio: The page, at rest and with nothing to undo.
-        seconds: For how long.
-        seed: What it does.
-    """
+    """Let a monkey at a page that shows the run `optimal`; returns what went wrong."""
     text, figures = studio.text, [studio.figure(x) for x in ("duration", "rms")]
     monkey, server = Monkey(studio, seed), studio.server
     monkey.run(WARM * seconds)
@@ -212,19 +200,14 @@ def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
     ]
 
 
-def main() -> int:
-    """Run the soak; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak.studio", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=300.0, help="how long")
-    parser.add_argument("--seed", type=int, default=0, help="what is done")
-    given = parser.parse_args()
+def run(seed: int) -> Outcome:
+    """Let a monkey at the Studio for some minutes."""
     with tempfile.TemporaryDirectory() as name, browsing() as browser:
         folder = FilePath(name)
         job = write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
         with serving(job, folder=folder) as server:
-            troubles = let_loose(begin(browser, server), given.seconds, given.seed)
-    print(*troubles, sep="\n")
-    return 1 if troubles else 0
+            notes = let_loose(begin(browser, server), SECONDS, seed)
+    return Outcome(result="undone", notes=notes)
 
 
 def begin(browser: object, server: Server) -> Studio:
@@ -235,7 +218,3 @@ def begin(browser: object, server: Server) -> Studio:
     studio.wait("#view2d", run="optimal")
     studio.rest()
     return studio
-
-
-if __name__ == "__main__":
-    sys.exit(main())

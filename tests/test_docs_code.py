@@ -4,7 +4,6 @@ The tutorials are done as a reader does them, in an empty folder: every block in
 printed is what the page says. `docs/pages.py` explains the marks of blocks.
 """
 
-import json
 import re
 import shlex
 import shutil
@@ -18,18 +17,18 @@ import typer
 import yaml
 from docs.pages import agree, blocks, read_page, run_command, run_python
 from markdown_it import MarkdownIt
-from soak.joint import move
+from soak.identification import move
 
 import armcontour as ac
 from armcontour.cli.commands import app
-from armcontour.io import parse_job
+from armcontour.io import json_schema, parse_job
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.endings import READERS
 from armcontour.io.limits_file import read_limits
 
 ROOT = Path(__file__).parents[1]
 # Where `make docs` writes pages: what it copies is judged here as it stands in the repository.
-BUILT = ("docs/_build/", "docs/reference/pages/")
+BUILT = ("docs/_build/", "docs/gallery/", "docs/reference/pages/", "docs/reference/job_keys.md")
 FOUND = [
     *ROOT.glob("*.md"),
     *sorted((ROOT / "docs").rglob("*.md")),
@@ -37,7 +36,7 @@ FOUND = [
 ]
 PAGES = {place: x for x in FOUND if not (place := x.relative_to(ROOT).as_posix()).startswith(BUILT)}
 COMMAND = re.compile(r"^(?:\.venv/bin/)?(armcontour .*)$", re.MULTILINE)
-SCHEMA = json.loads((ROOT / "docs/reference/job.schema.json").read_text(encoding="utf-8"))
+SCHEMA = json_schema()
 # A part of a job. `jsonschema.validate` would check the schema itself again for each block; that it
 # is one is checked in tests/io/test_job_file.py.
 PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})

@@ -5,35 +5,50 @@ import re
 from pathlib import Path
 
 import pytest
+from docs.gallery import pages as gallery
+from docs.reference import job_keys
 from markdown_it import MarkdownIt
-from soak.compensations import delayed
-from tests.drawn_figures import drawn
 
 import armcontour as ac
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-# Where `make docs` writes: the site is judged by docs/site/test_built.py.
-BUILT = (DOCS / "_build", DOCS / "reference" / "pages")
-FILES = [x for x in sorted(DOCS.rglob("*")) if x.is_file() and not set(BUILT) & set(x.parents)]
+# What `make docs` writes: the site is judged by docs/site/test_built.py.
+BUILT = {DOCS / "_build", DOCS / "reference" / "pages"}
+MADE = {
+    **job_keys.published(),
+    **{gallery.FOLDER / f"{x}.md": gallery.page_of(x, "") for x in gallery.SHOWN},
+    gallery.FOLDER / "index.md": gallery.index(),
+}
+FILES = [
+    x
+    for x in sorted(DOCS.rglob("*"))
+    if x.is_file() and x not in MADE and not BUILT & set(x.parents)
+]
 PAGES = [
     *sorted(ROOT.glob("*.md")),
-    *(x for x in FILES if x.suffix == ".md"),
+    *(x for x in [*FILES, *MADE] if x.suffix == ".md"),
     *sorted((ROOT / "examples").rglob("*.md")),
 ]
 # Code that draws the figures, and makes the site, is no page.
 CODE = (".py", ".css", ".js")
+SHORTEST = 30  # characters that say what a picture shows
 ELSEWHERE = re.compile(r"https://[\w.-]+/|mailto:")
-# What `make docs` draws, by the lists of those programs.
+# What `make docs` draws: figures by functions, and a picture of each example.
 DRAWN = {
-    *(f"docs/figures/{x}.svg" for x in drawn()),
+    *(
+        f"docs/figures/{name}.svg"
+        for file in (DOCS / "figures").glob("*.py")
+        for name in re.findall(r"^def draw_(\w+)\(", file.read_text("utf-8"), re.MULTILINE)
+    ),
     *(f"docs/gallery/{x.stem}.svg" for x in (ROOT / "examples").glob("*.py")),
 }
 
 
 @functools.cache
 def parsed(page):
-    return MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
+    text = MADE.get(page) or page.read_text(encoding="utf-8")
+    return MarkdownIt().enable("table").parse(text)
 
 
 def links(page):
@@ -67,7 +82,7 @@ def faults(page):
             yield link
         elif target.relative_to(ROOT).as_posix() in DRAWN:
             continue
-        elif not target.exists() or (anchor and anchor not in anchors(target)):
+        elif not (target in MADE or target.exists()) or (anchor and anchor not in anchors(target)):
             yield link
     for token in parsed(page):
         texts = [x.content for x in token.children or () if x.type == "text"]
@@ -79,6 +94,13 @@ def faults(page):
 def test_links_lead_somewhere_and_tables_are_tables():
     wrong = [f"{page.relative_to(ROOT)}: {x}" for page in PAGES for x in faults(page)]
     assert not wrong, "\n".join(wrong)
+
+
+def test_every_picture_is_described_in_words():
+    for page in PAGES:
+        inline = [x for token in parsed(page) for x in token.children or ()]
+        for x in [x for x in inline if x.type == "image"]:
+            assert len(x.content) >= SHORTEST or page == DOCS / "paper.md", (page, x.content)
 
 
 def test_every_file_of_the_docs_is_found_from_the_first_page():
@@ -93,7 +115,9 @@ def test_every_file_of_the_docs_is_found_from_the_first_page():
             files = (x.partition("#")[0] for x in links(page) if not ELSEWHERE.match(x))
             todo += [(page.parent / x).resolve() for x in files if x]
     files = {x for x in FILES if x.suffix not in CODE and "__pycache__" not in x.parts}
-    files -= {ROOT / x for x in DRAWN}
+    drawn = {ROOT / x for x in DRAWN}
+    assert drawn <= seen
+    files -= drawn
     assert sorted(x.relative_to(ROOT).as_posix() for x in files - seen) == []
     # From the README all of it is found too.
     assert "docs/index.md" in {x.partition("#")[0] for x in links(ROOT / "README.md")}
@@ -102,7 +126,8 @@ def test_every_file_of_the_docs_is_found_from_the_first_page():
 README = Path(__file__).parent.parent / "README.md"
 PERIOD = 4e-3
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
-DELAYED = delayed(SERVO, 1e-3)
+# Its velocity loop takes its command 1 ms later, to first order.
+DELAYED = SERVO.replace(kp=25.0 / 0.975, kv=150.0 * 0.975)
 
 
 @pytest.fixture(scope="module")

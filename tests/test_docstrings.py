@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour._describing import MOST_LINES, line_up
@@ -173,7 +173,6 @@ STATED = [
     ),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
     ("docs/guides/optimal.md", r"The method `(\w+)` is the default", TimingModel().method),
-    ("docs/reference/job_keys.md", r"steps of the search; by default (\d+)\.", DEFAULT_ITERATIONS),
     ("src/armcontour/timing/planner.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
     ("src/armcontour/timing/planner.py", r"by default (\d+) and \d+\.", MOST_ITERATIONS),
     ("src/armcontour/timing/planner.py", r"by default \d+ and (\d+)\.", DEFAULT_ITERATIONS),

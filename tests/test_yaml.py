@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from soak.number_cases import PLANE, put
+from tests.properties.number_cases import PLANE, put
 
 import armcontour
 import armcontour as ac

@@ -1,4 +1,4 @@
-"""One look for all figures: colours that colour-blind readers can tell apart, units, and saving."""
+"""One look for all figures: colours that colour-blind readers can tell apart, boxes, and saving."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
 
 FOLDER = Path(__file__).parent
 
@@ -23,13 +24,11 @@ SKY = "#56B4E9"
 GREEN = "#009E73"
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
-PURPLE = "#CC79A7"
 
 OBJECTIVE = GREY
 CONVENTIONAL = VERMILLION
 PROPOSED = BLUE
 OTHER = GREEN
-JOINTS = (BLUE, VERMILLION)
 RULES = {"MAC": BLUE, "AVC": GREEN, "MDC": VERMILLION, "corner": ORANGE}
 RULE_NAMES = {
     "MAC": "MAC, largest acceleration",
@@ -37,8 +36,8 @@ RULE_NAMES = {
     "MDC": "MDC, largest deceleration",
     "corner": "corner, one speed",
 }
+LIMIT = {"color": BLACK, "lw": 0.8, "ls": "--"}  # a line that shows a limit
 
-LARGEST_SVG = 200_000  # bytes; a larger figure is saved as PNG
 CURVE = re.compile(r' d="[^"]*"')
 NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
@@ -69,30 +68,17 @@ plt.rcParams.update(
 )
 
 
-def save(figure: Figure, name: str, *, dpi: int = 160) -> Path:
-    """Write a figure as SVG, or as PNG if the SVG is large; the same bytes every time."""
-    vector = FOLDER / f"{name}.svg"
-    figure.savefig(vector, metadata={"Date": None, "Creator": None})
-    # Trailing blanks would trouble a text file under version control; others are dead weight.
-    text = "\n".join(line.strip() for line in vector.read_text("utf-8").splitlines()) + "\n"
-    text = CURVE.sub(lambda d: NUMBER.sub(_shortened, d.group()), text)
-    vector.write_text(text, "utf-8")
-    if vector.stat().st_size <= LARGEST_SVG:
-        return vector
-    vector.unlink()
-    return save_png(figure, name, dpi=dpi)
+def save(figure: Figure, file: Path) -> None:
+    """Write a figure as SVG with coordinates to a hundredth of a point, and close it."""
+    figure.savefig(file, metadata={"Date": None, "Creator": None})
+    text = CURVE.sub(lambda d: NUMBER.sub(_shortened, d.group()), file.read_text("utf-8"))
+    file.write_text(text, "utf-8")
+    plt.close(figure)
+    print(file.name)
 
 
 def _shortened(number: re.Match[str]) -> str:
-    """A coordinate to a hundredth of a point."""
     return f"{float(number.group()):.2f}".rstrip("0").rstrip(".")
-
-
-def save_png(figure: Figure, name: str, *, dpi: int = 160) -> Path:
-    """Write a figure as PNG; the same bytes every time."""
-    image = FOLDER / f"{name}.png"
-    figure.savefig(image, dpi=dpi, metadata={"Software": None})
-    return image
 
 
 def label(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float]) -> None:
@@ -109,7 +95,19 @@ def label(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, f
     )
 
 
-def no_frame(axes: Axes) -> None:
-    """Leave only the drawing, in equal scale."""
-    axes.set_aspect("equal")
-    axes.axis("off")
+def box(
+    axes: Axes, centre: tuple[float, float], size: tuple[float, float], text: str, colour: str
+) -> None:
+    """A box with text."""
+    corner = (centre[0] - size[0] / 2, centre[1] - size[1] / 2)
+    form = "round,pad=0,rounding_size=0.8"
+    axes.add_patch(
+        FancyBboxPatch(corner, *size, boxstyle=form, fc="white", ec=colour, lw=1.6, zorder=3)
+    )
+    axes.text(*centre, text, ha="center", va="center", zorder=4)
+
+
+def arrow(axes: Axes, begin: tuple[float, float], end: tuple[float, float]) -> None:
+    """An arrow from one point to another."""
+    look = {"arrowstyle": "-|>", "color": BLACK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, begin, arrowprops=look, zorder=2)

@@ -86,9 +86,7 @@ INTRODUCTION = """\
 # Gallery
 
 Every example of [examples/](../../examples) with its picture, its code and what it prints.
-`make docs` draws each picture from the results of its example; the repository has no copies.
-`make slow` compares these pages with what the examples print, and `python -m docs.gallery --pages`
-writes them.
+`make docs` runs the examples and writes these pages from their results.
 """
 
 

@@ -1,7 +1,4 @@
-"""Write what is published of the keys of job files: `python -m docs.reference.job_keys`.
-
-The JSON Schema goes to docs/reference/job.schema.json, tables of all keys to job_keys.md beside it.
-"""
+"""Tables of all keys of job files, and their JSON Schema, which `make docs` writes."""
 
 from __future__ import annotations
 
@@ -15,9 +12,7 @@ from armcontour.io import json_schema
 
 HERE = Path(__file__).parent
 SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
-HEAD = """<!-- `make schema` writes this page from the fields that keys belong to. -->
-
-# Keys of job files
+HEAD = """# Keys of job files
 
 All keys of a [job file](../guides/job.md), from the outside in; editors take them from the
 [JSON Schema](job.schema.json). A quantity is a plain number in the unit given here, or text with
@@ -41,7 +36,7 @@ WORDS = {
 
 
 def published() -> dict[Path, str]:
-    """The text of every file that is published of the keys."""
+    """The files on the keys of job files, with their texts."""
     schema = json_schema()
     tables = "\n\n".join(_tables(schema))
     return {SCHEMA: json.dumps(schema, indent=2) + "\n", PAGE: f"{HEAD}\n{tables}\n"}
@@ -143,9 +138,3 @@ def _inside(kind: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
         yield from _inside(kind["items"], place)
     if kind.get("type") == "object":
         yield from _inside(_named(kind), f"{place}.NAME")
-
-
-if __name__ == "__main__":
-    for file, text in published().items():
-        file.write_text(text, encoding="utf-8")
-        print(file.relative_to(HERE.parents[1]))

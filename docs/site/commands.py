@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import typer.main
 from docs.site.tables import cell, contents, table
-from soak.number_cases import FORMS
+from tests.properties.number_cases import FORMS
 
 from armcontour.cli.commands import app
 

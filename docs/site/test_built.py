@@ -19,8 +19,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from docs.site.names import by_room
-from soak.axe import faults, load_axe
-from soak.studio_page import browsing, find_browser
+from tests.browser.axe_faults import faults, load_axe
+from tools.studio_page import browsing, find_browser
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
-from soak.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
+from tools.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
 

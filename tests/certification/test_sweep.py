@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.errors import InvalidInput

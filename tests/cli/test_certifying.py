@@ -4,8 +4,8 @@ import json
 from pathlib import Path as FilePath
 
 import pytest
-from soak.corner_job import CORNER_JOB
 from tests.cli.helpers import summary
+from tests.corner_job import CORNER_JOB
 
 GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 
@@ -64,7 +64,7 @@ def test_a_refusal_has_its_exit_code_and_writes_nothing(job, refused, tmp_path):
 
 def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, done):
     out = tmp_path / "gasket"
-    # A line and an arc; `python -m soak.certificates` certifies the drawings as they are.
+    # A line and an arc; `python -m soak certificates` certifies the drawings as they are.
     some = [x for name in ("31", "3A") for x in ("--contour", f"handle {name}")]
     given = ("--cell", "pmk3s", "--servo", "0.1 mm", *some)
     shown = done("certify", GASKET, *given, "--out", out)

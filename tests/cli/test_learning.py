@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
 from tests.cli.helpers import summary
+from tests.corner_job import CORNER_JOB
 
 from armcontour.cli.running import run_job
 from armcontour.execution import execute

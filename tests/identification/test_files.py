@@ -8,8 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 import yaml
-from soak.identify import multisine
-from soak.joint import move
+from soak.identification import move, multisine
 
 from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions

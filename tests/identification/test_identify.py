@@ -7,9 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from soak.encoders import FRICTION, estimate, simulate
-from soak.identify import NOISE, bound, case, commands, judge, multisine
-from soak.joint import move
+from soak.identification import (
+    FRICTION,
+    NOISE,
+    bound,
+    case,
+    commands,
+    move,
+    multisine,
+    simulate,
+)
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
@@ -58,7 +65,7 @@ def short(usual):
     return tuple(x[:2000] for x in usual)
 
 
-# `python -m soak.identify` has the full bar.
+# `python -m soak identification` has the full bar.
 @pytest.mark.parametrize(
     ("kind", "gains", "seeds", "samples"),
     [
@@ -68,12 +75,12 @@ def short(usual):
     ],
 )
 def test_logs_are_told_as_well_as_their_bounds_allow(kind, gains, seeds, samples):
-    result = case(kind, *gains, range(seeds), samples=samples)
     saturates = kind != "multisine"
-    for row in judge(result)[: 4 if saturates else 3]:
-        assert np.abs(row["errors"]).max() < 4.5
-        assert row["determined"] == 1
-    assert all(x[3][3] is saturates for x in result["found"])
+    for seed in range(seeds):
+        joint, truth, sd = case(kind, *gains, seed, samples=samples)
+        told = list(zip(joint.estimates, truth, sd, strict=False))[: 4 if saturates else 3]
+        assert all(abs(x.value - y) < 4.5 * size and x.determined for x, y, size in told)
+        assert joint.acceleration.determined is saturates
 
 
 def test_the_standard_deviation_is_the_bound_and_without_noise_parameters_are_exact(
@@ -229,7 +236,7 @@ def test_motions_of_any_size_end_without_a_warning():
 
 def test_friction_is_named_and_leaves_nothing_determined():
     # The joint's limits are scanned too, where residuals are not noise: seconds.
-    log, truth = simulate("guide", 16, 5e-5, 0, FRICTION)
+    log, truth = simulate(16, 5e-5, 0, FRICTION)
     found = identify(log.between(0.0, 8.0))
     joint = found.joints[0]
     told = next(x for x in joint.notes if "dry friction or stiction of" in x)
@@ -245,10 +252,11 @@ def test_friction_is_named_and_leaves_nothing_determined():
 
 
 def test_a_little_friction_widens_the_intervals():
-    rows, notes = estimate(("guide", 16, 5e-5, 1, 0.1))
-    assert any("friction" in x for x in notes)
-    assert all(x[3] for x in rows)
-    assert all(low <= 0 <= high for _, low, high, _, _ in rows)
+    log, truth = simulate(16, 5e-5, 1, 0.1)
+    joint = identify(log).joints[0]
+    assert any("friction" in x for x in joint.notes)
+    for x, value in zip(joint.estimates, truth, strict=False):
+        assert x.determined and x.low <= value <= x.high
 
 
 KR300 = Path(__file__).parent / "kuka_kr300"

@@ -1,7 +1,7 @@
 """Logs that are samples of a command: between them nothing is known; intervals allow for that."""
 
 import numpy as np
-from soak.sampled import sampled
+from soak.identification import sampled
 
 from armcontour.identification import identify
 from armcontour.identification.unseen import BENT, sharpened
@@ -14,7 +14,7 @@ def _held(log, truth):
 
 
 def test_intervals_hold_the_truth_where_bends_are_between_samples():
-    # `python -m soak.sampled` has the full bar. Taken for set-points, none held the truth.
+    # `python -m soak identification` has the full bar. Taken for set-points, none held the truth.
     assert all(_held(*sampled("multisine", "cubic", 1, 0.5, 1)))
     assert not any(_held(*sampled("multisine", "cubic", 1, 0.5, 1, set_points=True)))
     # A held command is seen late.

@@ -6,7 +6,6 @@ from pathlib import Path as FilePath
 import jsonschema
 import numpy as np
 import yaml
-from docs.reference.job_keys import published
 from tests.io.tables import refusals, rows, values
 
 from armcontour.cli.running import built_in_job
@@ -184,13 +183,6 @@ def test_an_arm_file_is_found_beside_the_job(tmp_path):
     (tmp_path / "mine.yaml").write_text(arm.replace("PMK-3s", "mine"), encoding="utf-8")
     (tmp_path / "job.yaml").write_text(with_change("arm: mine.yaml"), encoding="utf-8")
     assert read_job(tmp_path / "job.yaml").arm.name == "mine"
-
-
-def test_what_is_published_of_the_keys_is_what_is_in_use():
-    found = published()
-    assert {x.name for x in found} == {"job.schema.json", "job_keys.md"}
-    for file, text in found.items():
-        assert file.read_text(encoding="utf-8") == text, f"make schema rewrites {file.name}"
 
 
 def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key():

@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 import yaml
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 from tests.io.tables import refusals
 
 from armcontour import PlanarTwoLink, load_arm

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 from tests.geometry.tables import refused
 
 import armcontour as ac

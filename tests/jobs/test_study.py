@@ -7,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from soak.corner_job import CORNER_JOB
-from soak.number_cases import PLANE, SPACE
+from tests.corner_job import CORNER_JOB
 from tests.geometry.tables import refused
 from tests.jobs.making import a_run
+from tests.properties.number_cases import PLANE, SPACE
 
 import armcontour as ac
 from armcontour import jobs

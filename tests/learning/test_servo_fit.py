@@ -58,7 +58,7 @@ def test_feed_forward_that_the_model_lacks_is_found():
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_random_wrong_models_are_learned_from(seed):
-    """`python -m soak.learning --wrong-models` has more."""
+    """`python -m soak learning-servos` has more."""
     errors, lessons = wrong_model(task("pmk3s"), seed, runs=4)
     assert errors.min() < 5e-6 or lessons[-1].finished
     assert errors[-1] < errors.min() + 3 * lessons[-1].noise

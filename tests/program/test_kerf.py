@@ -206,4 +206,4 @@ def test_events_rapids_and_leads_come_along():
 
 @each("seed", range(20))
 def test_random_contours_keep_the_distance_everywhere(seed):
-    judge.run(seed)
+    judge.run_offset(seed)

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 from soak import outputs
-from soak import processes as judge
 from tests.geometry.tables import refused
 
 import armcontour as ac
@@ -189,7 +188,7 @@ def test_open_contours_run_backwards_only_where_they_may():
 
 
 def test_outputs_are_on_at_work_only():
-    assert sum(outputs.run(seed) for seed in range(30)) > 3000
+    assert sum(outputs.judge_program(seed) for seed in range(30)) > 3000
 
 
 @pytest.mark.parametrize("by", [-3e-4, 3e-4])
@@ -210,7 +209,7 @@ def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
     seen = 0
     for seed in range(10):
         try:
-            outputs.run(seed)
+            outputs.judge_program(seed)
         except AssertionError as error:
             assert "without work" in str(error) or "at work" in str(error)
             seen += 1
@@ -219,7 +218,7 @@ def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
 
 
 def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monkeypatch):
-    write = judge.Drawn.text
+    write = outputs.DrawnJob.text
 
     def wrong(drawn, other_units):
         kept = drawn.lead_in, drawn.points
@@ -230,7 +229,7 @@ def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monke
             drawn.lead_in, drawn.points = kept
 
     seed = 1  # a small job with a lead-in
-    assert judge.Drawn(seed).lead_in and not judge.judge(seed)
-    monkeypatch.setattr(judge.Drawn, "text", wrong)
-    said = " ".join(judge.judge(seed))
+    assert outputs.DrawnJob(seed).lead_in and not outputs.judge_job(seed)
+    monkeypatch.setattr(outputs.DrawnJob, "text", wrong)
+    said = " ".join(outputs.judge_job(seed))
     assert "length of the lead-in" in said and "contour not covered" in said

@@ -10,7 +10,16 @@ from functools import cache
 
 import pytest
 import yaml
-from soak.number_cases import FILES, HOSTILE, NEVER, base_of, fields, numeric_options, put, shown
+from tests.properties.number_cases import (
+    FILES,
+    HOSTILE,
+    NEVER,
+    base_of,
+    fields,
+    numeric_options,
+    put,
+    shown,
+)
 
 from armcontour import ArmContourError
 from armcontour.io import parse_job

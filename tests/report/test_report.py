@@ -12,7 +12,7 @@ import plotly.io as pio
 import pytest
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots as plots_of_plotly
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour import scene as cell

@@ -6,7 +6,7 @@ import signal
 import sys
 
 import pytest
-from soak.kernels import unlisted
+from tools.kernels import unlisted
 
 from armcontour.cli import main
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from soak.studio_page import SQUARE
 from tests.studio.talking import JOB, Tab, session_of
+from tools.studio_page import SQUARE
 
 from armcontour._yaml import load
 from armcontour.studio import screen

@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from soak.studio_page import SQUARE
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
+from tools.studio_page import SQUARE
 
 from armcontour.studio import display, screen
 from armcontour.studio.wire import Frame

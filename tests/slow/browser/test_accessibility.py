@@ -1,7 +1,7 @@
 """Faults of accessibility, as axe-core finds them, on light and dark pages and on narrow ones."""
 
 import pytest
-from soak.axe import faults, load_axe
+from tests.browser.axe_faults import faults, load_axe
 
 pytestmark = pytest.mark.browser
 TABS = ("charts", "runs", "waypoints", "corners", "tasks", "text", "notes")

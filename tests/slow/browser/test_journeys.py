@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from soak.studio import let_loose
-from soak.studio_page import SQUARE, serving, write_job
 from tests.browser.test_journeys import agree
+from tools.studio_page import SQUARE, serving, write_job
 
 import armcontour as ac
 

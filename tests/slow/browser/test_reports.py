@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from soak.corner_job import CORNER_JOB
+from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.io import parse_job
@@ -17,7 +17,7 @@ from armcontour.report.sections.batch import Axis, BatchView
 
 if TYPE_CHECKING:
     pass
-from soak.axe import faults, load_axe
+from tests.browser.axe_faults import faults, load_axe
 
 pytestmark = pytest.mark.browser
 # Two parts of a drawing on the UR5e, before a table; two runs whose rapids differ.

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from soak.identify import NOISE, multisine
-from soak.joint import move
+from soak.identification import NOISE, move, multisine
 
 import armcontour as ac
 from armcontour.identification import Log, identify

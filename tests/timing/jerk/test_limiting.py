@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
-from soak.jerk_judge import Sampled, ratios
+from soak.jerk import Sampled, ratios
 
 import armcontour as ac
 

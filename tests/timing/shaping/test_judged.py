@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from soak.shape_judge import judge, run
-from soak.shape_matching import excess, match
-from soak.shape_problems import Problem, pieces_of
-from soak.shape_rivals import draw_parabolas
+from soak.shaping import Problem, excess, judge, match, pieces_of, run
 
 import armcontour as ac
 from armcontour.geometry import Outcome
 
-# A job of nearly every kind that are shaped in a moment; `python -m soak.shapes` judges thousands.
-SEEDS = (10, 11, 15, 16, 21, 26, 27, 28, 33)
+# Jobs that are shaped in a moment; `python -m soak shaping` judges thousands.
+SEEDS = (3, 4, 5, 6, 16)
 TOLERANCE = 2e-3
 SPEED = 0.08
 
@@ -88,16 +85,6 @@ def test_no_motion_may_hop_to_a_line_that_it_crosses(arm, limits):
     assert match(short, pieces).lost > 0
 
 
-def test_parabolas_are_as_far_from_the_corner_as_they_may_and_tangent(problem):
-    path = draw_parabolas(problem.objective, TOLERANCE)
-    gap = path.project(problem.objective.vertices[1:2]).distance[0]
-    assert gap == pytest.approx(TOLERANCE, rel=1e-6)
-    assert len(path.stops) == 0
-    # y = x²/(4 f) with a leg L of 90° on both sides: the radius at the middle is L / sqrt(2).
-    leg = 2 * TOLERANCE * np.sqrt(2)
-    assert 1 / path.curvatures.max() == pytest.approx(leg / np.sqrt(2), rel=2e-3)
-
-
 @pytest.fixture(scope="module")
 def short(arm, limits):
     """A job that is shaped in a moment."""
@@ -130,4 +117,4 @@ def test_every_iteration_keeps_everything_and_is_no_slower(short):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_jobs(seed):
     outcome = run(seed)
-    assert outcome.result == "shaped", f"{outcome.kind}: {'; '.join(outcome.notes)}"
+    assert outcome.result == "shaped" and outcome.notes == [], outcome.kind

@@ -6,8 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from soak.shape_judge import judge
-from soak.shape_problems import Problem
+from soak.shaping import Problem, judge
 
 import armcontour as ac
 from armcontour.timing.shaping import chunks, shape, shaper

@@ -1,0 +1,115 @@
+"""Pictures of the Studio and of reports, by a browser: `python -m docs.figures.browser [PAGE ...]`.
+
+Pages are "studio" and those of `REPORTS`, which are done as a reader does them. Needs a Chromium.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from docs.pages import ROOT, read_page
+from PIL import Image
+from playwright.sync_api import Browser
+from tools.studio_page import Studio, browsing, serving
+
+FOLDER = Path(__file__).parent
+GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
+DRAWN = 2000.0  # time in which plots draw themselves [ms]
+COLOURS = 64  # of a picture of a report, which has few
+# The first plot of a report, or of a section.
+PLOT = ".js-plotly-plot"
+# The report and its part, as a selector, of each picture of a page.
+REPORTS = {
+    "start/first_result": {
+        "tutorial_first": ("bracket/report.html", "#overview"),
+        "tutorial_binds": ("bracket/report.html", "#bindings"),
+    },
+    "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", f"#program {PLOT}")},
+    "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", f"#paths {PLOT} >> nth=1")},
+    "tutorials/true_on_a_robot": {
+        "tutorial_identified": ("identified/report.html", PLOT),
+        "tutorial_learned": ("third/report.html", PLOT),
+    },
+    "tutorials/placement_and_clearance": {
+        "tutorial_map": ("placed/report.html", PLOT),
+        "tutorial_clearance": ("there/report.html", f"#clearance {PLOT}"),
+    },
+    "tutorials/batch_on_a_cluster": {"tutorial_batch": ("bends/report.html", PLOT)},
+}
+
+
+def save(name: str, picture: bytes, *, colours: int = 256) -> None:
+    """Write a small PNG."""
+    file = FOLDER / f"{name}.png"
+    with Image.open(io.BytesIO(picture)) as image:
+        small = image.convert("RGB").quantize(colours, dither=Image.Dither.NONE)
+        small.save(file, optimize=True)
+    print(file.name, f"{file.stat().st_size / 1e3:.0f} kB")
+
+
+def show_reports(browser: Browser, page: str, folder: Path) -> None:
+    """Save the pictures of a page that was done in a folder."""
+    with contextlib.chdir(folder):
+        for _ in read_page(ROOT / "docs" / f"{page}.md"):
+            pass
+    for name, (report, selector) in REPORTS[page].items():
+        view = browser.new_page(viewport={"width": 1000, "height": 1200})
+        view.goto((folder / report).as_uri())
+        part = view.locator(selector).first
+        part.scroll_into_view_if_needed()
+        view.wait_for_timeout(DRAWN)
+        save(name, part.screenshot(), colours=COLOURS)
+        view.close()
+
+
+def show_demo(studio: Studio) -> None:
+    """The paper's job, and a waypoint farther than the arm reaches."""
+    studio.choose_run("optimal")
+    studio.wait("#view2d", run="optimal")
+    studio.rest()
+    save("studio_demo", studio.page.screenshot())
+    with studio.grabbing(studio.handle("waypoint", 1)) as (x, y):
+        studio.page.mouse.move(x + 230, y - 20, steps=12)
+        studio.wait("body", refused="true")
+        studio.page.wait_for_timeout(DRAWN)
+        save("studio_refused", studio.page.screenshot())
+        studio.page.keyboard.press("Escape")
+    studio.wait("body", refused="false")
+
+
+def show_gasket(studio: Studio) -> None:
+    """A gasket on the UR5e: placed by the map, and seen in space."""
+    studio.rest()
+    studio.do("place", {"x": "120", "y": "120", "steps": "5"})
+    studio.wait_for(".task-result[data-task=place][data-state=done]", timeout=300_000)
+    studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.wait_for("#view3d[data-frames]")
+    studio.find("#viewbar").get_by_role("button", name="Fit").click()
+    studio.page.wait_for_timeout(DRAWN)
+    save("studio_gasket", studio.page.screenshot())
+
+
+def show_studio(browser: Browser, folder: Path) -> None:
+    """Save the pictures of the Studio."""
+    shutil.copy(GASKET, folder)
+    for show, arguments in ((show_demo, ()), (show_gasket, (GASKET.name, "--cell", "ur5e"))):
+        with serving(*arguments, folder=folder) as server:
+            studio = Studio(browser, server, size=(1280, 820))
+            studio.begin()
+            show(studio)
+            studio.close()
+
+
+if __name__ == "__main__":
+    with browsing() as browser:
+        for page in sys.argv[1:] or ["studio", *REPORTS]:
+            with tempfile.TemporaryDirectory() as name:
+                if page == "studio":
+                    show_studio(browser, Path(name))
+                else:
+                    show_reports(browser, page, Path(name))

@@ -1,0 +1,110 @@
+"""Figures of the pages on concepts, of the paper's job."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from docs.figures import style
+from docs.figures.paper import ACCELERATION, ARM, LIMITS, OBJECTIVE, PERIOD, ROUNDED, SERVO, planned
+from matplotlib.figure import Figure
+
+import armcontour as ac
+from armcontour.geometry import round_with_parabolas
+
+SIDE, ERROR = 0.03, 5e-3  # m, of the corner of 90°
+VIEW = 3.2  # mm, half of the enlarged part
+LIMITING = {
+    "joint 1 acceleration": style.BLUE,
+    "joint 2 acceleration": style.VERMILLION,
+    "assigned velocity": style.GREEN,
+    "centripetal acceleration": style.ORANGE,
+}
+
+
+def draw_fig_bends() -> Figure:
+    """Three ways round the same corner within the same corner error, and their curvature."""
+    corner = ac.Path.polyline([(-SIDE, 0.0), (0.0, 0.0), (0.0, SIDE)])
+    smooth = ac.round_corners(corner, tolerance=ERROR, continuity="curvature")
+    figure, (shape, curvature) = plt.subplots(1, 2, figsize=(8.6, 3.9), width_ratios=(1, 1.3))
+    shape.plot(*1e3 * corner.vertices.T, color=style.OBJECTIVE, ls="--", label="objective path")
+    for name, colour, path, line in (
+        ("arc", style.BLUE, ac.round_corners(corner, tolerance=ERROR), "-"),
+        ("parabola, as arcs", style.ORANGE, round_with_parabolas(corner, tolerance=ERROR), "-"),
+        ("smooth bend", style.GREEN, smooth, "--"),
+    ):
+        s = np.linspace(0, path.length, 1201)
+        shape.plot(*1e3 * path(s).T, color=colour, lw=1.4, ls=line, label=name)
+        bent = np.linalg.norm(path(s, 2), axis=-1)
+        curvature.plot(1e3 * (s - path.length / 2), bent, color=colour)
+    shape.add_patch(plt.Circle((0, 0), 1e3 * ERROR, fill=False, color=style.GREY, lw=0.8, ls=":"))
+    shape.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=(-17, 6), ylim=(-6, 17))
+    shape.set_title("(a) Corner error 5 mm")
+    shape.legend(loc="upper left")
+    curvature.set(xlabel="arc length from the middle [mm]", ylabel="curvature [1/m]")
+    curvature.set(xlim=(-25, 25), ylim=(0, None), title="(b) Curvature along the way")
+    return figure
+
+
+def draw_fig_evaluation() -> Figure:
+    """Contour error and tracking error, on a robot with unequal gains."""
+    plan = planned()
+    taught = ac.compensate(plan, SERVO, method="none", period=PERIOD)
+    robot = ac.ServoPlant(ARM, SERVO.replace(kp=[25.0, 20.0]), LIMITS)
+    executed = ac.execute(taught, robot)
+    result = ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS)
+    figure, (near, time) = plt.subplots(1, 2, figsize=(9.0, 4.0), width_ratios=(1, 1.3))
+    t = result.contour_error.t_max
+    tool = 1e3 * executed.tool[np.searchsorted(executed.t, t)]
+    target = 1e3 * ARM.forward(plan(t))
+    nearest = 1e3 * ROUNDED(ROUNDED.project(tool[None] / 1e3).s)[0]
+    path = ROUNDED(np.linspace(0, ROUNDED.length, 2000))
+    near.plot(*1e3 * path.T, color=style.BLACK, lw=1, label="path")
+    near.plot(*1e3 * executed.tool.T, color=style.BLUE, lw=1.6, label="motion of the tool")
+    near.plot(*np.array([tool, target]).T, color=style.ORANGE, lw=2.2)
+    near.plot(*np.array([tool, nearest]).T, color=style.VERMILLION, lw=3)
+    for name, at, offset in (
+        ("tool", tool, (16, -10)),
+        ("plan", target, (-18, 8)),
+        ("nearest point", nearest, (-16, 12)),
+    ):
+        near.plot(*at, "o", color=style.BLACK, ms=4, zorder=5)
+        style.label(near, name, tuple(at), offset)
+    x, y = ((c - VIEW, c + VIEW) for c in (tool + target) / 2)
+    near.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=x, ylim=y)
+    near.set_title(f"(a) At {t:.2f} s")
+    near.legend(loc="lower right")
+    for profile, name, colour in (
+        (result.tracking_error, "tracking error", style.ORANGE),
+        (result.contour_error, "contour error", style.VERMILLION),
+    ):
+        label = f"{name}: {1e3 * profile.rms:.2f} mm RMS, {1e3 * profile.max:.2f} mm at most"
+        time.plot(profile.t, 1e3 * profile.values, color=colour, label=label)
+    time.axvline(plan.duration, color=style.GREY, lw=0.8, ls=":")
+    time.set(xlabel="time [s]", ylabel="[mm]", ylim=(0, None))
+    time.set_title("(b) Both over time; dotted: end of the plan")
+    time.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    return figure
+
+
+def draw_fig_optimal() -> Figure:
+    """Speed and joint accelerations over arc length, in the colours of the limiting constraints."""
+    plan = ac.plan(ROUNDED, ARM, LIMITS)
+    s, ds, ddq = plan.s(plan.breaks), plan.s(plan.breaks, 1), plan(plan.breaks, 2)
+    figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
+    for part in ac.explain(plan, ARM, LIMITS).bindings:
+        on = (s >= part.s[0]) & (s <= part.s[1])
+        for axes, values in zip(rows, (1e3 * ds, *ddq.T), strict=True):
+            axes.plot(1e3 * s[on], values[on], color=LIMITING.get(part.name, style.GREY), lw=2.2)
+    for name, colour in LIMITING.items():
+        rows[0].plot([], [], color=colour, label=name)
+    rows[0].axhline(1e3 * LIMITS.speed, **style.LIMIT)
+    rows[0].set(ylabel="path speed $ds/dt$ [mm/s]", ylim=(0, 172))
+    rows[0].set_title("(a) Speed along the path, in the colour of the limiting constraint")
+    for j, axes in enumerate(rows[1:]):
+        for sign in (-1, 1):
+            axes.axhline(sign * ACCELERATION[j], **style.LIMIT)
+        axes.set(ylabel="rad/s²", ylim=(-0.9, 0.9))
+        axes.set_title(f"({'bc'[j]}) Joint {j + 1} acceleration")
+    rows[2].set(xlabel="arc length $s$ [mm]", xlim=(0, 1e3 * ROUNDED.length))
+    figure.legend(loc="outside lower center", ncols=4)
+    return figure

@@ -1,0 +1,40 @@
+"""Faults of accessibility of a page in a browser, as axe-core finds them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+FILE = FilePath(__file__).parent / "axe" / "axe.min.js"
+GRAVE = ("serious", "critical")
+RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
+
+
+def load_axe(page: Page) -> None:
+    """Load axe-core into a page."""
+    page.evaluate(FILE.read_text(encoding="utf-8"))
+
+
+def faults(page: Page, *, rules: Sequence[str] = RULES, without: Sequence[str] = ()) -> list[str]:
+    """Serious and critical faults of a page as it is now; axe-core is loaded.
+
+    Args:
+        page: The page.
+        rules: Tags of the rules; without any, all rules.
+        without: Selectors of what is not looked at.
+    """
+    options = {"resultTypes": ["violations"]} | ({"runOnly": list(rules)} if rules else {})
+    found = page.evaluate(
+        "([options, exclude]) => axe.run({include: document, exclude}, options)",
+        [options, [[x] for x in without]],
+    )
+    return [
+        f"{x['id']}: {node['html'][:160]}"
+        for x in found["violations"]
+        if x["impact"] in GRAVE
+        for node in x["nodes"]
+    ]

@@ -1,0 +1,539 @@
+"""Every number of job files and of the command line, and what is put there that breaks programs.
+
+Fields are found in the published schema of job files, and options in the command line itself: one
+that is added later is covered without a change here, or a test says that it needs a base.
+"""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any, get_args
+
+from armcontour.cli.commands import app
+from armcontour.io import json_schema
+
+Place = tuple[str | int, ...]
+# What no field may take without a result or one sentence: as YAML has it.
+HOSTILE: dict[str, Any] = {
+    "nan": math.nan,
+    "inf": math.inf,
+    "-inf": -math.inf,
+    "-1": -1,
+    "-0": -0.0,
+    "0": 0,
+    "1e308": 1e308,
+    "1e300": 1e300,
+    "5e-324": 5e-324,
+    "1e-12": 1e-12,
+    "1e9": 1e9,
+    "1e15": 1e15,
+    "10^30": 10**30,
+    "text": "many",
+}
+# Any key of a mapping.
+ANY = "*"
+# The files that the bases name, beside the job.
+DRAWING = b"""<svg xmlns="http://www.w3.org/2000/svg"
+width="100mm" height="100mm" viewBox="0 0 100 100"
+xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"><g inkscape:groupmode="layer"
+inkscape:label="cut"><path d="M10 10 L40 10 L40 30 L10 30 Z"/></g></svg>
+"""
+ROBOT = b"""<robot name="three"><link name="base"/>
+<link name="one"/><link name="two"/><link name="three"/><link name="four"/><link name="tcp"/>
+<joint name="lift" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="2" effort="50"/></joint>
+<joint name="left" type="revolute"><parent link="one"/><child link="two"/>
+<origin xyz="0.1 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="2" effort="50"/></joint>
+<joint name="right" type="revolute"><parent link="two"/><child link="three"/>
+<origin xyz="0.25 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="2" effort="50"/></joint>
+<joint name="high" type="revolute"><parent link="three"/><child link="four"/>
+<origin xyz="0.1 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" velocity="2" effort="50"/></joint>
+<joint name="end" type="fixed"><parent link="four"/><child link="tcp"/>
+<origin xyz="0.18 0 0"/></joint></robot>
+"""
+# Waypoints with tool axes.
+POINTS = b"x,y,z,ax,ay,az\n0.45,0,0.2,0,0,-1\n0.5,0,0.2,0.01,0,-1\n0.55,0,0.2,0,0,-1\n"
+# A tetrahedron, and a scene with a ball.
+MESH = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+BALL = b"(cell)+\n* ball\n1\nsphere\n0.1\n0 0 -2\n0 0 0 1\n0 0 0 0\n.\n"
+FILES = {
+    "part.svg": DRAWING,
+    "points.csv": POINTS,
+    "robot.urdf": ROBOT,
+    "plan.yaml": b"{job: job.yaml, do: teach}",
+    "body.obj": MESH,
+    "cell.scene": BALL,
+}
+
+SERVO = {"kp": 25.0, "kv": 150.0}
+# An arm in the plane and a path of two lines, of which a run takes a moment.
+PLANE: dict[str, Any] = {
+    "name": "plane",
+    "arm": "pmk3s",
+    "path": {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]},
+    "limits": {"speed": 0.10, "centripetal_acceleration": 0.09},
+    "corners": {"tolerance": 2e-3},
+    "servo": SERVO,
+    "command_interval": 4e-3,
+    "runs": {"one": {"timing": {"intervals": 200}}},
+}
+SPACE: dict[str, Any] = {
+    "name": "space",
+    "arm": {
+        "name": "ur5e",
+        "tool": {"position": [0.0, 0.0, 0.1], "rpy": [0.0, 0.0, 0.0]},
+        "work": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
+        "payload": {
+            "mass": 1.0,
+            "center": [0.0, 0.0, 0.05],
+            "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
+        },
+    },
+    "start": [0.0, -1.5, 1.5, -1.5, -1.5, 0.0],
+    "path": {
+        "points": [[0.45, 0.0, 0.2], [0.50, 0.0, 0.2], [0.50, 0.03, 0.2]],
+        "orientation": {"rpy": [math.pi, 0.0, 0.0]},
+    },
+    "limits": {"speed": 0.10, "tool_acceleration": 1.0, "angular_speed": 1.0},
+    "corners": {"tolerance": 1e-3, "angular_tolerance": 0.05},
+    "servo": SERVO,
+    "runs": {"one": {"timing": {"intervals": 200}}},
+}
+
+
+def _with(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A base with some of its keys replaced; mappings are merged, and None takes a key out."""
+    found = copy.deepcopy(base)
+    for key, value in changes.items():
+        if value is None:
+            found.pop(key, None)
+        elif isinstance(value, dict) and isinstance(found.get(key), dict):
+            found[key] = _with(found[key], **value)
+        else:
+            found[key] = copy.deepcopy(value)
+    return found
+
+
+def _path(**path: Any) -> dict[str, Any]:
+    found = copy.deepcopy(PLANE)
+    found["path"] = path
+    return found
+
+
+def _oriented(orientation: Any) -> dict[str, Any]:
+    return _with(SPACE, path={"orientation": None}) | {
+        "path": {"points": SPACE["path"]["points"], "orientation": orientation}
+    }
+
+
+_CLOSED = {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23], [0.30, 0.20]]}
+_LINE: dict[str, Any] = {"to": [0.34, 0.20], "speed": 0.05, "tolerance": 1e-3}
+_SPACE_LINE = [0.50, 0.0, 0.2]
+_DRAWN: dict[str, Any] = {
+    "file": "part.svg",
+    "units": "mm",
+    "scale": 1.0,
+    "frame": {"position": [0.28, 0.20, 0.0], "rpy": [0.0, 0.0, 0.0]},
+    "chord_tolerance": 1e-5,
+    "join_tolerance": 1e-5,
+    "mend_vertices": 1e-6,
+    "tools": {1: 3e-3},
+}
+_FRAMED = {"position": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
+_UP = {"up": [0.0, 0.0, 1.0]}
+_GIVEN = [[math.pi, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+_ORIENTED = [
+    {"quaternion": _GIVEN[1]},
+    {"axis": _GIVEN[2]},
+    {"follow_tangent": {**_UP, "rpy": _GIVEN[0]}},
+    {"follow_tangent": {**_UP, "quaternion": _GIVEN[1]}},
+]
+_PROCESS = {
+    "lead_in": {"length": 5e-3},
+    "lead_out": {"length": 5e-3},
+    "overlap": 1e-3,
+    "dwell": 0.01,
+    "switch": {"on_lead": 0.01, "off_lead": 0.01},
+    "events": [{"name": "tool", "value": 1.0, "at": 1e-3, "lead_time": 0.01}],
+    "analog": [
+        {"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0}
+    ],
+    "from_s": 0.0,
+}
+_CUT = {
+    "overlap": 1e-3,
+    "lead_in": {"length": 5e-3},
+    "lead_out": {"length": 5e-3},
+    "dwell": 0.01,
+    "switch": {"value": 1.0, "on_lead": 0.01, "off_lead": 0.01},
+    "events": [
+        {"name": "tool", "value": 1.0, "at": 0.02, "lead_time": 0.01, "lead_distance": 1e-3}
+    ],
+    "analog": _PROCESS["analog"],
+    "passes": 1,
+    "tabs": {"count": 1, "width": 1e-3},
+}
+_PIERCED = {"switch": {}, "pierce": {"time": 0.1, "height": 1e-3}}
+_WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01, "tolerance": 1e-5}}
+_TIMED = {"weave": {"width": 2e-3, "frequency": 2.0, "dwell": 0.05, "speed": 0.01}}
+_SPACED = {"switch": {}, "tabs": {"spacing": 0.1, "width": 1e-3}}
+_JOINTS = {
+    "joint_velocity": 2.0,
+    "joint_acceleration": 0.7,
+    "joint_lower": -3.0,
+    "joint_upper": 3.0,
+}
+_FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
+_UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))
+_TURNED = {"rpy": None, "quaternion": [0.0, 0.0, 0.0, 1.0]}
+_FLAT = {"points": [[0.40, 0.20, 0.0], [0.42, 0.20, 0.0], [0.42, 0.22, 0.0]]}
+_ABOUT = {
+    "start": [0.45, 0.0, 0.2],
+    "segments": [{"center": [0.45, 0.03, 0.2], "angle": 0.5, "normal": [0.0, 0.0, 1.0]}],
+    "orientation": {"rpy": [math.pi, 0.0, 0.0]},
+}
+_LOCKED = {"file": "robot.urdf", "tip": "tcp", "locked": {"lift": 0.1}}
+_LATE = {"dead_time": 0.01}
+_CERTIFIED = {
+    "tolerance": 2e-3,
+    "servo": 1e-4,
+    "rms": 1e-4,
+    "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
+    "samples": 20,
+    "seed": 0,
+    "slowest": 2.0,
+}
+_ON_BODIES = {
+    "plant": "rigid_body",
+    "servo": 2e-3,
+    "samples": 20,
+    "bodies": 2,
+    "corners": 2,
+    "box": {
+        "payload": [0.0, 0.1],
+        "viscous": 0.1,
+        "coulomb": 0.05,
+        "friction": [0.0, 1.0],
+        "armature": 0.0,
+    },
+}
+_FREE = {"shape": "free", "line_tolerance": 1e-4, "zone": 5e-3, "iterations": 2}
+_POLED = {"method": "pole_placement"}
+_INVERSE = {"one": {"compensation": {"method": "inverse_dynamics"}}}
+_PLACED = [_FRAMED | {"position": [0.28, 0.20, 0.0]}]
+_SIZES: dict[str, dict[str, Any]] = {
+    "boxes": {"size": [0.1, 0.1, 0.1]},
+    "cylinders": {"radius": 0.05, "length": 0.1},
+    "spheres": {"radius": 0.05},
+    "capsules": {"radius": 0.05, "length": 0.1},
+    "halfspaces": {},
+    "meshes": {"file": "body.obj"},
+}
+_BODY_TURNS: tuple[dict[str, Any], ...] = (
+    {"rpy": [0.0, 0.0, 0.0]},
+    {"quaternion": [0.0, 0.0, 0.0, 1.0]},
+)
+
+
+def _bodies(*kinds: str, **more: Any) -> dict[str, Any]:
+    """Bodies of some kinds below everything, one of each."""
+    at = [0.0, 0.0, -2.0]
+    return {x: [{"name": f"a {x}", "at": at, **_SIZES[x], **more}] for x in kinds}
+
+
+_MOVING = tuple(x for x in _SIZES if x != "halfspaces")
+# The schema allows them, but what they stand in is refused whatever the number is.
+NEVER: set[Place] = {
+    # Only a .xacro has arguments, and no job can trust one.
+    ("arm", "arguments", ANY),
+    # The drawing has no colour.
+    ("path", "colors", 0),
+    ("path", "orientation", 0, "follow_tangent", "rpy", 0),
+    ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
+    ("path", "orientation", 0, "follow_tangent", "up", 0),
+    # Obstacles have margins, and half-spaces stand still.
+    *(("arm", *x, kind, 0, "margin") for x in (("shapes",), ("tool", "shapes")) for kind in _SIZES),
+    *(
+        ("arm", *x, "halfspaces", 0, key, 0)
+        for x in (("shapes",), ("tool", "shapes"))
+        for key in ("at", "rpy", "quaternion", "normal")
+    ),
+}
+_AXIS = {"from": 0.0, "to": 0.01, "places": 2}
+_ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
+# The first base that has a field is the one it is tried in; what no base has is added to the first.
+BASES: list[dict[str, Any]] = [
+    PLANE,
+    _with(
+        PLANE,
+        plant={**SERVO, "dead_time": 0.0, "inertia": 1.0, **_FED},
+        servo={"dead_time": 0.0, "inertia": 1.0, **_FED},
+        experiment={
+            "step": 2.5e-4,
+            "noise": 0.0,
+            "seed": 0,
+            "payload": {"mass": 1.0, "center": [0.0] * 3, "inertia": [0.01, 0, 0, 0.01, 0, 0.01]},
+            "armature": 0.1,
+            "viscous": 1.0,
+            "coulomb": 0.1,
+            "joint_stiffness": 2e4,
+            "joint_damping": 2.0,
+        },
+    ),
+    _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
+    _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
+    _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
+    _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
+    _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
+    _with(PLANE, corners=_FREE),
+    _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
+    _with(PLANE, corners={"at": {2: 1e-3}}),
+    _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
+    _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
+    _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
+    _with(SPACE, start=None) | {"start": _BY_NAME},
+    _path(start=[0.30, 0.20], segments=[_LINE]),
+    _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
+    _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),
+    _path(spline={"points": [[0.30, 0.20], [0.32, 0.21], [0.34, 0.20]], "tolerance": 1e-5}),
+    _path(**_DRAWN),
+    _path(**_DRAWN, layers={"cut": {"speed": 0.05, "tolerance": 1e-3}}) | {"process": _PROCESS},
+    _path(**{**_DRAWN, "frame": _PLACED[0]}),
+    _path(**_DRAWN, colors=[7]),
+    _path(**_DRAWN, repeat={"columns": 2, "column_spacing": 0.04, "rows": 1, "row_spacing": 0.03}),
+    _with(PLANE, process=_PROCESS),
+    _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
+    _with(PLANE, process={"kerf": 2e-4, "by_layer": {"": {"kerf": 2e-4}}}, path=_CLOSED),
+    _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
+    _with(PLANE, process={**_TIMED, "by_layer": {"": _TIMED}}),
+    _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
+    _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
+    _with(PLANE, process={"begin": [0.3, 0.2]}, path=_CLOSED),
+    _with(PLANE, process={"events": [{"name": "tool", "at": 0.02, "lead_distance": 1e-3}]}),
+    SPACE,
+    {**SPACE, "path": {"file": "points.csv", "smooth_axes": 1e-3}},
+    _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
+    _with(SPACE, process={**_PIERCED, "by_layer": {"": _PIERCED}}),
+    _with(SPACE, limits={"angular_acceleration": 10.0, "joint_torque": 100.0}),
+    _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),
+    *(_oriented(x) for x in _ORIENTED),
+    *(_oriented([x] * 3) for x in ({"rpy": _GIVEN[0]}, *_ORIENTED)),
+    _with(PLANE, runs={"one": {"timing": {"reserve": 0.1}, "until": 5.0, "duration": 4.0}}),
+    _with(PLANE, runs={"one": {"smoothing": [0.02, 0.01]}}),
+    _with(PLANE, runs={"one": {"smoothing": 0.02}}),
+    _with(PLANE, servo={"inertia": 0.1}, plant={"inertia": 0.1}),
+    _with(PLANE, limits=_JOINTS),
+    _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
+    _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
+    _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
+    *(
+        _with(of, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
+        for of, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))
+        for x in names
+    ),
+    _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
+    _with(SPACE, placement=_ASKED | {"tools": {"short": [0.0, 0.0, 0.1]}}),
+    *(
+        _with(SPACE, placement=_ASKED | {"tools": {"short": x}})
+        for x in (_TURNED, *(_BODY_TURNS[k] | {"position": [0.0, 0.0, 0.1]} for k in (0, 1)))
+    ),
+    *(
+        _with(SPACE, placement=_ASKED | {"tools": {"short": {"shapes": x}}})
+        for x in (
+            *(_bodies(*_MOVING, **turn) for turn in _BODY_TURNS),
+            *(_bodies(*_SIZES, margin=0.01, **turn) for turn in _BODY_TURNS),
+            _bodies("halfspaces", normal=[0.0, 0.0, 1.0]),
+        )
+    ),
+    {**SPACE, "path": _ABOUT},
+    {**PLANE, "arm": _LOCKED, "path": _FLAT, "limits": {"speed": 0.1, "joint_acceleration": 1.0}},
+    {**PLANE, "arm": _LOCKED | {"arguments": {"length": 1.0}}, "path": _FLAT},
+    *(_with(SPACE, scene=_bodies(*_SIZES, margin=0.01, **x)) for x in _BODY_TURNS),
+    _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
+    _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
+    *(
+        _with(SPACE, scene={"files": [
+            {"file": "cell.scene", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
+        ]})
+        for x in _BODY_TURNS
+    ),
+    *(_with(SPACE, arm={"tool": {"shapes": _bodies(*_MOVING, **x)}}) for x in _BODY_TURNS),
+    *(_with(SPACE, arm={"shapes": _bodies(*_MOVING, link="base", **x)}) for x in _BODY_TURNS),
+    *(
+        _with(SPACE, arm=of(_bodies(*_SIZES, margin=0.01, **x)))
+        for of in (lambda x: {"tool": {"shapes": x}}, lambda x: {"shapes": x})
+        for x in (*_BODY_TURNS, {"normal": [0.0, 0.0, 1.0]})
+    ),
+]  # fmt: skip
+
+
+def fields() -> list[Place]:
+    """Every place of a job that takes a number: keys, 0 for any item of a list, ANY for any key."""
+    schema = json_schema()
+    return list(dict.fromkeys(_numbers_in(schema, schema, ())))
+
+
+def _numbers_in(schema: dict[str, Any], node: dict[str, Any], place: Place) -> Iterator[Place]:
+    while "$ref" in node:
+        rest = {key: value for key, value in node.items() if key != "$ref"}
+        node = schema["$defs"][node["$ref"].split("/")[-1]] | rest
+    if node.get("type") in ("number", "integer"):
+        yield place
+        return
+    for kind in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from _numbers_in(schema, kind, place)
+    for key, value in node.get("properties", {}).items():
+        yield from _numbers_in(schema, value, (*place, key))
+    inside = node.get("additionalProperties")
+    for value in (inside, *node.get("patternProperties", {}).values()):
+        if isinstance(value, dict):
+            yield from _numbers_in(schema, value, (*place, ANY))
+    for value in (node.get("items"), *node.get("prefixItems", ())):
+        if value is not None:
+            yield from _numbers_in(schema, value, (*place, 0))
+
+
+def base_of(place: Place) -> dict[str, Any]:
+    """A small valid job that has a number in a place.
+
+    Raises:
+        LookupError: No base has it, and it cannot be made up: BASES needs one.
+    """
+    for base in BASES:
+        if _number_at(base, place):
+            return copy.deepcopy(base)
+    return _made_up(place)
+
+
+def put(base: dict[str, Any], place: Place, value: Any) -> dict[str, Any]:
+    """The job with a value in a place."""
+    found = copy.deepcopy(base)
+    inner: Any = found
+    for key in place[:-1]:
+        inner = inner[_key(inner, key)]
+    inner[_key(inner, place[-1])] = value
+    return found
+
+
+def shown(place: Place) -> str:
+    """A place for people."""
+    return ".".join(map(str, place))
+
+
+def _key(inner: Any, key: str | int) -> Any:
+    return next(iter(inner)) if key == ANY else key
+
+
+def _number_at(base: Any, place: Place) -> bool:
+    for key in place:
+        if isinstance(base, dict) and isinstance(key, str):
+            base = base.get(_key(base, key)) if base else None
+        elif isinstance(base, list) and key == 0 and base:
+            base = base[0]
+        else:
+            return False
+    return isinstance(base, int | float) and not isinstance(base, bool)
+
+
+def _made_up(place: Place) -> dict[str, Any]:
+    """The first base with a place added: the runs' own keys take what the job has there."""
+    if (
+        place[:2] == ("runs", ANY)
+        and len(place) > 2
+        and place[2] in ("limits", "corners", "command_interval")
+    ):
+        outer = base_of(place[2:])
+        value = outer[str(place[2])]
+        return put(_with(outer, runs={"one": {str(place[2]): value}}), ("runs", "one", *place[2:]),
+                   _value_at(outer, place[2:]))  # fmt: skip
+    if place[-1] == 0:
+        # One number per joint where a base has one for all.
+        outer = base_of(place[:-1])
+        joints = 2 if outer["arm"] == "pmk3s" else 6
+        return put(outer, place[:-1], [_value_at(outer, place[:-1])] * joints)
+    raise LookupError(f"no base of tests/properties/number_cases.py has {shown(place)}: add one")
+
+
+def _value_at(base: Any, place: Place) -> Any:
+    for key in place:
+        base = base[_key(base, key)]
+    return base
+
+
+# How options that take quantities are written: # is the number. Other text is no number.
+FORMS: dict[str, tuple[str, ...]] = {
+    "--at": ("# m, 0, 0", "# mm, 0 mm, 0 mm"),
+    "--turn": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
+    "--speed": ("# m/s", "# mm/s"),
+    "--tolerance": ("# m", "# mm"),
+    "--line-tolerance": ("# m", "# mm"),
+    "--zone": ("# m", "# mm"),
+    "--total-tolerance": ("# m", "# mm"),
+    "--from-s": ("# m", "# mm"),
+    "--tool": ("1: # m", "1: # mm"),
+    "--period": ("# s", "# ms"),
+    "--servo": ("# m", "# um"),
+    "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
+    "--uncertainty": ("x: # m", "yaw: # deg"),
+    "--about": ("# m, 0 m, 0 m", "0 mm, # mm, 0 mm"),
+    "--drive-cycle": ("# s", "# ms"),
+    "--from": ("# s", "# ms"),
+    "--to": ("# s", "# ms"),
+    "--longest-dead-time": ("# s", "# ms"),
+    "--noise": ("# rad", "0.1 mrad, # mrad/s"),
+}
+TEXTS = {
+    "--arm", "--arms", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
+    "--contour", "--corner-shape", "--export", "--format",
+    "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
+    "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
+    "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
+    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
+    "--waypoint-columns", "--xacro-arg",
+}  # fmt: skip
+
+
+def numeric_options() -> Iterator[tuple[str, str, str]]:
+    """Every option of the command line that takes a number: command, option, and how to write it.
+
+    Raises:
+        LookupError: An option of text that is neither in FORMS nor in TEXTS.
+    """
+    for command, option, kind in _options():
+        if kind in (bool, FilePath) or option in TEXTS:
+            continue
+        if kind in (int, float):
+            yield command, option, "#"
+        elif option in FORMS:
+            for form in FORMS[option]:
+                yield command, option, form
+        else:
+            raise LookupError(
+                f"{command} {option}: say in tests/properties/number_cases.py what it takes"
+            )
+
+
+def _options() -> Iterator[tuple[str, str, type]]:
+    """Command, name and type of every option, from the signatures of the commands."""
+    for command in app.registered_commands:
+        assert command.callback is not None
+        for x in inspect.signature(command.callback, eval_str=True).parameters.values():
+            kind, *extra = get_args(x.annotation)
+            # With Annotated, typer takes an option's name where the default was.
+            said = [y for z in extra for y in (getattr(z, "default", None), *_declared(z))]
+            names = [y for y in said if isinstance(y, str) and y.startswith("--")]
+            if names:
+                kinds = [y for y in get_args(kind) or (kind,) if y is not type(None)]
+                yield command.callback.__name__, names[0].split("/")[0], kinds[0]
+
+
+def _declared(option: Any) -> tuple[str, ...]:
+    return tuple(getattr(option, "param_decls", None) or ())

@@ -1,0 +1,192 @@
+r"""Make the hulls of a built-in arm from the meshes that its maker publishes.
+
+    python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] [--argument NAME=VALUE] ...
+
+For the built-in arms (repositories of the makers, beside this one):
+
+    python -m tools.hulls ur5e Universal_Robots_ROS2_Description/urdf/ur.urdf.xacro \
+        --package ur_description=Universal_Robots_ROS2_Description \
+        --argument name=ur --argument ur_type=ur5e --base base_link_inertia --tip tool0
+    python -m tools.hulls panda franka_description/robots/fer/fer.urdf.xacro \
+        --package franka_description=franka_description --argument hand=false \
+        --rename fer_=panda_
+    python -m tools.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
+        --package franka_description=franka_description --argument hand=false
+
+A hull is the intersection of half-spaces that hold every corner of the mesh, so it holds the mesh.
+Half-spaces are added where the hull is farthest from the mesh's own convex hull (the sandwich
+algorithm), until it is nowhere farther than EXCESS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull, HalfspaceIntersection
+
+import armcontour as ac
+from armcontour.arms.chain import link_poses
+from armcontour.io.robots import shapes
+from armcontour.io.robots.shapes import STEP
+from armcontour.scene import ArmShapes, LinkShape, Mesh
+
+# How far a hull may be from the convex hull of the mesh [m].
+EXCESS = 3e-4
+# What rounding to whole steps may move a corner by, and the half-spaces before it [m].
+ROUNDING = STEP
+# How far apart places of links may be in the description and in the built-in arm [m].
+SAME = 1e-8
+# Half-spaces that are added at a time.
+AT_ONCE = 12
+FOLDER = Path(shapes.__file__).parent / "library" / "hulls"
+SOURCES = {
+    "ur": (
+        "Convex hulls of the collision meshes of Universal_Robots_ROS2_Description, Universal "
+        "Robots A/S.",
+        "BSD-3-Clause: see LICENSE-universal-robots.txt.",
+    ),
+    "franka": (
+        "Convex hulls of the collision meshes of franka_description, Franka Robotics GmbH.",
+        "Apache-2.0: see NOTICE-franka.txt.",
+    ),
+}
+FloatArray = npt.NDArray[np.float64]
+
+
+def outer_hull(points: FloatArray, excess: float) -> FloatArray:
+    """Corners of a convex body that holds points, and exceeds their hull by less than `excess`."""
+    hull = points[ConvexHull(points).vertices]
+    inside = hull.mean(axis=0)
+    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+    normals = grid[np.any(grid != 0, axis=1)]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    body = _Body(hull)
+    while True:
+        offsets = (hull @ normals.T).max(axis=0) + ROUNDING
+        planes = np.column_stack([normals, -offsets])
+        corners = HalfspaceIntersection(planes, inside).intersections
+        corners = _apart(corners)
+        distances, nearest = body.distances(corners)
+        if distances.max() <= excess:
+            return corners
+        worst = np.argsort(-distances)[:AT_ONCE]
+        worst = worst[distances[worst] > max(excess, 0.5 * distances.max())]
+        more = (corners - nearest)[worst]
+        normals = np.vstack([normals, more / np.linalg.norm(more, axis=1, keepdims=True)])
+
+
+class _Body:
+    """The convex hull of points, for distances of other points from it."""
+
+    def __init__(self, points: FloatArray) -> None:
+        model = coal.BVHModelOBBRSS()
+        model.beginModel(0, len(points))
+        model.addVertices(np.ascontiguousarray(points))
+        model.endModel()
+        model.buildConvexHull(True, "Qt")
+        self._hull = model.convex
+
+    def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances of points, (n,), and the nearest points of the hull, (n, 3)."""
+        request, ball, still = coal.DistanceRequest(), coal.Sphere(1e-9), coal.Transform3s()
+        found, nearest = np.empty(len(points)), np.empty((len(points), 3))
+        for k, x in enumerate(points):
+            result = coal.DistanceResult()
+            place = coal.Transform3s(np.eye(3), x)
+            found[k] = coal.distance(self._hull, still, ball, place, request, result)
+            nearest[k] = result.getNearestPoint1()
+        return found, nearest
+
+
+def _apart(points: FloatArray) -> FloatArray:
+    """The points in whole steps, each once."""
+    return np.unique(np.round(points / STEP), axis=0) * STEP
+
+
+def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
+    """The entry of a link in the file of hulls, checked.
+
+    Raises:
+        AssertionError: A corner of the mesh is outside the hull.
+    """
+    assert isinstance(shape.exact, Mesh)
+    mesh = shape.exact.points @ shape.place.rotation.T + shape.place.position
+    corners = outer_hull(mesh, excess)
+    outside = ConvexHull(corners).equations @ np.column_stack([mesh, np.ones(len(mesh))]).T
+    assert outside.max() <= 1e-9, f"{shape.name}: {outside.max():.3g} m outside"
+    corners = corners[ConvexHull(corners).vertices]
+    far = _Body(mesh[ConvexHull(mesh).vertices]).distances(corners)[0].max()
+    print(f"{shape.name}: {len(mesh)} -> {len(corners)} points, {far * 1e3:.3f} mm outside")
+    return {
+        "name": shape.name,
+        "link": shape.link,
+        "excess": round(float(far), 6),
+        "points": np.rint(corners / STEP).astype(int).tolist(),
+    }
+
+
+def main(words: list[str]) -> int:
+    """Make the hulls of an arm."""
+    given = argparse.ArgumentParser()
+    given.add_argument("name")
+    given.add_argument("description")
+    given.add_argument("--package", action="append", default=[])
+    given.add_argument("--argument", action="append", default=[])
+    given.add_argument("--base")
+    given.add_argument("--tip")
+    given.add_argument("--rename", default="=")
+    given.add_argument("--excess", type=float, default=EXCESS)
+    told = given.parse_args(words)
+    arm = ac.load_arm(
+        told.description,
+        base=told.base,
+        tip=told.tip,
+        packages=dict(x.split("=") for x in told.package),
+        arguments=dict(x.split("=") for x in told.argument),
+        trust_xacro=True,
+    )
+    _compare(ac.load_arm(told.name), arm)
+    assert isinstance(arm.shapes, ArmShapes)
+    old, new = told.rename.split("=")
+    hulls = [hull_of(x, told.excess) for x in arm.shapes.shapes]
+    for x in hulls:
+        x["name"] = x["name"].replace(old, new) if old else x["name"]
+    source, license_text = SOURCES["franka" if told.name in ("panda", "fr3") else "ur"]
+    page = {
+        "source": f"{source} They are up to {max(x['excess'] for x in hulls) * 1e3:.2g} mm larger.",
+        "license": license_text,
+        "unit": "um",
+        "hulls": hulls,
+    }
+    _write(FOLDER / f"{told.name}.json", page)
+    return 0
+
+
+def _compare(built_in: ac.Arm, described: ac.Arm) -> None:
+    """Refuse a description whose links have other frames than those of the built-in arm."""
+    assert built_in.chain is not None and described.chain is not None
+    q = np.random.default_rng(1).uniform(-3, 3, (100, built_in.dof))
+    apart = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
+    print(f"frames of links: {apart:.2g} m apart")
+    assert apart <= SAME
+
+
+def _write(file: Path, page: dict[str, Any]) -> None:
+    """Write a file of hulls, one hull a line."""
+    hulls = ",\n".join(json.dumps(x, separators=(",", ":")) for x in page["hulls"])
+    rest = {key: x for key, x in page.items() if key != "hulls"}
+    text = json.dumps(rest, indent=1)[:-2] + ',\n "hulls": [\n' + hulls + "\n]}\n"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(text, encoding="utf-8")
+    print(f"{file}: {len(text) / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

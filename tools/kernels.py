@@ -1,0 +1,122 @@
+"""`python -m tools.kernels`: write src/armcontour/_kernels.txt anew.
+
+The list says what compiled functions are called with by a run on a plane arm, by one on an arm in
+space, and by the tests. `armcontour warm` compiles it. Each of the three runs here in a process
+that has nothing compiled, and notes what it compiles.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from armcontour._signatures import to_text
+
+ROOT = Path(__file__).parents[1]
+LIST = ROOT / "src" / "armcontour" / "_kernels.txt"
+RUNS = {
+    "plane": ["run", "paper"],
+    "space": ["run", str(ROOT / "examples" / "drawings" / "gasket.dxf"), "--cell", "ur5e"],
+}
+TESTS = "-"
+
+
+def calls() -> set[str]:
+    """Calls that Python made to compiled functions of the package in this process."""
+    from armcontour._kernels import KERNELS
+
+    return {
+        f"{module}.{name}({to_text(arguments)})"
+        for (module, name), kernel in KERNELS.items()
+        if module.startswith("armcontour.") and not kernel.targetoptions["no_cpython_wrapper"]
+        for arguments in kernel.overloads
+    }
+
+
+def unlisted() -> set[str]:
+    """Calls in this process that the list does not have."""
+    return calls() - {x.partition(" ")[2] for x in LIST.read_text(encoding="utf-8").splitlines()}
+
+
+def record(run: str, arguments: list[str], out: Path) -> None:
+    """Run a command of armcontour, or tests, and write what is compiled meanwhile."""
+    from numba.core import event
+
+    from armcontour import _warming
+
+    # Nothing is compiled ahead.
+    _warming.LIST = Path(os.devnull)
+    found: dict[str, None] = {}
+
+    class Listener(event.Listener):
+        """Notes functions of the package."""
+
+        def on_start(self, event: Any) -> None:
+            """Nothing."""
+
+        def on_end(self, event: Any) -> None:
+            """Note a function."""
+            function = event.data["dispatcher"].py_func
+            if function.__module__.startswith("armcontour."):
+                text = to_text(event.data["args"])
+                found[f"{function.__module__}.{function.__name__}({text})"] = None
+
+    event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
+    if run == TESTS:
+        import pytest
+
+        pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *arguments])
+    else:
+        from armcontour.cli.commands import app
+
+        app(arguments, standalone_mode=False)
+    out.write_text("\n".join(found), encoding="utf-8")
+
+
+def main() -> int:
+    """Write the list."""
+    parser = argparse.ArgumentParser(prog="python -m tools.kernels", description=__doc__)
+    parser.add_argument(
+        "what", nargs="*", help="plane, space, or files of tests, whose calls are added; or all"
+    )
+    if sys.argv[1:2] == ["--record"]:
+        run, out, *arguments = sys.argv[2:]
+        record(run, arguments, Path(out))
+        return 0
+    given = parser.parse_args()
+    wanted = {x: RUNS[x] for x in given.what or RUNS if x in RUNS}
+    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests", "tests/slow"]
+    if tests:
+        wanted[TESTS] = tests
+    tags: dict[str, set[str]] = {}
+    for line in LIST.read_text(encoding="utf-8").splitlines() if given.what else []:
+        runs, _, call = line.partition(" ")
+        if kept := set(runs.split(",")) - set(wanted) | ({TESTS} & set(runs.split(","))):
+            tags[call] = kept
+    for run, arguments in wanted.items():
+        for call in _record_apart(run, arguments):
+            tags.setdefault(call, set()).add(run)
+    lines = [f"{','.join(sorted(runs))} {call}" for call, runs in sorted(tags.items())]
+    LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return 0
+
+
+def _record_apart(run: str, arguments: list[str]) -> list[str]:
+    """Record a run in a process of its own that has nothing compiled; gives the calls."""
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name) / "calls.txt"
+        command = [sys.executable, "-m", "tools.kernels", "--record", run, str(out), *arguments]
+        if run != TESTS:
+            command += ["--out", str(Path(name) / "results")]
+        cold = {"NUMBA_CACHE_DIR": str(Path(name) / "cold")}
+        subprocess.run(command, check=True, cwd=ROOT, env=os.environ | cold)
+        return out.read_text(encoding="utf-8").splitlines()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
