@@ -249,6 +249,8 @@ G1 X2 F60|G1 X6 E2 => 2,0 6,0 => before the first extrusion, first in line 1
 G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
 """)
     check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", skip=frozenset("A"))
+    text = "G10 L2 P1 X5 R1|G1 X1 F60 => 0,0 1,0 => G10 (1 time"
+    check_points(text, skip=frozenset(("G10",)))
     check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", skip=frozenset(("G28.2",)))
     words = (
         "T1 M6|G1 X1 A90 F60|G55 X2 => 0,0 1,0 2,0 => M6 (1 ... word T (1 ... word A (1 ... G55 (1"
@@ -314,7 +316,7 @@ G92.3 => G92.3
 
 
 def test_g_code_as_a_programming_language_is_refused_with_its_line():
-    table = [(f"G1 X1 F60|{x}", "part.ngc, line 2: ", y, "plain moves") for x, y in rows(LANGUAGE)]
+    table = [(f"G1 X1 F60|{x}", "part.ngc, line 2: ", y, "CAM system") for x, y in rows(LANGUAGE)]
     refusals(read, table)
     for text in ("O0100 (PART)|G1 X1 F60", "%|N1 O7|G1 X1 F60|M30|O100 sub|%"):
         assert in_mm(read(text).path) == [[0, 0], [1, 0]]

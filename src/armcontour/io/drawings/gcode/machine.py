@@ -270,8 +270,9 @@ class Machine:
         words = block.words
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
-                "G10, which sets offsets or tools of the controller, is not read; "
-                f"{codes.PLAIN_MOVES}"
+                "G10, which sets offsets or tools of the controller, is not read: let the CAM "
+                "system write the program without it, or, if it changes nothing, leave it out "
+                "(unknown: {skip: [G10]}, or --skip G10)"
             )
         for letter in [x for x in words if x in "PRS"]:
             del words[letter]
