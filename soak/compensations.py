@@ -1,13 +1,24 @@
-"""Contour errors of the default compensation on rigid bodies, compared with no compensation."""
+"""Contour errors of compensations on the servo model and on rigid bodies.
+
+`python -m soak.compensations` prints the table of docs/guides/compensations.md: one plan, robots
+with other gains, delays and payloads. The topic `compensations` compares the default with none.
+"""
 
 from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import armcontour as ac
 from soak import Outcome
 
-PERIOD = 4e-3
+METHODS = ("none", "inverse", "pole_placement", "inverse_dynamics")
+KP, KV, PERIOD = 25.0, 150.0, 4e-3
+# Gains of robots are within this share of the nominal ones; so many are drawn.
+GAINS, DRAWN = 0.2, 6
+Plant = Callable[[ac.ServoModel], ac.ServoPlant | ac.RigidBodyPlant]
 
 
 def run(seed: int) -> Outcome:
@@ -38,3 +49,70 @@ def run(seed: int) -> Outcome:
     ratio = max(default.rms / none.rms, default.max / none.max)
     notes = [f"{ratio:.3f} of the error without compensation"] if ratio > 1 else []
     return Outcome(kind=name, result="compared", notes=notes)
+
+
+def square() -> tuple[ac.Arm, ac.Path]:
+    """A square of 100 mm for a UR5e with a tool of 120 mm and drives of 0.1 kg m²."""
+    arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.12))).with_dynamics(armature=0.1)
+    corners = [(0.38, -0.05, 0.1), (0.48, -0.05, 0.1), (0.48, 0.05, 0.1), (0.38, 0.05, 0.1)]
+    path = ac.Path.polyline([*corners, corners[0]]).pointing((0.0, 0.0, -1.0))
+    return arm, ac.round_corners(path, tolerance=2.5e-4)
+
+
+def rows(reserve: float) -> Iterator[str]:
+    """Rows of the table for one reserve of the plan."""
+    arm, path = square()
+    allowed = (1 - reserve) * arm.limits.joint_acceleration
+    limits = {"speed": 0.1, "centripetal_acceleration": 1.0}
+    plan = ac.plan(path, arm, arm.limits.replace(joint_acceleration=allowed, **limits))
+    nominal = ac.ServoModel(kp=KP, kv=KV)
+    taught = [ac.compensate(plan, nominal, method=x, period=PERIOD, arm=arm) for x in METHODS]
+    loaded = arm.with_dynamics(payload=ac.Payload(mass=0.2, center=(0.0, 0.0, 0.05)))
+    rough = arm.with_dynamics(coulomb=1.0, viscous=1.0)
+    robots: dict[str, list[ac.ServoModel]] = {
+        "as modelled": [nominal],
+        f"gains within {GAINS:.0%}": [nominal.replace(**near(k, arm.dof)) for k in range(DRAWN)],
+        "1 ms more delay": [delayed(nominal, 1e-3)],
+        "2 ms more delay": [delayed(nominal, 2e-3)],
+    }
+    found: list[tuple[str, str, Plant, list[ac.ServoModel]]] = []
+    for name, servos in robots.items():
+        found.append(("servo model", name, lambda x: ac.ServoPlant(arm, x), servos))
+    for name, servos in robots.items():
+        found.append(("bodies", name, lambda x: ac.RigidBodyPlant(arm, x), servos))
+    for name, true in (("0.2 kg more", loaded), ("friction of 1 N m, 1 N m s/rad", rough)):
+        plant = lambda x, true=true: ac.RigidBodyPlant(true, x, known=arm)  # noqa: E731
+        found.append(("bodies", name, plant, [nominal]))
+    for judge, name, plant, servos in found:
+        cells = []
+        for x in taught:
+            errors = [ac.evaluate(ac.execute(x, plant(s)), path).contour_error for s in servos]
+            rms, most = np.median([e.rms for e in errors]), max(e.max for e in errors)
+            cells.append(f"{rms * 1e3:.4f} / {most * 1e3:.3f}")
+        yield f"| {judge} | {reserve:.0%} | {name} | " + " | ".join(cells) + " |"
+
+
+def near(seed: int, dof: int) -> dict[str, np.ndarray]:
+    """Gains of a drawn robot."""
+    shares = np.random.default_rng(seed).uniform(1 - GAINS, 1 + GAINS, (2, dof))
+    return {"kp": KP * shares[0], "kv": KV * shares[1]}
+
+
+def delayed(servo: ac.ServoModel, delay: float) -> ac.ServoModel:
+    """A servo whose velocity loop takes its command later [s], to first order."""
+    left = 1 - servo.kp * delay
+    return servo.replace(kp=servo.kp / left, kv=servo.kv * left)
+
+
+def main() -> None:
+    """Print the table."""
+    warnings.simplefilter("ignore")
+    print("| judged on | reserve | robot | " + " | ".join(f"`{x}`" for x in METHODS) + " |")
+    print("|---|---|---|" + "---|" * len(METHODS))
+    for reserve in (0.0, 0.02, 0.1):
+        for row in rows(reserve):
+            print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
