@@ -11,7 +11,7 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.execution import rigid_body_plant, stability
+from armcontour.execution import _mujoco, rigid_body_plant, stability
 from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
@@ -446,6 +446,31 @@ def test_stiff_springs_are_rigid_joints():
         errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
     assert errors[1] < 1e-4
+
+
+def test_springs_keep_energy_and_dampers_take_it():
+    arm = two_link()
+    chain, stiffness = arm.chain, np.array([2e3, 3e3])
+
+    def energy(data):
+        link, motor, turning, spinning = np.concatenate([data.qpos, data.qvel]).reshape(4, 2)
+        moving = turning @ arm.dynamics.mass_matrix(link) @ turning
+        moving -= turning @ (chain.armature * turning)  # drives turn with their motors
+        spinning = spinning @ (chain.armature * spinning)
+        return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
+
+    def share_left(damping):
+        springs = _mujoco.Springs(stiffness, damping)
+        model = _mujoco.build(chain, 5e-5, friction=False, springs=springs)
+        data = _mujoco.load().MjData(model)
+        data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
+        before = energy(data)
+        _mujoco.load().mj_step(model, data, 4000)
+        assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
+        return energy(data) / before
+
+    assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
+    assert share_left(stiffness * 1e-4) < 0.95
 
 
 def test_friction_acts_at_the_motor():

@@ -10,6 +10,9 @@ from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
 from armcontour.identification import identify, propose
 from armcontour.identification.bodies.checking import arranged
+from armcontour.identification.bodies.fitting import attempt, derivatives
+from armcontour.identification.bodies.grid import Gridded
+from armcontour.identification.bodies.model import Model
 from armcontour.motion import Log
 
 from .robots import (
@@ -89,6 +92,30 @@ def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
     assert servo.dead_time == pytest.approx(6e-3, abs=1e-4)
     # The nominal arm is as it was.
     assert nominal.chain.payload is None and not np.any(nominal.chain.coulomb)
+
+
+def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
+    """By central differences, at values that are neither nominal nor true."""
+    short = log.between(0.0, 2.5)
+    model = Model(
+        arm=nominal, servo=nominal_servo().for_joints(6), keep_kv=True, gravity="nominal", lag=1e-4
+    )
+    values = np.array(model.nominal)
+    names = [x.name for x in model.unknowns]
+    for name, value in (("viscous", 3.0), ("payload_mass", 1.5), ("dead_time", 5e-3)):
+        values[[x == name for x in names]] = value
+    values[[x == "payload_center" for x in names]] = [0.02, -0.03, 0.05]
+    grids = [Gridded.of(short, "linear", 0.3)]
+    exact = derivatives(model, grids, attempt(model, grids, values))
+    steps = {"payload_center": 1e-3, "dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
+    for k, name in enumerate(names):
+        step = steps.get(name, 1e-3)
+        if step is None:
+            continue
+        shift = step * (np.arange(len(values)) == k)
+        up, down = (attempt(model, grids, values + s * shift) for s in (1, -1))
+        slope = (down.residuals[0] - up.residuals[0]) / (2 * step)
+        assert np.abs(exact[:, :, k] - slope).max() < 0.02 * np.abs(slope).max(), name
 
 
 def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nominal):
