@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         Prediction,
         RobotIdentification,
     )
-    from armcontour.io import ResultFolder
     from armcontour.motion import Log
 
 # RMS about the mean, and shares of the variance.
@@ -139,7 +138,7 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
             longest_dead_time=longest,
             progress=progress,
         )
-    written = _write_robot(found, x, name, x.out) if x.out is not None else []
+    written = _write_robot(found, x, name, x.out) if x.out is not None else ""
     if x.as_json:
         print(robot_json(found), end="")
     else:
@@ -149,10 +148,8 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
     return found.determined
 
 
-def _write_robot(
-    found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath
-) -> list[str]:
-    """Write the result folder; returns sentences on what was written."""
+def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath) -> str:
+    """Write the result folder; returns a sentence that lists the files."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.robot_file import robot_json, robot_servo_yaml, robot_yaml
@@ -163,7 +160,7 @@ def _write_robot(
     if name not in arm_names():
         given = {"file": name, "tip": x.tip, "base": x.base, "joint_limits": x.joint_limits}
         base = {key: str(value) for key, value in given.items() if value is not None}
-    servo, said = "servo.yaml", []
+    servo = "servo.yaml"
     with ResultFolder(out, force=x.force) as folder:
         folder.write("robot.yaml", robot_yaml(found, base, out))
         try:
@@ -171,33 +168,12 @@ def _write_robot(
         except InvalidInput as error:
             # Not an error here: what else is known is of use.
             servo = f"but no servo.yaml: {error}"
-        if found.open:
-            said.append(_write_excitation(found, folder))
         folder.write("report.html", render_robot(found))
         folder.write("summary.json", robot_json(found, [*folder.files, "summary.json"]))
-    return [*said, f"Written to {out}: robot.yaml, report.html, {servo}"]
+    return f"Written to {out}: robot.yaml, report.html, {servo}"
 
 
-def _write_excitation(found: RobotIdentification, folder: ResultFolder) -> str:
-    """Write set-points of a motion that tells what the logs did not; returns a sentence on it."""
-    from armcontour.errors import InvalidInput
-    from armcontour.identification import propose
-    from armcontour.io.motion_csv import write_taught
-
-    try:
-        excitation = propose(found)
-    except InvalidInput as error:
-        return f"No excitation is proposed: {error}"
-    names = found.nominal.joint_names
-    folder.place("excitation.csv", lambda file: write_taught(file, excitation.taught, names))
-    return (
-        "excitation.csv has set-points of a motion within the arm's limits that would tell "
-        f"{', '.join(excitation.tells) or 'no more'}. Obstacles are not known: look before you run "
-        "it."
-    )
-
-
-def _print_robot(found: RobotIdentification, written: list[str]) -> None:
+def _print_robot(found: RobotIdentification, written: str) -> None:
     """Print a table of the parameters, and sentences on the fit and on what was written."""
     console = Console()
     every = [
@@ -220,7 +196,7 @@ def _print_robot(found: RobotIdentification, written: list[str]) -> None:
         console.say(f"{joint.name}: residuals {joint.rms * 1e3:.3g} mrad rms, {white}.")
     for why, names in advice.items():
         console.say(f"{', '.join(names)}: {why}")
-    for sentence in (*found.notes, *written):
+    for sentence in (*found.notes, *([written] if written else [])):
         console.say(sentence)
 
 
