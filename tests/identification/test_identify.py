@@ -38,7 +38,7 @@ def _sine(seconds=3.0, highest=25.0, size=3e-3):
 
 
 def _one(t, u, y, **options):
-    return identify(Log(t=t, command=u, measured=y, set_points=True), **options).joints[0]
+    return identify(Log(t=t, command=u, measured=y), **options).joints[0]
 
 
 def _assert_near(joint, *more):
@@ -176,7 +176,6 @@ def test_the_servo_model_of_two_joints(usual):
             command=np.column_stack([u, u]),
             measured=_measured(np.column_stack([q, other])),
             joint_names=("shoulder", "elbow"),
-            set_points=True,
         )
     )
     assert isinstance(found, Identification) and found.determined

@@ -70,7 +70,6 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
         unwrap=x.unwrap,
         columns=x.columns,
         topic=x.topic,
-        set_points=x.set_points,
     )
 
 

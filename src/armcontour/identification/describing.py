@@ -17,7 +17,6 @@ from armcontour.identification.friction import Friction, find_friction
 from armcontour.identification.intervals import Ends
 from armcontour.identification.profile import lowest_limit
 from armcontour.identification.results import Estimate, JointIdentification
-from armcontour.identification.unseen import find_shifts
 from armcontour.motion.log import Log
 
 # A standard deviation of more than this part of a value leaves it undetermined.
@@ -32,8 +31,6 @@ STILL = 1.5
 LEAST_MOTION = 1e-9
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# What widens a standard deviation by more than this factor is told.
-SEEN = 1.5
 # Motions that would tell more.
 MOTION = (
     "A multisine of 20 s from 0.5 Hz to a few times K_p / 2π Hz, sampled five times faster than "
@@ -166,48 +163,10 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     elif joint.dead_time.high < 0 and joint.dead_time.value < -DETERMINED_DELAY:
         joint = _not_sure(joint, "The best dead time is below zero")
     else:
-        if not log.set_points:
-            joint = _allow_for_unseen(joint, find_shifts(data, found), data)
         if friction is not None:
             joint = _allow_for(joint, friction)
     notes = (*_notes(data, log, joint, choice), *joint.notes)
     return replace(joint, notes=notes if friction is None else (*notes, _describe(friction)))
-
-
-def _allow_for_unseen(
-    joint: JointIdentification, shifts: dict[str, float], data: Data
-) -> JointIdentification:
-    """Widen estimates by what the command between samples may put them off."""
-    changed: dict[str, Any] = {}
-    for name, shift in shifts.items():
-        x = joint.dead_time if name == "delay" else getattr(joint, name)
-        if name == "delay":
-            off, low, high = abs(shift), x.low + shift, x.high + shift
-        else:
-            factor = math.exp(shift)
-            off, low, high = x.value * abs(factor - 1), x.low * factor, x.high * factor
-        # Any change from none to the farthest one is as likely.
-        sd = math.hypot(x.sd, off / math.sqrt(3))
-        allowed = DETERMINED * abs(x.value)
-        if x.name == "dead_time":
-            allowed = max(allowed, DETERMINED_DELAY)
-        x = replace(x, sd=sd, low=min(x.low, low), high=max(x.high, high))
-        if x.determined and not sd <= allowed:
-            x = replace(x, determined=False, advice=_describe_unseen(shifts, data))
-        changed[x.name] = x
-    told = any(
-        abs(changed[x].sd) > SEEN * getattr(joint, x).sd and changed[x].determined for x in changed
-    )
-    return replace(joint, **changed, notes=(_describe_unseen(shifts, data),) if told else ())
-
-
-def _describe_unseen(shifts: dict[str, float], data: Data) -> str:
-    """What the command between samples may do, and what would mend it."""
-    return (
-        f"What was commanded between samples, {data.interval * 1e3:.3g} ms apart, is not known, "
-        f"which may put off {_list_shifts(shifts)}: log faster, or log the set-points at the times "
-        "from which they act, and say so by --set-points or Log(set_points=True)."
-    )
 
 
 def _list_shifts(shifts: dict[str, float]) -> str:

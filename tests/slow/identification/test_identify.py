@@ -13,7 +13,7 @@ TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
 
 
 def _one(t, u, y):
-    return identify(Log(t=t, command=u, measured=y, set_points=True)).joints[0]
+    return identify(Log(t=t, command=u, measured=y)).joints[0]
 
 
 @pytest.mark.parametrize(("friction", "standstill"), [(0.3, 0.0), (0.3, 100.0), (0.0, 100.0)])

@@ -26,7 +26,6 @@ from armcontour.identification.bodies.precision import (
     MOVES,
     Precision,
     allowed,
-    doubts,
     is_white,
     moved,
     precision,
@@ -73,7 +72,6 @@ class _Known:
         free: Which were sought.
         unsettled: Which were left out since the search did not come to rest in them.
         precision: Standard deviations.
-        doubt: What the command between samples and the drives' cycle may do to them.
         limit: Standard deviations that count as told.
         sought: Standard deviations if that unknown had been sought too.
         moved: Unknowns but for those of joints that no log moves.
@@ -84,7 +82,6 @@ class _Known:
     free: BoolArray
     unsettled: BoolArray
     precision: Precision
-    doubt: FloatArray
     limit: FloatArray
     sought: FloatArray
     moved: BoolArray
@@ -121,7 +118,6 @@ def describe(
         free=found.free,
         unsettled=unsettled,
         precision=precision(found, found.free),
-        doubt=doubts(model, grids, found, found.free),
         limit=allowed(model, values),
         sought=_sought(found),
         moved=moved(model, grids),
@@ -259,8 +255,7 @@ def _estimate(known: _Known, k: int) -> Estimate:
     x, value, sd = known.model.unknowns[k], float(known.values[k]), float(known.precision.sd[k])
     if not known.free[k]:
         return _not_told(known, k)
-    reach = known.precision.quantile * sd + float(known.doubt[k])
-    sd = math.hypot(sd, float(known.doubt[k]))
+    reach = known.precision.quantile * sd
     low, high = value - reach, value + reach
     if x.name in LOGARITHMIC:
         value, low, high = math.exp(value), math.exp(low), math.exp(high)
@@ -354,10 +349,10 @@ def _center(known: _Known, of: dict[tuple[str, int], int], i: int) -> Estimate:
         return _made(name, nominal, math.nan, -math.inf, math.inf, kept)
     away, cov = moment / mass, known.precision.covariance
     variance = cov[k, k] - 2 * away * cov[k, m] + away**2 * cov[m, m]
-    sd, doubt = math.sqrt(max(variance, 0.0)) / mass, float(known.doubt[k]) / mass
-    reach = known.precision.quantile * sd + doubt
+    sd = math.sqrt(max(variance, 0.0)) / mass
+    reach = known.precision.quantile * sd
     value = nominal + away
-    return _made(name, value, math.hypot(sd, doubt), value - reach, value + reach)
+    return _made(name, value, sd, value - reach, value + reach)
 
 
 def _notes(

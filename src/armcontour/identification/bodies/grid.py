@@ -10,7 +10,6 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import interpolate
 from armcontour.drives import regular_times
-from armcontour.identification.unseen import BENT, sharpened
 from armcontour.motion import Log
 
 # Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
@@ -84,15 +83,6 @@ class Gridded:
             k = np.searchsorted(log.t, at + 1e-6 * self.step, side="right") - 1
             return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
         return interpolate(at, log.t, log.command)
-
-    def bent_command(self, delay: float) -> FloatArray:
-        """The command on the grid, if it has its bends in the middle of samples of the log [rad].
-
-        Args:
-            delay: Dead time [s].
-        """
-        sharp = np.stack([sharpened(x, BENT) for x in self.log.command.T], axis=1)
-        return interpolate(self.t - delay, self.log.t, sharp)
 
     def sampled(self, values: FloatArray) -> FloatArray:
         """Values on the grid, at the samples that are compared, (samples, ...)."""

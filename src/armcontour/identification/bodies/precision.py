@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit
 from armcontour.identification.bodies.grid import Gridded
-from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, SHIFT, Model
+from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, Model
 from armcontour.identification.correlation import WHITE, long_run, whiteness
 
 # Standard deviations with which a log tells an unknown: a share of gains, viscous and Coulomb
@@ -221,38 +221,3 @@ def unsettled(found: BodyFit) -> FloatArray:
     """
     sd = precision(found, found.free).sd
     return np.asarray(np.where(found.free, np.abs(found.left) / (REST * sd), 0.0))
-
-
-def doubts(model: Model, grids: list[Gridded], found: BodyFit, free: BoolArray) -> FloatArray:
-    """What the model takes for granted, and what that may do to the unknowns.
-
-    It is the change of the estimates, to first order, if commands had their bends between the
-    samples instead of at them, or held set-points came an interval sooner, and if the drives' cycle
-    were half as long again. Set-points tell the command at any time.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        found: The fit.
-        free: Unknowns that are sought, (unknowns,).
-    """
-    drives = model.drives(found.trial.values)
-    delay = float(found.trial.values[-1]) + model.lag
-    moved = []
-    for x, motion in zip(grids, found.trial.motions, strict=True):
-        command = x.command(delay)
-        other = np.zeros_like(command)
-        if not x.log.set_points:
-            sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
-            other = sooner - command
-        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
-        late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
-        torque = np.stack([drives.stiffness * other, model.lag / 2 * late], axis=-1)
-        moved.append(x.sampled(motion.to_torque(torque)))
-    change = np.concatenate(moved) / found.scatter[:, None]
-    shift = np.zeros(len(free))
-    if free.any():
-        a = found.jacobian[:, :, free].reshape(-1, int(free.sum()))
-        both = np.linalg.lstsq(a, change.reshape(-1, 2), rcond=None)[0]
-        shift[free] = np.abs(both).sum(axis=1)
-    return shift
