@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armcontour._describing import digits
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 
 # RMS about the mean, and shares of the variance.
 PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "explained"]
-HEADINGS = [
-    *("joint", "parameter", "value", "standard deviation", "95 % interval", "unit"),
-    "determined",
-]
 
 
 def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
@@ -97,7 +93,7 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
     if x.as_json:
         print(identification_json(found, predictions), end="")
     else:
-        _print(found, predictions, x, refusal)
+        _print(found, predictions, x.out, refusal)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
     return not refusal
@@ -173,30 +169,31 @@ def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out:
 
 
 def _print_robot(found: RobotIdentification, written: str) -> None:
-    """Print a table of the parameters, and sentences on the fit and on what was written."""
-    console = Console()
-    every = [
-        (found.nominal.name, found.common),
-        *((joint.name, joint.estimates) for joint in found.joints),
-    ]
+    """Print a row per joint, the load, and the parameters that are not determined."""
+    console, first = Console(), found.joints[0]
+    inertias = found.armature is None
+    columns = ["kp", "kv", "viscous", "coulomb", *(["armature"] if inertias else [])]
     console.show_table(
-        HEADINGS,
-        _rows(every),
-        title=f"Robot identified from {found.source}",
-        left=(0, 1, 5, 6),
+        [
+            "joint",
+            *(f"{x} [{getattr(first, x).unit}]" for x in columns),
+            "residual [mrad]",
+        ],
+        [
+            [joint.name, *(_cell(getattr(joint, x)) for x in columns), f"{joint.rms * 1e3:.3g}"]
+            for joint in found.joints
+        ],
+        title=f"Robot identified from {found.source}, with half widths of 95 % intervals",
     )
-    advice: dict[str, list[str]] = {}
-    for place, estimates in every:
-        for x in estimates:
-            if not x.determined:
-                advice.setdefault(x.advice, []).append(f"{x.name.replace('_', ' ')} of {place}")
-    for joint in found.joints:
-        white = "white" if joint.white else "not white"
-        console.say(f"{joint.name}: residuals {joint.rms * 1e3:.3g} mrad rms, {white}.")
-    for why, names in advice.items():
-        console.say(f"{', '.join(names)}: {why}")
-    for sentence in (*found.notes, *([written] if written else [])):
-        console.say(sentence)
+    common = ", ".join(
+        f"{x.name.replace('_', ' ')} {_cell(x)} {x.shown[1] if x.unit != '1' else 'of nominal'}"
+        for x in found.common
+    )
+    console.say(f"Robot: {common}; gravity compensation {found.gravity}.")
+    if found.open:
+        console.say(f"Not determined, so nominal: {', '.join(found.open)}")
+    if written:
+        console.say(written)
 
 
 def _write_results(
@@ -226,46 +223,32 @@ def _write_results(
 
 
 def _print(
-    found: Identification, predictions: list[Prediction], x: IdentifyOptions, refusal: str
+    found: Identification, predictions: list[Prediction], out: FilePath | None, refusal: str
 ) -> None:
-    """Print what the model predicts of each joint, and with --details its parameters and notes."""
+    """Print the result of each joint, and how well it predicts other logs."""
     console = Console()
     rows = []
     for joint in found.joints:
-        of = [joint.kp, joint.velocity_feedforward, joint.dead_time]
-        values = ["" if y is None else _cells(y)[0] for y in of]
-        errors = (joint.tracking_rms, joint.predicted_rms)
-        rows.append([joint.name, *_predicted(*errors, joint.explained), *values])
+        of = [joint.kp, joint.kv, joint.velocity_feedforward, joint.dead_time]
+        errors = _predicted(joint.tracking_rms, joint.predicted_rms, joint.explained)
+        values = ["" if x is None else _cell(x) for x in of]
+        rows.append([joint.name, *errors, *values, "yes" if joint.determined else "no"])
     console.show_table(
-        [*PREDICTED, "K_p [1/s]", "feed-forward", "dead time [ms]"],
+        [*PREDICTED, "K_p [1/s]", "K_v [1/s]", "feed-forward", "dead time [ms]", "determined"],
         rows,
-        title=f"Servo identified from {found.log.source}, and how well it predicts parts of it",
+        title=f"Servo identified from {found.log.source}, with half widths of 95 % intervals",
     )
     for y in predictions:
+        every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True)
         console.show_table(
             PREDICTED,
-            [
-                [name, *_predicted(*of)]
-                for name, *of in zip(
-                    y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True
-                )
-            ],
+            [[name, *_predicted(*of)] for name, *of in every],
             title=f"Prediction of {y.log.source}",
         )
-    if x.details:
-        console.show_table(
-            HEADINGS,
-            _rows([(joint.name, joint.estimates) for joint in found.joints]),
-            title="Parameters",
-            left=(0, 1, 5, 6),
-        )
-        _print_fit(console, found)
     console.say(f"There is no servo model: {refusal}" if refusal else _shared_delay(found))
-    if x.out is not None:
+    if out is not None:
         what = "report.html" if refusal else "servo.yaml, report.html"
-        console.say(f"Written to {x.out}: {what}")
-    if not x.details:
-        console.say("--details prints all parameters, intervals and notes on the joints.")
+        console.say(f"Written to {out}: {what}")
 
 
 def _shared_delay(found: Identification) -> str:
@@ -285,53 +268,10 @@ def _predicted(tracking: float, predicted: float, explained: float) -> list[str]
     return [f"{tracking * 1e3:.3f}", f"{predicted * 1e3:.3f}", share]
 
 
-def _print_fit(console: Console, found: Identification) -> None:
-    """Print sentences on the fit of every joint, and advice for undetermined parameters."""
-    lines = []
-    for joint in found.joints:
-        if not math.isnan(joint.r_squared):
-            white = "white" if joint.white else "not white"
-            order = "velocity loop" if joint.order == "second" else "lag"
-            lines.append(
-                f"{joint.name}: {order}, {joint.r_squared * 100:.4f} % of the motion explained, "
-                f"residuals {joint.rms * 1e3:.3g} mrad rms, {white}."
-            )
-        open_ones = [x for x in joint.estimates if not x.determined]
-        # Several parameters may have the same advice.
-        for advice in dict.fromkeys(x.advice for x in open_ones):
-            names = ", ".join(x.name.replace("_", " ") for x in open_ones if x.advice == advice)
-            lines.append(f"{joint.name}, {names}: {advice}")
-        said = "".join(x.advice for x in open_ones)
-        lines += [f"{joint.name}: {note}" for note in joint.notes if note not in said]
-    for line in lines:
-        console.say(line)
-
-
-def _rows(every: Iterable[tuple[str, Iterable[Estimate]]]) -> list[list[str]]:
-    """Estimates of the arm or of joints, by their names, as rows of a table."""
-    return [[name, x.name.replace("_", " "), *_cells(x)] for name, found in every for x in found]
-
-
-def _cells(x: Estimate) -> list[str]:
-    """An estimate as cells of a table."""
-    scale, unit = x.shown
-
-    def shown(value: float, digits: int = 5) -> str:
-        return f"{value * scale:.{digits}g}" if math.isfinite(value) else ""
-
-    if math.isinf(x.low) and math.isinf(x.high):
-        return [shown(x.value), "", "", unit, "yes" if x.determined else "no"]
-    return [
-        shown(x.value),
-        shown(x.sd, 2),
-        _between(shown(x.low), shown(x.high)),
-        unit,
-        "yes" if x.determined else "no",
-    ]
-
-
-def _between(low: str, high: str) -> str:
-    """An interval as text, by its ends; an end that is not known is empty."""
-    if low and high:
-        return f"{low} to {high}"
-    return f"above {low}" if low else f"below {high}"
+def _cell(x: Estimate) -> str:
+    """Value of an estimate and half the width of its 95 % interval."""
+    scale = x.shown[0]
+    if not math.isfinite(x.value):
+        return ""
+    value, reach = f"{x.value * scale:.5g}", (x.high - x.low) / 2 * scale
+    return f"{value} ±{digits(reach, 2)}" if math.isfinite(reach) else value

@@ -533,9 +533,6 @@ class IdentifyOptions(ArmOptions):
         list[FilePath] | None,
         typer.Option("--predict", help="Log to predict, which is not used otherwise; repeatable."),
     ] = None
-    details: Annotated[
-        bool, typer.Option("--details", help="Print all parameters, intervals and notes.")
-    ] = False
     columns: Columns = None
     topic: Topic = None
     unwrap: Unwrap = False

@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit
 from armcontour.identification.bodies.grid import Gridded
-from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, Model
+from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, SHIFT, Model
 from armcontour.identification.correlation import WHITE, long_run, whiteness
 
 # Standard deviations with which a log tells an unknown: a share of gains, viscous and Coulomb
@@ -221,3 +221,35 @@ def unsettled(found: BodyFit) -> FloatArray:
     """
     sd = precision(found, found.free).sd
     return np.asarray(np.where(found.free, np.abs(found.left) / (REST * sd), 0.0))
+
+
+def doubts(model: Model, grids: list[Gridded], found: BodyFit, free: BoolArray) -> FloatArray:
+    """Bias of the unknowns, to first order, due to two assumptions of the model.
+
+    It is the change of the estimates if commands had their bends between the samples instead of at
+    them, or held set-points came an interval sooner, and if the drives' cycle were half as long
+    again. Without it, 95 % intervals contained the truth in 60 to 80 % of the cases.
+
+    Args:
+        model: The robot.
+        grids: The logs.
+        found: The fit.
+        free: Unknowns that are sought, (unknowns,).
+    """
+    drives = model.drives(found.trial.values)
+    delay = float(found.trial.values[-1]) + model.lag
+    moved = []
+    for x, motion in zip(grids, found.trial.motions, strict=True):
+        command = x.command(delay)
+        sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
+        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
+        late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
+        torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * late], axis=-1)
+        moved.append(x.sampled(motion.to_torque(torque)))
+    change = np.concatenate(moved) / found.scatter[:, None]
+    shift = np.zeros(len(free))
+    if free.any():
+        a = found.jacobian[:, :, free].reshape(-1, int(free.sum()))
+        both = np.linalg.lstsq(a, change.reshape(-1, 2), rcond=None)[0]
+        shift[free] = np.abs(both).sum(axis=1)
+    return shift
