@@ -189,9 +189,8 @@ def _print_robot(found: RobotIdentification, written: str) -> None:
         f"{x.name.replace('_', ' ')} {_cell(x)} {x.shown[1] if x.unit != '1' else 'of nominal'}"
         for x in found.common
     )
-    console.say(f"Robot: {common}; gravity compensation {found.gravity}.")
-    if found.open:
-        console.say(f"Not determined, so nominal: {', '.join(found.open)}")
+    kept = f" Not determined, so nominal: {', '.join(found.open)}." if found.open else ""
+    console.say(f"Robot: {common}; gravity compensation {found.gravity}.{kept}")
     if written:
         console.say(written)
 
@@ -230,11 +229,11 @@ def _print(
     rows = []
     for joint in found.joints:
         of = [joint.kp, joint.kv, joint.velocity_feedforward, joint.dead_time]
-        errors = _predicted(joint.tracking_rms, joint.predicted_rms, joint.explained)
+        errors = _predicted(joint.tracking_rms, joint.predicted_rms, joint.explained)[:2]
         values = ["" if x is None else _cell(x) for x in of]
         rows.append([joint.name, *errors, *values, "yes" if joint.determined else "no"])
     console.show_table(
-        [*PREDICTED, "K_p [1/s]", "K_v [1/s]", "feed-forward", "dead time [ms]", "determined"],
+        [*PREDICTED[:3], "K_p [1/s]", "K_v [1/s]", "f", "dead time [ms]", "determined"],
         rows,
         title=f"Servo identified from {found.log.source}, with half widths of 95 % intervals",
     )
@@ -273,5 +272,5 @@ def _cell(x: Estimate) -> str:
     scale = x.shown[0]
     if not math.isfinite(x.value):
         return ""
-    value, reach = f"{x.value * scale:.5g}", (x.high - x.low) / 2 * scale
+    value, reach = f"{x.value * scale:.4g}", (x.high - x.low) / 2 * scale
     return f"{value} ±{digits(reach, 2)}" if math.isfinite(reach) else value

@@ -129,7 +129,8 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     if found.r_squared < FOLLOWS:
         share = max(found.r_squared, 0.0)
         notes.insert(0, f"The model explains {share:.0%} of the motion, so nothing is determined.")
-        return replace(joint, **{x.name: _unknown(x.name) for x in joint.estimates}, notes=notes)
+        estimates = {x.name: _unknown(x.name) for x in joint.estimates}
+        return replace(joint, **estimates, notes=tuple(notes))
     friction = find_friction(data, found) if state.order == "second" else None
     if friction is not None:
         notes.append(_describe(friction))
