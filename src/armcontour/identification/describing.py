@@ -82,7 +82,10 @@ def nothing(data: Data, log: Log, name: str, why: str) -> JointIdentification:
     return JointIdentification(
         name=name,
         order="second",
-        **{x: _unknown(x) for x in UNITS if x != "velocity_feedforward"},
+        kp=_unknown("kp"),
+        kv=_unknown("kv"),
+        dead_time=_unknown("dead_time"),
+        acceleration=_unknown("acceleration"),
         start="rest",
         t=data.t + log.t[0],
         simulated=straight,
@@ -99,7 +102,7 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     """Estimates, prediction error and findings of a joint."""
     found = choice.chosen
     state, data = found.state, replace(data, delays=found.delays)
-    intervals = find_intervals(found)
+    intervals = find_intervals(data, found)
     used = slice(state.first, data.last)
     errors = np.concatenate(unseen_errors(data, found))
     rows = np.arange(len(data.t)) if data.rows is None else data.rows
@@ -129,16 +132,16 @@ def described(data: Data, log: Log, name: str, choice: Choice) -> JointIdentific
     if found.r_squared < FOLLOWS:
         share = max(found.r_squared, 0.0)
         notes.insert(0, f"The model explains {share:.0%} of the motion, so nothing is determined.")
-        estimates = {x.name: _unknown(x.name) for x in joint.estimates}
-        return replace(joint, **estimates, notes=tuple(notes))
+        changed: dict[str, Any] = {x.name: _unknown(x.name) for x in joint.estimates}
+        return replace(joint, **changed, notes=tuple(notes))
     friction = find_friction(data, found) if state.order == "second" else None
     if friction is not None:
         notes.append(_describe(friction))
     doubt = _doubt(joint, found)
     if doubt:
         notes.insert(0, doubt)
-        every = {x.name: replace(x, determined=False) for x in joint.estimates}
-        joint = replace(joint, **every)
+        changed = {x.name: replace(x, determined=False) for x in joint.estimates}
+        joint = replace(joint, **changed)
     elif friction is not None:
         joint = _allow_for(joint, friction)
     return replace(joint, notes=tuple(notes))

@@ -62,7 +62,7 @@ def describe(
     every = np.concatenate([x.residuals for x in fitted])
     tied = {
         "kv": np.asarray(model.servo.kv),
-        "viscous": np.broadcast_to(model.arm.dynamics.chain.viscous, model.arm.dof),
+        "viscous": np.asarray(model.arm.dynamics.chain.viscous),
     }
     joints = []
     for j, name in enumerate(model.arm.joint_names):
