@@ -22,8 +22,7 @@ shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="sha
 noise = 1e-5 * np.random.default_rng(2).standard_normal(u.shape)
 q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
 
-# The log has the set-points at their times, so that nothing between them is unknown.
-log = ac.Log(t=t, command=u, measured=q, interpolation="linear", set_points=True)
+log = ac.Log(t=t, command=u, measured=q, interpolation="linear")
 found = ac.identify(log)
 for joint in found.joints:
     print(

@@ -2,8 +2,8 @@
 
 The logs come from a simulation that shares nothing with the estimator: Runge and Kutta's steps, far
 below a sample. They have white noise, whose estimates are compared with the Cramér-Rao bound by
-differences of that simulation; or positions of encoders of few bits; or samples that are not the
-set-points of the controller. Robots are those of the plant of MuJoCo.
+differences of that simulation; or positions of encoders of few bits. Robots are those of the plant
+of MuJoCo.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import CubicSpline
 
 import armcontour as ac
 from armcontour import identification
@@ -28,9 +27,6 @@ GRID = tuple(product((10.0, 25.0, 60.0), (60.0, 150.0, 300.0), (0.0, 12.3e-3, 10
 WIDE = 4.5  # standard deviations of the bound that no error exceeds
 # Of encoders: bits, noise [rad], duration and sample time [s], dry friction [rad/s²].
 BITS, NOISES, SECONDS, SAMPLE, FRICTION = (12, 14, 16, 19), (0.0, 5e-5), 20.0, 2e-3, 1.5
-# Of logs that are samples: time of a set-point [s], and steps of the simulation in it.
-SET_POINT, FINE = 8e-3, 40
-BETWEEN = ("linear", "cubic", "step")
 # Of robots: time of a set-point [s], duration [s], noise [rad].
 PERIOD, DURATION, OF_ROBOTS = 4e-3, 8.0, 1e-5
 HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
@@ -174,7 +170,7 @@ def case(kind, kp, kv, delay, seed, samples=None):
     t, u = (x[:samples] for x in commands(kind, kp, kv, delay, seed=1))
     q = simulated(t, u, kp, kv, delay, LIMIT)
     noise = np.random.default_rng([seed, int(kp), int(kv), int(delay * 1e4)]).normal(size=len(t))
-    log = Log(t=t, command=u, measured=q + NOISE * noise, set_points=True)
+    log = Log(t=t, command=u, measured=q + NOISE * noise)
     joint = identification.identify(log).joints[0]
     return joint, (kp, kv, delay, LIMIT), bound(t, u, kp, kv, delay, LIMIT)
 
@@ -210,37 +206,7 @@ def simulate(bits, noise, seed, friction=0.0):
     step = 2 * math.pi / 2**bits
     zero = rng.uniform(0, step)
     y = step * np.round((q + noise * rng.normal(size=len(t)) + zero) / step) - zero
-    return Log(t=t, command=u, measured=y, set_points=True), truth
-
-
-def sampled(motion, between, ratio, phase, seed, *, set_points=False):
-    """A log with `ratio` samples an interval, a part `phase` of a sample late, and the truth."""
-    rng = np.random.default_rng([seed, ratio, int(4 * phase), BETWEEN.index(between)])
-    kp, kv, delay = rng.uniform(12, 40), rng.uniform(90, 250), rng.uniform(2e-3, 30e-3)
-    n = int(10.0 / SET_POINT)
-    t = np.arange(n) * SET_POINT
-    if motion == "path":
-        way = np.cumsum(rng.uniform(-0.15, 0.15, 12))
-        p = np.interp(t, np.linspace(0.5, t[-1] - 0.5, 12), way)
-        width = int(0.12 / SET_POINT)
-        for _ in range(2):
-            p = np.convolve(np.pad(p, width, "edge"), np.ones(width) / width, "same")[width:-width]
-    else:
-        p = 5e-3 * multisine(t, 10.0, seed)
-    fine = np.arange((n - 1) * FINE) * (SET_POINT / FINE)
-    u = {
-        "linear": lambda: np.interp(fine, t, p),
-        "cubic": lambda: CubicSpline(t, p)(fine),
-        "step": lambda: p[np.arange(len(fine)) // FINE],
-    }[between]()
-    q = move(fine, u, kp=kp, kv=kv, delay=delay, linear=between != "step", steps=1)
-    every = FINE // ratio
-    i = np.arange(round(phase * every), len(fine), every)
-    log = Log(
-        t=fine[i], command=u[i], measured=q[i] + 2e-5 * rng.normal(size=len(i)),
-        interpolation="step" if between == "step" else None, set_points=set_points,
-    )  # fmt: skip
-    return log, (kp, kv, delay)
+    return Log(t=t, command=u, measured=y), truth
 
 
 def examine(seed: int, every: int) -> dict[str, bool]:
@@ -311,7 +277,7 @@ def record(
 
 def run(seed: int) -> Outcome:
     """Identify a joint or a robot of a sort that depends on the seed."""
-    sort, number = ("white noise", "encoder", "samples", "robot")[seed % 4], seed // 4
+    sort, number = ("white noise", "encoder", "robot")[seed % 3], seed // 3
     rng = np.random.default_rng((20, seed))
     if sort == "robot":
         every = (1, 8)[number % 2]
@@ -329,14 +295,8 @@ def run(seed: int) -> Outcome:
         ]
         notes = [f"{x}: off by {y:.1f} bounds, {kind} {gains}" for x, y in errors if y > WIDE]
         return Outcome(kind=sort, result=kind, notes=notes, covered=_covered(sort, joint, truth))
-    if sort == "encoder":
-        friction = FRICTION if number % 4 == 3 else 0.0
-        log, truth = simulate(int(rng.choice(BITS)), float(rng.choice(NOISES)), number, friction)
-    else:
-        motion, between = str(rng.choice(["path", "multisine"])), str(rng.choice(BETWEEN))
-        ratio, phase = int(rng.choice([1, 2, 4])), float(rng.choice([0.0, 0.25, 0.5, 0.75]))
-        friction = 0.0
-        log, truth = sampled(motion, between, ratio, phase, number)
+    friction = FRICTION if number % 4 == 3 else 0.0
+    log, truth = simulate(int(rng.choice(BITS)), float(rng.choice(NOISES)), number, friction)
     joint = identification.identify(log).joints[0]
     if not friction:
         return Outcome(kind=sort, result="identified", covered=_covered(sort, joint, truth))

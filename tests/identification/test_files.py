@@ -182,7 +182,7 @@ def _write(file, t, u, q, names):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
-    assert identify_files([file], IdentifyOptions(out=out, predict=[file], details=True))
+    assert identify_files([file], IdentifyOptions(out=out, predict=[file]))
     assert "Prediction of log.csv" in capsys.readouterr().out
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
@@ -192,6 +192,16 @@ def test_the_command(log, tmp_path, capsys):
     assert data["samples"] == 2 * 2001
     (prediction,) = data["predictions"]
     assert prediction["log"] == "log.csv" and min(prediction["explained"]) > 0.9
+
+
+def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    some = slice(0, 800)
+    every = [np.tile(x[some, :1], 6) for x in (log.command, log.measured)]
+    names = ",".join(f"{x}{j}" for x in "uq" for j in range(1, 7))
+    _write(file, log.t[some], *every, f"t,{names}")
+    identify_files([file], IdentifyOptions(out=out))
+    assert len(capsys.readouterr().out.splitlines()) <= 14
 
 
 def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses):

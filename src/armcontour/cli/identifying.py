@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armcontour._describing import digits
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
@@ -19,15 +19,10 @@ if TYPE_CHECKING:
         Prediction,
         RobotIdentification,
     )
-    from armcontour.io import ResultFolder
     from armcontour.motion import Log
 
 # RMS about the mean, and shares of the variance.
 PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "explained"]
-HEADINGS = [
-    *("joint", "parameter", "value", "standard deviation", "95 % interval", "unit"),
-    "determined",
-]
 
 
 def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
@@ -71,7 +66,6 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
         unwrap=x.unwrap,
         columns=x.columns,
         topic=x.topic,
-        set_points=x.set_points,
     )
 
 
@@ -99,7 +93,7 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
     if x.as_json:
         print(identification_json(found, predictions), end="")
     else:
-        _print(found, predictions, x, refusal)
+        _print(found, predictions, x.out, refusal)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
     return not refusal
@@ -139,7 +133,7 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
             longest_dead_time=longest,
             progress=progress,
         )
-    written = _write_robot(found, x, name, x.out) if x.out is not None else []
+    written = _write_robot(found, x, name, x.out) if x.out is not None else ""
     if x.as_json:
         print(robot_json(found), end="")
     else:
@@ -149,10 +143,8 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
     return found.determined
 
 
-def _write_robot(
-    found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath
-) -> list[str]:
-    """Write the result folder; returns sentences on what was written."""
+def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath) -> str:
+    """Write the result folder; returns a sentence that lists the files."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
     from armcontour.io.robot_file import robot_json, robot_servo_yaml, robot_yaml
@@ -163,7 +155,7 @@ def _write_robot(
     if name not in arm_names():
         given = {"file": name, "tip": x.tip, "base": x.base, "joint_limits": x.joint_limits}
         base = {key: str(value) for key, value in given.items() if value is not None}
-    servo, said = "servo.yaml", []
+    servo = "servo.yaml"
     with ResultFolder(out, force=x.force) as folder:
         folder.write("robot.yaml", robot_yaml(found, base, out))
         try:
@@ -171,57 +163,36 @@ def _write_robot(
         except InvalidInput as error:
             # Not an error here: what else is known is of use.
             servo = f"but no servo.yaml: {error}"
-        if found.open:
-            said.append(_write_excitation(found, folder))
         folder.write("report.html", render_robot(found))
         folder.write("summary.json", robot_json(found, [*folder.files, "summary.json"]))
-    return [*said, f"Written to {out}: robot.yaml, report.html, {servo}"]
+    return f"Written to {out}: robot.yaml, report.html, {servo}"
 
 
-def _write_excitation(found: RobotIdentification, folder: ResultFolder) -> str:
-    """Write set-points of a motion that tells what the logs did not; returns a sentence on it."""
-    from armcontour.errors import InvalidInput
-    from armcontour.identification import propose
-    from armcontour.io.motion_csv import write_taught
-
-    try:
-        excitation = propose(found)
-    except InvalidInput as error:
-        return f"No excitation is proposed: {error}"
-    names = found.nominal.joint_names
-    folder.place("excitation.csv", lambda file: write_taught(file, excitation.taught, names))
-    return (
-        "excitation.csv has set-points of a motion within the arm's limits that would tell "
-        f"{', '.join(excitation.tells) or 'no more'}. Obstacles are not known: look before you run "
-        "it."
-    )
-
-
-def _print_robot(found: RobotIdentification, written: list[str]) -> None:
-    """Print a table of the parameters, and sentences on the fit and on what was written."""
-    console = Console()
-    every = [
-        (found.nominal.name, found.common),
-        *((joint.name, joint.estimates) for joint in found.joints),
-    ]
+def _print_robot(found: RobotIdentification, written: str) -> None:
+    """Print a row per joint, the load, and the parameters that are not determined."""
+    console, first = Console(), found.joints[0]
+    inertias = found.armature is None
+    columns = ["kp", "kv", "viscous", "coulomb", *(["armature"] if inertias else [])]
     console.show_table(
-        HEADINGS,
-        _rows(every),
-        title=f"Robot identified from {found.source}",
-        left=(0, 1, 5, 6),
+        [
+            "joint",
+            *(f"{x} [{getattr(first, x).unit}]" for x in columns),
+            "residual [mrad]",
+        ],
+        [
+            [joint.name, *(_cell(getattr(joint, x)) for x in columns), f"{joint.rms * 1e3:.3g}"]
+            for joint in found.joints
+        ],
+        title=f"Robot identified from {found.source}, with half widths of 95 % intervals",
     )
-    advice: dict[str, list[str]] = {}
-    for place, estimates in every:
-        for x in estimates:
-            if not x.determined:
-                advice.setdefault(x.advice, []).append(f"{x.name.replace('_', ' ')} of {place}")
-    for joint in found.joints:
-        white = "white" if joint.white else "not white"
-        console.say(f"{joint.name}: residuals {joint.rms * 1e3:.3g} mrad rms, {white}.")
-    for why, names in advice.items():
-        console.say(f"{', '.join(names)}: {why}")
-    for sentence in (*found.notes, *written):
-        console.say(sentence)
+    common = ", ".join(
+        f"{x.name.replace('_', ' ')} {_cell(x)} {x.shown[1] if x.unit != '1' else 'of nominal'}"
+        for x in found.common
+    )
+    kept = f" Not determined, so nominal: {', '.join(found.open)}." if found.open else ""
+    console.say(f"Robot: {common}; gravity compensation {found.gravity}.{kept}")
+    if written:
+        console.say(written)
 
 
 def _write_results(
@@ -251,46 +222,32 @@ def _write_results(
 
 
 def _print(
-    found: Identification, predictions: list[Prediction], x: IdentifyOptions, refusal: str
+    found: Identification, predictions: list[Prediction], out: FilePath | None, refusal: str
 ) -> None:
-    """Print what the model predicts of each joint, and with --details its parameters and notes."""
+    """Print the result of each joint, and how well it predicts other logs."""
     console = Console()
     rows = []
     for joint in found.joints:
-        of = [joint.kp, joint.velocity_feedforward, joint.dead_time]
-        values = ["" if y is None else _cells(y)[0] for y in of]
-        errors = (joint.tracking_rms, joint.predicted_rms)
-        rows.append([joint.name, *_predicted(*errors, joint.explained), *values])
+        of = [joint.kp, joint.kv, joint.velocity_feedforward, joint.dead_time]
+        errors = _predicted(joint.tracking_rms, joint.predicted_rms, joint.explained)[:2]
+        values = ["" if x is None else _cell(x) for x in of]
+        rows.append([joint.name, *errors, *values, "yes" if joint.determined else "no"])
     console.show_table(
-        [*PREDICTED, "K_p [1/s]", "feed-forward", "dead time [ms]"],
+        [*PREDICTED[:3], "K_p [1/s]", "K_v [1/s]", "f", "dead time [ms]", "determined"],
         rows,
-        title=f"Servo identified from {found.log.source}, and how well it predicts parts of it",
+        title=f"Servo identified from {found.log.source}, with half widths of 95 % intervals",
     )
     for y in predictions:
+        every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True)
         console.show_table(
             PREDICTED,
-            [
-                [name, *_predicted(*of)]
-                for name, *of in zip(
-                    y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True
-                )
-            ],
+            [[name, *_predicted(*of)] for name, *of in every],
             title=f"Prediction of {y.log.source}",
         )
-    if x.details:
-        console.show_table(
-            HEADINGS,
-            _rows([(joint.name, joint.estimates) for joint in found.joints]),
-            title="Parameters",
-            left=(0, 1, 5, 6),
-        )
-        _print_fit(console, found)
     console.say(f"There is no servo model: {refusal}" if refusal else _shared_delay(found))
-    if x.out is not None:
+    if out is not None:
         what = "report.html" if refusal else "servo.yaml, report.html"
-        console.say(f"Written to {x.out}: {what}")
-    if not x.details:
-        console.say("--details prints all parameters, intervals and notes on the joints.")
+        console.say(f"Written to {out}: {what}")
 
 
 def _shared_delay(found: Identification) -> str:
@@ -310,53 +267,10 @@ def _predicted(tracking: float, predicted: float, explained: float) -> list[str]
     return [f"{tracking * 1e3:.3f}", f"{predicted * 1e3:.3f}", share]
 
 
-def _print_fit(console: Console, found: Identification) -> None:
-    """Print sentences on the fit of every joint, and advice for undetermined parameters."""
-    lines = []
-    for joint in found.joints:
-        if not math.isnan(joint.r_squared):
-            white = "white" if joint.white else "not white"
-            order = "velocity loop" if joint.order == "second" else "lag"
-            lines.append(
-                f"{joint.name}: {order}, {joint.r_squared * 100:.4f} % of the motion explained, "
-                f"residuals {joint.rms * 1e3:.3g} mrad rms, {white}."
-            )
-        open_ones = [x for x in joint.estimates if not x.determined]
-        # Several parameters may have the same advice.
-        for advice in dict.fromkeys(x.advice for x in open_ones):
-            names = ", ".join(x.name.replace("_", " ") for x in open_ones if x.advice == advice)
-            lines.append(f"{joint.name}, {names}: {advice}")
-        said = "".join(x.advice for x in open_ones)
-        lines += [f"{joint.name}: {note}" for note in joint.notes if note not in said]
-    for line in lines:
-        console.say(line)
-
-
-def _rows(every: Iterable[tuple[str, Iterable[Estimate]]]) -> list[list[str]]:
-    """Estimates of the arm or of joints, by their names, as rows of a table."""
-    return [[name, x.name.replace("_", " "), *_cells(x)] for name, found in every for x in found]
-
-
-def _cells(x: Estimate) -> list[str]:
-    """An estimate as cells of a table."""
-    scale, unit = x.shown
-
-    def shown(value: float, digits: int = 5) -> str:
-        return f"{value * scale:.{digits}g}" if math.isfinite(value) else ""
-
-    if math.isinf(x.low) and math.isinf(x.high):
-        return [shown(x.value), "", "", unit, "yes" if x.determined else "no"]
-    return [
-        shown(x.value),
-        shown(x.sd, 2),
-        _between(shown(x.low), shown(x.high)),
-        unit,
-        "yes" if x.determined else "no",
-    ]
-
-
-def _between(low: str, high: str) -> str:
-    """An interval as text, by its ends; an end that is not known is empty."""
-    if low and high:
-        return f"{low} to {high}"
-    return f"above {low}" if low else f"below {high}"
+def _cell(x: Estimate) -> str:
+    """Value of an estimate and half the width of its 95 % interval."""
+    scale = x.shown[0]
+    if not math.isfinite(x.value):
+        return ""
+    value, reach = f"{x.value * scale:.4g}", (x.high - x.low) / 2 * scale
+    return f"{value} ±{digits(reach, 2)}" if math.isfinite(reach) else value

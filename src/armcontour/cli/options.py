@@ -22,7 +22,7 @@ TOPICS = {
     "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
                                  "iterations", "continuity", "from_s"),
     "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
-                                 "topic", "unwrap", "set_points", "interpolation"),
+                                 "topic", "unwrap", "interpolation"),
     "Places": ("over", "objective", "uncertainty", "move", "absolute", "about", "arms", "tools",
                "every", "refined"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
@@ -524,12 +524,6 @@ class IdentifyOptions(ArmOptions):
             help="Command between set-points: linear or step; by default as the log says.",
         ),
     ] = None
-    set_points: Annotated[
-        bool,
-        typer.Option(
-            "--set-points", help="Commands are set-points at their times, not samples of them."
-        ),
-    ] = False
     start: Start = None
     end: End = None
     longest_dead_time: Annotated[
@@ -539,9 +533,6 @@ class IdentifyOptions(ArmOptions):
         list[FilePath] | None,
         typer.Option("--predict", help="Log to predict, which is not used otherwise; repeatable."),
     ] = None
-    details: Annotated[
-        bool, typer.Option("--details", help="Print all parameters, intervals and notes.")
-    ] = False
     columns: Columns = None
     topic: Topic = None
     unwrap: Unwrap = False

@@ -1,12 +1,6 @@
 """Identification from logs: of the servo alone, or of a robot with masses (`bodies`)."""
 
-from armcontour.identification.bodies import (
-    GRAVITIES,
-    Excitation,
-    RobotIdentification,
-    RobotJoint,
-    propose,
-)
+from armcontour.identification.bodies import GRAVITIES, RobotIdentification, RobotJoint
 from armcontour.identification.identification import MODELS, identify
 from armcontour.identification.results import (
     Estimate,
@@ -21,7 +15,6 @@ __all__ = [
     "INTERPOLATIONS",
     "MODELS",
     "Estimate",
-    "Excitation",
     "Identification",
     "JointIdentification",
     "Prediction",
@@ -30,5 +23,4 @@ __all__ = [
     "RobotJoint",
     "cut",
     "identify",
-    "propose",
 ]

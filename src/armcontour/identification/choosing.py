@@ -21,9 +21,10 @@ from armcontour.identification.fitting import (
     fit,
     simulated,
 )
-from armcontour.identification.profile import LOSS, loss, with_kv
 from armcontour.identification.starting import first_states, initial, known_from, liveliest
 
+# Twice the logarithm of the likelihood that a parameter at the end of its 95 % interval loses.
+LOSS = 3.84
 # Twice the logarithm of the likelihood that a limit or an offset must gain: one log of ten thousand
 # gains it by chance. A false saturation limit is worse than a missed one.
 GAIN = 15.1
@@ -231,6 +232,15 @@ def largest_demand(data: Data, state: State) -> float:
     return float(simulated(data, replace(state, limit=limit))[1][0])
 
 
+def loss(found: Fit, other: Fit) -> float:
+    """Twice the logarithm of the likelihood that a fit loses against another one.
+
+    Samples count less where residuals are correlated.
+    """
+    lost = found.count * math.log(max(found.sse, 1e-300) / max(other.sse, 1e-300))
+    return lost / inflation(other) if lost > 0 else lost
+
+
 def _is_fast(data: Data, loop: Fit) -> bool:
     """Whether the velocity loop is surely so fast that it does not matter.
 
@@ -238,7 +248,9 @@ def _is_fast(data: Data, loop: Fit) -> bool:
     have: what the log cannot tell of the velocity loop, it cannot tell of them.
     """
     slow = loop.state.kp / FAST
-    return loop.state.kv > slow and loss(with_kv(data, loop, slow), loop) > LOSS
+    if loop.state.kv <= slow:
+        return False
+    return loss(fit(data, replace(loop.state, kv=slow, fixed=("kv",))), loop) > LOSS
 
 
 def _best_start(data: Data, order: str, moving: Fit, limited: bool = True) -> Fit:

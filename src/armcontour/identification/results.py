@@ -11,7 +11,6 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up
 from armcontour.errors import InvalidInput
-from armcontour.identification.correlation import WHITE
 from armcontour.identification.fitting import Data, State, simulated
 from armcontour.identification.starting import initial, known_from
 from armcontour.motion.log import Log
@@ -30,11 +29,9 @@ class Estimate:
         unit: Unit of the value.
         value: The most likely value; nan if there is none.
         sd: Standard deviation; nan if there is none.
-        low, high: Ends of the 95 % interval; of an acceleration limit that the log does not
-            show, `low` is the lowest one that it leaves possible.
+        low, high: Ends of the 95 % interval.
         determined: Whether the log determines it: `sd` is at most 10 % of the value, of a dead
             time at most 10 % or 0.5 ms.
-        advice: Why the log does not determine the parameter, and which motion would.
     """
 
     name: str
@@ -44,7 +41,6 @@ class Estimate:
     low: float
     high: float
     determined: bool
-    advice: str = ""
 
     @property
     def shown(self) -> tuple[float, str]:
@@ -55,7 +51,7 @@ class Estimate:
     def words(self) -> str:
         """Value, standard deviation and unit as text; times in ms."""
         if math.isnan(self.value):
-            return f"above {self.low:.4g} {self.unit}" if self.low > 0 else "not found"
+            return "not found"
         scale, unit = self.shown
         sd = f" ±{digits(self.sd * scale, 2)}" if math.isfinite(self.sd) else ""
         sure = "" if self.determined else " (open)"
@@ -76,21 +72,16 @@ class JointIdentification:
         t: Times that were used [s], (n,).
         simulated: Positions of the model [rad], (n,).
         residuals: Measured less simulated [rad], (n,).
-        noise: Standard deviation of the residuals [rad].
         rms: Root mean square of the residuals [rad].
         r_squared: Part of the variance of the measured positions that the model explains.
-        whiteness: Probability that white noise is as correlated as the residuals.
-        bic: Bayes's information criterion of each model that was fitted; smaller is better.
-        rms_of: Residuals of each of them [rad].
         largest_demand: Largest acceleration that the model would need [rad/s²].
         saturated_time: Time at the acceleration limit [s].
         states: Parameters by order, of the model that is chosen and of the other order.
         tracking_rms: RMS of command less measured position, about its mean [rad].
         predicted_rms: The same of measured less predicted position, in parts of the log that were
             predicted from the others [rad]; nan if nothing was fitted.
-        predicted_max: The largest of these, off their mean [rad].
         velocity_feedforward: Velocity feed-forward; None for a model without it.
-        notes: Further remarks on the fit, as sentences.
+        notes: Findings, as sentences.
     """
 
     name: str
@@ -103,18 +94,13 @@ class JointIdentification:
     t: FloatArray
     simulated: FloatArray
     residuals: FloatArray
-    noise: float
     rms: float
     r_squared: float
-    whiteness: float
-    bic: dict[str, float]
-    rms_of: dict[str, float]
     largest_demand: float
     saturated_time: float
     states: dict[str, State] = field(default_factory=dict)
     tracking_rms: float = math.nan
     predicted_rms: float = math.nan
-    predicted_max: float = math.nan
     velocity_feedforward: Estimate | None = None
     notes: tuple[str, ...] = ()
 
@@ -123,13 +109,13 @@ class JointIdentification:
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def __str__(self) -> str:
-        """The estimates, and how well the model fits."""
-        white = "white" if self.white else "not white"
+        """The estimates, the prediction error and the findings."""
         return line_up(
             f"Servo of {self.name}, {self.order} order",
             [
                 *((x.name.replace("_", " "), x.words) for x in self.estimates),
-                ("residuals", f"{self.rms * 1e3:.3g} mrad RMS, {white}"),
+                ("residuals", f"{self.rms * 1e3:.3g} mrad RMS"),
+                ("prediction error", f"{self.predicted_rms * 1e3:.3g} mrad RMS"),
                 *(("note", x) for x in self.notes),
             ],
         )
@@ -150,9 +136,10 @@ class JointIdentification:
         return 1 - (self.predicted_rms / self.tracking_rms) ** 2
 
     @property
-    def white(self) -> bool:
-        """Whether the model explains all but white noise."""
-        return self.whiteness >= WHITE
+    def determined(self) -> bool:
+        """Whether gains and dead time are determined; the acceleration limit may be open."""
+        needed = [self.kp, self.dead_time, *([self.kv] if self.order == "second" else [])]
+        return all(x.determined for x in needed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -174,7 +161,7 @@ class Identification:
         names = [x.name.replace("_", " ") for x in self.joints[0].estimates]
         rows = [["joint", *names, "residuals"]]
         for joint in self.joints:
-            rms = f"{joint.rms * 1e3:.3g} mrad{'' if joint.white else ', not white'}"
+            rms = f"{joint.rms * 1e3:.3g} mrad"
             rows.append([joint.name, *(x.words for x in joint.estimates), rms])
         return line_up(
             f"Servo identified from {self.log.source}, set-points {self.interpolation}", rows
@@ -193,7 +180,7 @@ class Identification:
     @property
     def determined(self) -> bool:
         """Whether gains and dead time of all joints are determined; limits may be open."""
-        return all(x.determined for joint in self.joints for x in _needed(joint))
+        return all(x.determined for x in self.joints)
 
     def servo_model(self) -> ServoModel:
         """The servo that was identified.
@@ -217,19 +204,18 @@ class Identification:
         Raises:
             InvalidInput: It is one.
         """
+        better = "Record a multisine around the bandwidth of its position loop."
         if not joint.states:
-            x = joint.kp
+            why = " ".join(joint.notes)
             raise InvalidInput(
-                f"{self.log.source} does not determine {x.name} of {joint.name}: "
-                f"{x.advice[:1].lower()}{x.advice[1:]}"
+                f"{self.log.source} does not determine kp of {joint.name}. {why} {better}"
             )
-        determined = all(x.determined for x in _needed(joint))
-        if not determined and not joint.explained >= EXPLAINS:
+        if not joint.determined and not joint.explained >= EXPLAINS:
             share = max(joint.explained, 0.0)
             raise InvalidInput(
                 f"{self.log.source}: the model of {joint.name} predicts {share:.0%} of the "
                 f"variance of its tracking error of {joint.tracking_rms * 1e3:.3g} mrad RMS, and "
-                f"{EXPLAINS:.0%} are needed. {joint.kp.advice}"
+                f"{EXPLAINS:.0%} are needed. {better}"
             )
 
     def _options_of(self, joint: JointIdentification, order: str) -> dict[str, float]:
@@ -332,13 +318,6 @@ def _run(data: Data, known: State, first: int, q0: float, dq0: float) -> FloatAr
     state = replace(known, start="moving", first=first, q0=q0, dq0=dq0)
     late = replace(state, delay=max(known.delay, 0.0))
     return np.concatenate([data.y[:first], simulated(data, late)[0][0]])
-
-
-def _needed(joint: JointIdentification) -> tuple[Estimate, ...]:
-    """The estimates that a servo model needs."""
-    if joint.order == "first":
-        return joint.kp, joint.dead_time
-    return joint.kp, joint.kv, joint.dead_time
 
 
 def _dead_time(joint: JointIdentification, delay: float, source: str) -> float:

@@ -56,7 +56,6 @@ TIMES_OF = ("t", "")
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
 TITLES = f"{EXAMPLE}; without such a line, name them with --columns"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
-_SET_POINTS = re.compile(r"#\s*commands?\s*[:=]\s*set-points\s*", re.IGNORECASE)
 _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
 # "t", "command" or "measured", and the name of the joint; empty for the time.
 _Key = tuple[str, str]
@@ -70,7 +69,6 @@ def read_log(
     unwrap: bool = False,
     columns: str | None = None,
     topic: str | None = None,
-    set_points: bool = False,
 ) -> Log:
     """Read a log from a CSV file, or from a bag of ROS 2.
 
@@ -79,7 +77,7 @@ def read_log(
     `q1_actual`, `shoulder measured`. Units are SI unless in brackets or a suffix: `t [ms]`,
     `command 1 [deg]`, `q1_deg`. Other columns are left out. Separators are commas, semicolons or
     tabs. Lines that start with # are comments; the comment `# interpolation: step` gives the
-    interpolation between set-points, and `# commands: set-points` tells that commands are these.
+    interpolation between set-points.
 
     Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
@@ -92,8 +90,6 @@ def read_log(
         columns: Names of the columns of CSV without a first line for them, separated by commas;
             `-` for a column that is not needed.
         topic: Topic of a bag; by default the only one of its type.
-        set_points: Whether commands are set-points at their times, as in `Log`, whatever the file
-            says.
 
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
@@ -105,14 +101,13 @@ def read_log(
         found = read_ros_log(place, topic)
         return cut(
             found.t, found.arrays["command"], found.arrays["q"], start, end, found.names,
-            source=place.name, unwrap=unwrap, set_points=set_points,
+            source=place.name, unwrap=unwrap,
         )  # fmt: skip
     if topic is not None:
         raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
     text = read_text(file, "log", most=LARGE, latin=True)
     return parse_log(
-        text, source=place.name, start=start, end=end, unwrap=unwrap, columns=columns,
-        set_points=set_points,
+        text, source=place.name, start=start, end=end, unwrap=unwrap, columns=columns
     )  # fmt: skip
 
 
@@ -124,7 +119,6 @@ def parse_log(
     end: float = math.inf,
     unwrap: bool = False,
     columns: str | None = None,
-    set_points: bool = False,
 ) -> Log:
     """Read a log from CSV text; see `read_log`.
 
@@ -145,7 +139,6 @@ def parse_log(
         end,
         [f"joint {x}" if x.isdigit() else x for x in joints],
         interpolation=_find_interpolation(text.splitlines()),
-        set_points=set_points or any(_SET_POINTS.fullmatch(x.strip()) for x in text.splitlines()),
         source=source,
         unwrap=unwrap,
     )
@@ -194,7 +187,6 @@ def read_run_log(
         measured=found.measured[:, order],
         joint_names=tuple(found.joint_names[i] for i in order),
         interpolation=found.interpolation,
-        set_points=found.set_points,
         source=found.source,
     )
 

@@ -20,7 +20,7 @@ from armcontour.io.keys import Keys, read_keys
 from armcontour.io.servo_file import OF_PARAMETER
 from armcontour.servo import ServoModel
 
-OF_JOINT = "rms explained whiteness".split()
+OF_JOINT = "rms explained".split()
 
 
 def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:

@@ -12,10 +12,10 @@ from armcontour.identification import Estimate, Identification, Prediction
 from armcontour.io.json_text import to_json
 
 # Attributes of an estimate and of a joint in the JSON file.
-OF_PARAMETER = "name unit value sd low high determined advice".split()
+OF_PARAMETER = "name unit value sd low high determined".split()
 OF_JOINT = (
-    "noise rms r_squared whiteness bic largest_demand saturated_time "
-    "tracking_rms predicted_rms predicted_max explained notes"
+    "determined rms r_squared largest_demand saturated_time "
+    "tracking_rms predicted_rms explained notes"
 ).split()
 OF_PREDICTION = "tracking_rms rms explained".split()
 
@@ -54,11 +54,7 @@ def servo_yaml(found: Identification) -> str:
             f"  joint_acceleration: {_list([x.value for x in limits])}    # rad/s^2",
         ]
     else:
-        lines.append("# Not every acceleration limit is determined, so none is given:")
-        for joint in found.joints:
-            lines.append(
-                f"#   {joint.name}: {joint.acceleration.advice or _range(joint.acceleration)}"
-            )
+        lines.append("# Not every acceleration limit is determined, so none is given.")
     return "\n".join(lines) + "\n"
 
 

@@ -42,8 +42,6 @@ class Log(Value):
         measured: Measured positions [rad], (n, dof).
         joint_names: One per joint; "joint 1", ... by default.
         interpolation: What the controller does between set-points, "linear" or "step", if known.
-        set_points: Whether each command is a set-point, at the time from which the controller goes
-            on to the next; otherwise commands are samples, and between them nothing is known.
         source: Where it comes from, for messages.
 
     A log may have gaps, as of lost packets: nobody knows what was commanded in them.
@@ -58,7 +56,6 @@ class Log(Value):
     measured: FloatArray
     joint_names: tuple[str, ...] = ()
     interpolation: str | None = None
-    set_points: bool = False
     source: str = "the log"
 
     def __post_init__(self) -> None:
@@ -161,7 +158,7 @@ class Log(Value):
         """
         return cut(
             self.t, self.command, self.measured, start, end, self.joint_names,
-            interpolation=self.interpolation, set_points=self.set_points, source=self.source,
+            interpolation=self.interpolation, source=self.source,
         )  # fmt: skip
 
     def _clip_times(self) -> None:
@@ -228,7 +225,7 @@ def join(logs: Sequence[Log]) -> Log:
     if len(logs) == 1:
         return first
     for x in logs[1:]:
-        for what in ("joint_names", "interpolation", "set_points"):
+        for what in ("joint_names", "interpolation"):
             one, other = getattr(first, what), getattr(x, what)
             if one != other:
                 raise InvalidInput(
@@ -258,7 +255,6 @@ def cut(
     joint_names: Sequence[str] = (),
     *,
     interpolation: str | None = None,
-    set_points: bool = False,
     source: str = "the log",
     unwrap: bool = False,
 ) -> Log:
@@ -272,7 +268,6 @@ def cut(
         end: Last time to use [s].
         joint_names: As in `Log`.
         interpolation: As in `Log`.
-        set_points: As in `Log`.
         source: As in `Log`.
         unwrap: Undo jumps of whole turns.
 
@@ -289,7 +284,6 @@ def cut(
         measured=measured,
         joint_names=tuple(joint_names),
         interpolation=interpolation,
-        set_points=set_points,
         source=source,
     )
 

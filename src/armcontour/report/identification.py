@@ -1,4 +1,4 @@
-"""The report of an identification as one HTML page: motion, residuals, their spectrum."""
+"""The report of an identification as one HTML page: motion and residuals."""
 
 from __future__ import annotations
 
@@ -40,8 +40,6 @@ SYMBOLS = {
     "payload_center_z": "payload, centre along z",
     "armature": "inertia of drives",
 }
-# Longest segment for the spectrum [samples]: fine enough to show a resonance.
-SEGMENT = 2048
 
 
 def render_identification(found: Identification) -> str:
@@ -50,9 +48,6 @@ def render_identification(found: Identification) -> str:
         {
             "joint": joint,
             "rows": [_row(x) for x in joint.estimates],
-            "advice": [
-                f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if not x.determined
-            ],
             "figures": _figures(found, j),
         }
         for j, joint in enumerate(found.joints)
@@ -66,7 +61,6 @@ def render_robot(found: RobotIdentification) -> str:
         {
             "joint": joint,
             "rows": [_row(x) for x in joint.estimates],
-            "advice": [f"{SYMBOLS[x.name]}: {x.advice}" for x in joint.estimates if x.advice],
             "figures": _robot_figures(found, j),
         }
         for j, joint in enumerate(found.joints)
@@ -75,7 +69,6 @@ def render_robot(found: RobotIdentification) -> str:
         "robot_identification.html",
         found=found,
         rows=[_row(x) for x in found.common],
-        advice=[f"{SYMBOLS[x.name]}: {x.advice}" for x in found.common if x.advice],
         joints=joints,
     )
 
@@ -125,7 +118,6 @@ def _figures(found: Identification, j: int) -> list[Any]:
     return [
         _motion(joint, log.t, log.command[:, j], log.measured[:, j]),
         _residuals(joint),
-        _spectrum(joint),
     ]
 
 
@@ -153,25 +145,3 @@ def _residuals(joint: JointIdentification) -> Any:
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="residual [mrad]")
     return finish(figure, title=f"{joint.name}: residuals", height=320)
-
-
-def _spectrum(joint: JointIdentification) -> Any:
-    """Figure of the spectrum of the residuals, with that of white noise of equal power."""
-    from scipy.signal import welch
-
-    interval = float(np.median(np.diff(joint.t)))
-    f, power = welch(
-        joint.residuals,
-        fs=1 / interval,
-        nperseg=min(SEGMENT, len(joint.residuals)),
-        detrend=False,
-    )
-    root = np.sqrt(power[1:]) * 1e3
-    white = joint.rms * 1e3 * math.sqrt(2 * interval)
-    figure = Figure(
-        line(f[1:], root, "residuals", EXECUTED_COLOUR, width=1),
-        line(f[[1, -1]], [white, white], "white noise of equal power", LIMIT_COLOUR, dash="dash"),
-    )
-    figure.update_xaxes(title="frequency [Hz]", type="log")
-    figure.update_yaxes(title="mrad per root Hz", type="log")
-    return finish(figure, title=f"{joint.name}: spectrum of the residuals", height=320)

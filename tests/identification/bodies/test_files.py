@@ -43,7 +43,7 @@ def test_what_is_written_is_what_jobs_take(folder):
     options = {"arm": str(folder / "arm.yaml"), "servo": folder / "job.yaml", "gravity": "loaded"}
     identify_files([folder / "run.csv"], IdentifyOptions(**options, out=out))
     names = {"robot.yaml", "servo.yaml", "report.html", "summary.json", ".armcontour.json"}
-    assert {x.name for x in out.iterdir()} - {"excitation.csv"} == names
+    assert {x.name for x in out.iterdir()} == names
     arm = ac.load_arm(out / "robot.yaml")
     assert arm.name == "mine"
     np.testing.assert_allclose(arm.chain.coulomb, COULOMB, rtol=0.1)

@@ -8,7 +8,7 @@ import pytest
 import armcontour as ac
 from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
-from armcontour.identification import identify, propose
+from armcontour.identification import identify
 from armcontour.identification.bodies.checking import arranged
 from armcontour.identification.bodies.fitting import attempt, derivatives
 from armcontour.identification.bodies.grid import Gridded
@@ -136,27 +136,11 @@ def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
     assert not found.determined
     wrist = found.joints[5]
     assert wrist.kp.value == pytest.approx(25.0, rel=1e-12) and not wrist.kp.determined
-    assert "not told to move" in wrist.kp.advice
     assert "coulomb of wrist_3_joint" in found.open
     assert found.joints[0].kp.determined
     assert found.servo.kp[5] == pytest.approx(25.0, rel=1e-12)
     # The other joints shake it less than its friction: how strong that is, nobody knows.
     assert found.arm.chain.coulomb[5] == 0.0
-    limits = nominal.limits.replace(joint_jerk=20.0)
-    excitation = propose(found, limits=limits, duration=10.0)
-    assert "coulomb of wrist_3_joint" in excitation.tells
-    q, rates = excitation.taught.q, np.diff(excitation.taught.q, axis=0) / 4e-3
-    assert np.abs(q[[0, -1]] - HOME).max() < 1e-9 and np.abs(rates[[0, -1]]).max() < 1e-3
-    plan, t = excitation.taught.trajectory, excitation.taught.t
-    np.testing.assert_allclose(plan(t[1:-1], 1), (q[2:] - q[:-2]) / 8e-3, atol=1e-3)
-    second = np.diff(q, 2, axis=0) / 16e-6
-    np.testing.assert_allclose(plan(t[1:-1], 2), second, atol=0.02)
-    own = nominal.limits
-    assert (np.abs(rates).max(axis=0) < own.joint_velocity).all()
-    torque = found.arm.torque(plan(t), plan(t, 1), plan(t, 2))
-    assert (np.abs(torque).max(axis=0) < own.joint_torque).all()
-    third = np.abs(np.diff(q, 3, axis=0)).max(axis=0) / 4e-3**3
-    assert third.max() < 20.0 and (third > 10.0).all()
     blind = dataclasses.replace(found, gains_known=False)
     with pytest.raises(InvalidInput, match="does not determine k"):
         _ = blind.servo
@@ -221,7 +205,6 @@ def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows():
     found, coulomb = planar(0.0)
     first = found.joints[0].kp
     assert not first.determined and first.value == pytest.approx(25.0, rel=1e-12)
-    assert any("count what keeps its nominal value as true" in x for x in found.notes)
     ratios = np.array([x.coulomb.value for x in found.joints]) * 26.0 / 25.0 / coulomb
     np.testing.assert_allclose(ratios, 1.0, rtol=0.005)
     assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0

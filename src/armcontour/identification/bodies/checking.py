@@ -56,7 +56,6 @@ def arranged(log: Log, arm: Arm) -> Log:
         measured=log.measured[:, order],
         joint_names=own,
         interpolation=log.interpolation,
-        set_points=log.set_points,
         source=log.source,
     )
 

@@ -1,38 +1,26 @@
-"""From a fit of rigid bodies to estimates, the identified arm and its servo."""
+"""Estimates, findings, the identified arm and its servo from a fit of rigid bodies."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import digits
 from armcontour._sampling import interpolate
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies.fitting import BodyFit, Trial
 from armcontour.identification.bodies.grid import Gridded
-from armcontour.identification.bodies.model import (
-    AXES,
-    LEAST_MASS,
-    LOGARITHMIC,
-    UNITS,
-    Model,
-    Unknown,
-)
+from armcontour.identification.bodies.model import AXES, LEAST_MASS, LOGARITHMIC, UNITS, Model
 from armcontour.identification.bodies.precision import (
     MOVES,
-    Precision,
-    allowed,
     doubts,
     is_white,
     moved,
     precision,
 )
 from armcontour.identification.bodies.results import Fitted, RobotIdentification, RobotJoint
-from armcontour.identification.correlation import whiteness
 from armcontour.identification.fitting import noise_of
 from armcontour.identification.results import Estimate
 from armcontour.servo import ServoModel
@@ -40,54 +28,8 @@ from armcontour.servo import ServoModel
 # A model that explains less than this share of the lag behind the command is of another robot: with
 # two joints exchanged it explains 0.99 or less of one of them.
 EXPLAINS = 0.99
-SYMBOLS = {
-    "kp": "K_p",
-    "kv": "K_v",
-    "viscous": "viscous friction",
-    "coulomb": "Coulomb friction",
-    "payload_mass": "the mass of the payload",
-    "payload_center": "the payload's centre of mass",
-    "armature": "the drives' inertia",
-    "dead_time": "the dead time",
-}
-TIED = {
-    "kv": "A log shows only the sum of J K_v and viscous friction: K_v keeps its nominal value, "
-    "and viscous friction is what is left.",
-    "viscous": "A log shows only the sum of J K_v and viscous friction: viscous friction keeps "
-    "its nominal value, and K_v is what is left; with a nominal servo it is the other way round.",
-}
-HELD = {
-    "nominal": "The controller holds the nominal arm against gravity, without its load.",
-    "loaded": "The controller holds the arm against gravity, with its load.",
-    "none": "The controller adds no torque against gravity.",
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Known:
-    """A fit, how well it knows the unknowns, and how well it should.
-
-    Args:
-        model: The robot.
-        values: Values of the unknowns.
-        free: Which were sought.
-        unsettled: Which were left out since the search did not come to rest in them.
-        precision: Standard deviations.
-        doubt: What the command between samples and the drives' cycle may do to them.
-        limit: Standard deviations that count as told.
-        sought: Standard deviations if that unknown had been sought too.
-        moved: Unknowns but for those of joints that no log moves.
-    """
-
-    model: Model
-    values: FloatArray
-    free: BoolArray
-    unsettled: BoolArray
-    precision: Precision
-    doubt: FloatArray
-    limit: FloatArray
-    sought: FloatArray
-    moved: BoolArray
+# Unknowns that are never below zero.
+POSITIVE = ("coulomb", "payload_mass", "armature")
 
 
 def describe(
@@ -99,13 +41,13 @@ def describe(
     *,
     gains_known: bool,
 ) -> RobotIdentification:
-    """What a fit says of the robot.
+    """Estimates and findings of a fit.
 
     Args:
         model: The robot.
         grids: The logs.
         found: The fit.
-        unsettled: Unknowns that were left out since the search did not come to rest in them.
+        unsettled: Unknowns that were fixed because the search did not converge in them.
         delays: Smallest and largest dead time of the search [s].
         gains_known: Whether a nominal servo was given.
 
@@ -115,51 +57,41 @@ def describe(
     fitted = fitted_of(grids, found.trial)
     explained = refuse_misfit(fitted)
     values = found.trial.values
-    known = _Known(
-        model=model,
-        values=values,
-        free=found.free,
-        unsettled=unsettled,
-        precision=precision(found, found.free),
-        doubt=doubts(model, grids, found, found.free),
-        limit=allowed(model, values),
-        sought=_sought(found),
-        moved=moved(model, grids),
-    )
+    of = _list_estimates(model, grids, found)
     arm, gains = identified(model, values)
-    of = {(x.name, x.index): k for k, x in enumerate(model.unknowns)}
     every = np.concatenate([x.residuals for x in fitted])
-    joints = tuple(
-        RobotJoint(
-            name=name,
-            kp=_estimate(known, of["kp", j]),
-            kv=_tied(known, "kv", j) if model.keep_kv else _estimate(known, of["kv", j]),
-            viscous=_estimate(known, of["viscous", j])
-            if model.keep_kv
-            else _tied(known, "viscous", j),
-            coulomb=_estimate(known, of["coulomb", j]),
-            armature=None if model.scales else _estimate(known, of["armature", j]),
-            rms=float(np.sqrt(np.mean(every[:, j] ** 2))),
-            explained=float(explained[j]),
-            whiteness=whiteness(np.ascontiguousarray(every[:, j])),
+    tied = {
+        "kv": np.asarray(model.servo.kv),
+        "viscous": np.asarray(model.arm.dynamics.chain.viscous),
+    }
+    joints = []
+    for j, name in enumerate(model.arm.joint_names):
+        # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
+        kv, viscous = (of.get((x, j)) or _make(x, float(y[j]), UNITS[x]) for x, y in tied.items())
+        joints.append(
+            RobotJoint(
+                name=name,
+                kp=of["kp", j],
+                kv=kv,
+                viscous=viscous,
+                coulomb=of["coulomb", j],
+                armature=of.get(("armature", j)),
+                rms=float(np.sqrt(np.mean(every[:, j] ** 2))),
+                explained=float(explained[j]),
+            )
         )
-        for j, name in enumerate(model.arm.joint_names)
-    )
-    x, y, z = (_center(known, of, i) for i in range(3))
     return RobotIdentification(
         nominal=model.arm,
         gravity=model.gravity,
         interpolation=model.servo.interpolation,
-        joints=joints,
-        payload_mass=_estimate(known, of["payload_mass", -1]),
-        payload_center=(x, y, z),
-        armature=_estimate(known, of["armature", -1]) if model.scales else None,
-        dead_time=_estimate(known, of["dead_time", -1]),
+        joints=tuple(joints),
+        payload_mass=of["payload_mass", -1],
+        payload_center=(of["payload_center", 0], of["payload_center", 1], of["payload_center", 2]),
+        armature=of.get(("armature", -1)),
+        dead_time=of["dead_time", -1],
         arm=arm,
         fitted=fitted,
-        notes=_notes(model, found, known, delays),
-        model=model,
-        fit=found,
+        notes=_list_findings(model, found, unsettled & moved(model, grids), delays),
         gains=gains,
         gains_known=gains_known,
     )
@@ -207,14 +139,6 @@ def fitted_of(grids: list[Gridded], trial: Trial) -> tuple[Fitted, ...]:
     )
 
 
-def _sought(found: BodyFit) -> FloatArray:
-    """Standard deviations of unknowns, of each if it had been sought beside the others."""
-    sd = np.array(precision(found, found.free).sd)
-    for k in np.flatnonzero(~found.free):
-        sd[k] = precision(found, found.free | (np.arange(len(sd)) == k)).sd[k]
-    return sd
-
-
 def _lags(fitted: tuple[Fitted, ...]) -> FloatArray:
     """Commands less measured positions [rad], (samples, dof)."""
     commands = [interpolate(x.t, x.log.t, x.log.command) for x in fitted]
@@ -254,138 +178,75 @@ def refuse_misfit(fitted: tuple[Fitted, ...]) -> FloatArray:
     return explained
 
 
-def _estimate(known: _Known, k: int) -> Estimate:
-    """The estimate of an unknown; one that is not told has its nominal value."""
-    x, value, sd = known.model.unknowns[k], float(known.values[k]), float(known.precision.sd[k])
-    if not known.free[k]:
-        return _not_told(known, k)
-    reach = known.precision.quantile * sd + float(known.doubt[k])
-    sd = math.hypot(sd, float(known.doubt[k]))
-    low, high = value - reach, value + reach
-    if x.name in LOGARITHMIC:
-        value, low, high = math.exp(value), math.exp(low), math.exp(high)
-        sd *= value
-    elif x.name in ("coulomb", "payload_mass", "armature"):
-        low = max(low, 0.0)
-    return _made(x.name, value, sd, low, high, factor=_is_factor(x))
+def _list_estimates(
+    model: Model, grids: list[Gridded], found: BodyFit
+) -> dict[tuple[str, int], Estimate]:
+    """Estimates by names and indices of the unknowns; what is not determined is nominal."""
+    known, doubt = precision(found, found.free), doubts(model, grids, found, found.free)
+    values, covariance = found.trial.values, known.covariance
+    m = next(k for k, x in enumerate(model.unknowns) if x.name == "payload_mass")
+    mass = float(values[m])
+    estimates = {}
+    for k, x in enumerate(model.unknowns):
+        name, free = x.name, bool(found.free[k])
+        unit = "1" if name == "armature" and x.index < 0 else UNITS[name]
+        value, sd, bias = float(values[k]), float(known.sd[k]), float(doubt[k])
+        if x.name == "payload_center":
+            # The unknown is the mass times the deviation from the nominal centre.
+            name, nominal = f"payload_center_{AXES[x.index]}", float(model.load.center[x.index])
+            free = free and mass > LEAST_MASS
+            away = value / mass if free else 0.0
+            value = nominal + away
+            if free:
+                own, both, other = covariance[k, k], covariance[k, m], covariance[m, m]
+                sd = math.sqrt(max(own - 2 * away * both + away**2 * other, 0.0)) / mass
+                bias /= mass
+        if not free:
+            value = math.exp(value) if name in LOGARITHMIC else value
+            estimates[x.name, x.index] = _make(name, value, unit)
+            continue
+        reach, sd = known.quantile * sd + bias, math.hypot(sd, bias)
+        low, high = value - reach, value + reach
+        if name in LOGARITHMIC:
+            value, low, high = math.exp(value), math.exp(low), math.exp(high)
+            sd *= value
+        elif name in POSITIVE:
+            low = max(low, 0.0)
+        estimates[x.name, x.index] = Estimate(
+            name=name, unit=unit, value=value, sd=sd, low=low, high=high, determined=True
+        )
+    return estimates
 
 
-def _is_factor(x: Unknown) -> bool:
-    """Whether an unknown is the factor of all nominal drive inertias."""
-    return x.name == "armature" and x.index < 0
-
-
-def _made(
-    name: str,
-    value: float,
-    sd: float,
-    low: float,
-    high: float,
-    advice: str = "",
-    *,
-    factor: bool = False,
-) -> Estimate:
-    unit = UNITS["payload_center"] if name.startswith("payload_center") else UNITS[name]
-    unit = "1" if factor else unit
+def _make(name: str, value: float, unit: str) -> Estimate:
+    """The estimate of an unknown that keeps its nominal value."""
     return Estimate(
-        name=name, unit=unit, value=value, sd=sd, low=low, high=high, determined=not advice,
-        advice=advice,
+        name=name, unit=unit, value=value, sd=math.nan, low=-math.inf,
+        high=math.inf, determined=False,
     )  # fmt: skip
 
 
-def _not_told(known: _Known, k: int) -> Estimate:
-    """An unknown that keeps its nominal value, and why."""
-    x, model = known.model.unknowns[k], known.model
-    value, sd, limit = float(known.values[k]), float(known.sought[k]), float(known.limit[k])
-    logarithmic = x.name in LOGARITHMIC
-    value = math.exp(value) if logarithmic else value
-    symbol = SYMBOLS[x.name]
-    share = logarithmic or _is_factor(x)
-    if not known.moved[k]:
-        why = f"The joint is not told to move, so the log does not show {symbol}"
-    elif known.unsettled[k]:
-        why = (
-            f"The search did not come to rest in {symbol}, as if the robot did something that the "
-            "model does not"
-        )
-    elif not math.isfinite(sd) or (share and sd > 1):
-        why = f"The log does not show {symbol} at all"
-    else:
-        scale, unit = (100.0, "%") if share else (1.0, UNITS[x.name])
-        scale, unit = (1e3, "ms") if x.name == "dead_time" else (scale, unit)
-        why = (
-            f"The log tells {symbol} to {digits(sd * scale, 2)} {unit} only, and "
-            f"{digits(limit * scale, 2)} {unit} are needed"
-        )
-    gain = x.name in LOGARITHMIC
-    kept = "a guess" if gain and not model.keep_kv else "its nominal value"
-    advice = f"{why}, so it keeps {kept}."
-    return _made(x.name, value, math.nan, -math.inf, math.inf, advice, factor=_is_factor(x))
-
-
-def _tied(known: _Known, name: str, j: int) -> Estimate:
-    """K_v or viscous friction, of which a log shows only the sum."""
-    if name == "kv":
-        value = float(np.asarray(known.model.servo.kv)[j])
-    else:
-        value = float(np.asarray(known.model.arm.dynamics.chain.viscous)[j])
-    return _made(name, value, math.nan, -math.inf, math.inf, TIED[name])
-
-
-def _center(known: _Known, of: dict[tuple[str, int], int], i: int) -> Estimate:
-    """The payload's centre along one axis of the tip, from its first moment."""
-    k, m = of["payload_center", i], of["payload_mass", -1]
-    name = f"payload_center_{AXES[i]}"
-    nominal = float(known.model.load.center[i])
-    mass, moment = float(known.values[m]), float(known.values[k])
-    if not known.free[k] or mass <= LEAST_MASS:
-        sd = float(known.sought[k])
-        why = (
-            "There is no payload whose centre the log could show"
-            if mass <= LEAST_MASS
-            else "The search did not come to rest in it"
-            if known.unsettled[k]
-            else f"The log tells it to {digits(sd / mass * 1e3, 2)} mm only, and "
-            f"{digits(known.limit[k] / mass * 1e3, 2)} mm are needed"
-            if math.isfinite(sd)
-            else "The log does not show it at all"
-        )
-        kept = f"{why}, so it keeps its nominal value."
-        return _made(name, nominal, math.nan, -math.inf, math.inf, kept)
-    away, cov = moment / mass, known.precision.covariance
-    variance = cov[k, k] - 2 * away * cov[k, m] + away**2 * cov[m, m]
-    sd, doubt = math.sqrt(max(variance, 0.0)) / mass, float(known.doubt[k]) / mass
-    reach = known.precision.quantile * sd + doubt
-    value = nominal + away
-    return _made(name, value, math.hypot(sd, doubt), value - reach, value + reach)
-
-
-def _notes(
-    model: Model, found: BodyFit, known: _Known, delays: tuple[float, float]
+def _list_findings(
+    model: Model, found: BodyFit, unsettled: BoolArray, delays: tuple[float, float]
 ) -> tuple[str, ...]:
-    notes = [HELD[model.gravity]]
-    notes.append(
-        "Gains are those of loops that scale by J, the nominal inertia of "
-        f"{'the servo' if model.servo.inertia is not None else 'the arm'}: a log shows only their "
-        "products with J, and masses of links count as known."
-    )
+    """Findings on the fit, as sentences."""
+    notes = []
     if not is_white(found.residuals):
-        notes.append(
-            "The residuals are not white: the encoder is coarse, or the robot does something that "
-            "the model does not. Intervals allow for their correlation, not for what is missing."
-        )
-    if (known.moved & ~known.free & np.isfinite(known.sought)).any():
-        notes.append(
-            "Intervals count what keeps its nominal value as true: with a gain that is off by 1 %, "
-            "friction and loads may be off by as much."
-        )
-    delay = float(known.values[-1])
-    if delay <= delays[0] or delay >= delays[1]:
-        notes.append(f"The dead time is outside of those looked for, up to {delays[1] * 1e3:g} ms.")
-    negative = np.flatnonzero(model.viscous(known.values) < 0) + 1
+        notes.append("The residuals are correlated, and the intervals allow for that.")
+    names = [
+        x.name.replace("_", " ") + (f" of joint {x.index + 1}" if x.index >= 0 else "")
+        for x in model.unknowns
+    ]
+    if unsettled.any():
+        which = ", ".join(np.array(names)[unsettled])
+        notes.append(f"The search did not converge in {which}.")
+    values = found.trial.values
+    if not delays[0] < float(values[-1]) < delays[1]:
+        notes.append(f"The dead time is outside the search range, up to {delays[1] * 1e3:g} ms.")
+    negative = np.flatnonzero(model.viscous(values) < 0) + 1
     if model.keep_kv and len(negative):
         notes.append(
-            f"Viscous friction of joint {', '.join(map(str, negative))} comes out below zero: the "
-            "sum of J K_v and friction is less than the nominal J K_v, so K_v is lowered instead."
+            f"The viscous friction of joint {', '.join(map(str, negative))} would be below zero, "
+            "so K_v is reduced instead."
         )
     return tuple(notes)

@@ -10,11 +10,12 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import interpolate
 from armcontour.drives import regular_times
-from armcontour.identification.unseen import BENT, sharpened
 from armcontour.motion import Log
 
 # Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
 STEP = 1e-3
+# Share of the second differences of samples that lines cut off bends in the middle of samples.
+BENT = 1 / 8
 # Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
 CUT = 15.0
 
@@ -88,10 +89,17 @@ class Gridded:
     def bent_command(self, delay: float) -> FloatArray:
         """The command on the grid, if it has its bends in the middle of samples of the log [rad].
 
+        Lines between samples cut off these bends: at an angular frequency ω and a sample interval
+        T, the bent command is 1 / cos(ω T / 2) times as large. This is its series in differences.
+
         Args:
             delay: Dead time [s].
         """
-        sharp = np.stack([sharpened(x, BENT) for x in self.log.command.T], axis=1)
+        second, fourth = (
+            np.diff(np.pad(self.log.command, ((k, k), (0, 0)), mode="edge"), 2 * k, axis=0)
+            for k in (1, 2)
+        )
+        sharp = self.log.command - BENT * second + 1.5 * BENT**2 * fourth
         return interpolate(self.t - delay, self.log.t, sharp)
 
     def sampled(self, values: FloatArray) -> FloatArray:

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, line_up
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.correlation import WHITE
 from armcontour.identification.results import Estimate
 from armcontour.motion import Log
 from armcontour.servo import ServoModel
-
-if TYPE_CHECKING:
-    from armcontour.identification.bodies.fitting import BodyFit
-    from armcontour.identification.bodies.model import Model
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,7 +29,6 @@ class RobotJoint:
         rms: Root mean square of the residuals [rad].
         explained: Share of the mean square of command less measured position that the model
             explains.
-        whiteness: Probability that white noise is as correlated as the residuals.
     """
 
     name: str
@@ -46,18 +39,12 @@ class RobotJoint:
     armature: Estimate | None
     rms: float
     explained: float
-    whiteness: float
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The estimates of all parameters."""
         own = () if self.armature is None else (self.armature,)
         return (self.kp, self.kv, self.viscous, self.coulomb, *own)
-
-    @property
-    def white(self) -> bool:
-        """Whether the model explains all but white noise."""
-        return self.whiteness >= WHITE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,10 +91,7 @@ class RobotIdentification:
         dead_time: Dead time of all joints [s].
         arm: The identified arm, with payload, friction and inertias of the drives.
         fitted: The logs, with the motion of the model.
-        notes: Further remarks, as sentences.
-        model: The robot that was fitted, with J, by which the controller scales its loops: logs
-            show only its products with gains.
-        fit: The fit, with derivatives.
+        notes: Findings, as sentences.
         gains: The servo that goes with `arm`; where gains are neither told nor known, a guess.
         gains_known: Whether a nominal servo was given.
     """
@@ -123,8 +107,6 @@ class RobotIdentification:
     arm: Arm
     fitted: tuple[Fitted, ...] = field(repr=False)
     notes: tuple[str, ...] = ()
-    model: Model = field(repr=False)
-    fit: BodyFit = field(repr=False)
     gains: ServoModel = field(repr=False)
     gains_known: bool
 
@@ -160,7 +142,7 @@ class RobotIdentification:
     @property
     def open(self) -> tuple[str, ...]:
         """What the logs could tell but do not, such as "coulomb of joint 2"."""
-        tied = "kv" if self.model.keep_kv else "viscous"
+        tied = "kv" if self.gains_known else "viscous"
         found = [
             f"{x.name} of {joint.name}"
             for joint in self.joints
