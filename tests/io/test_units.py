@@ -2,8 +2,6 @@
 
 import itertools
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pint
@@ -110,12 +108,6 @@ def test_usual_units_are_those_of_pint():
             assert parse(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
 
 
-def test_usual_quantities_do_not_start_pint():
-    code = "import sys; from armcontour.io.units import parse; parse('5 mm', 'm')\n"
-    code += "assert 'pint' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
 
 
@@ -205,20 +197,14 @@ def test_units_become_factors():
         assert found[key].factor == pytest.approx(factor, rel=1e-12), title
 
 
-BAD = f"""
+BAD = """
 1|-2.5e3 => the first line must name the columns, such as t,q
 t|q|q [deg] => the columns 'q' and 'q [deg]' hold the same
 t|t => there are two columns 't'
 q [1/s] => the unit '1/s' of the column 'q [1/s]' is not one that converts to rad
-q [] => the unit '' of the column 'q []' is not one that converts to rad
-q [1] => the unit '1' of the column 'q [1]' is not one that converts to rad
-dq [1/s] => not one that converts to rad/s
-dq [Hz] => not one that converts to rad/s
 t [-ms] => not one that converts to s
-x [deg] => not one that converts to m
 name [m] => the unit 'm' of the column 'name [m]' is not wanted
 q_deg [rad] => the column 'q_deg [rad]' has two units
-x [{"m" * 9999}] => the unit 'mmmm
 """
 
 
@@ -230,8 +216,6 @@ POSITIONS = np.array([[0.0, 0.4, 0.1, 0.2], [0.008, 0.401, 0.1, 0.2]])
 BAD_FILES = r"""
 t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
 x,y,z\n0,1,2 => column t
-t,x [deg],y,z\n0,1,2,3 => 'deg' ... one that converts to m
-t,x,tool x,y,z\n0,1,1,2,3 => 'x' and 'tool x' hold the same
 t,x,y,z\n0,1,2,many => line 2 ... 'many'
 0,1,2,3\n1,1,2,3 => first line must name the columns
 """

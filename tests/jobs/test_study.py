@@ -14,11 +14,10 @@ from tests.properties.number_cases import PLANE, SPACE
 
 import armcontour as ac
 from armcontour import jobs
-from armcontour.errors import Collision, CompensationError, NotRealizable
+from armcontour.errors import NotRealizable
 from armcontour.frames import from_rpy, log
 from armcontour.io import parse_job
 from armcontour.jobs import STEPS, Experiment, Rounding, build_plant, teach
-from armcontour.jobs.avoiding import Cleared
 from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
 from armcontour.tracing.tracer import trace_all
@@ -162,16 +161,11 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     refused(
         (lambda: ac.run(with_runs(job, fast)), "mac needs an assigned velocity"),
         (lambda: ac.run(with_runs(job, bad)), "corner acceleration must be above zero"),
-        (lambda: with_runs(job), "at least one run"),
         (lambda: with_runs(job, first, first), "every run its own name"),
         (lambda: dataclasses.replace(in_space, start=np.zeros(2)), "start has 2 values"),
-        (lambda: Experiment(coulomb=[1.0, -1.0]), "coulomb must not be negative"),
-        (lambda: Experiment(armature="heavy"), "armature must be numbers in kg m²"),
-        (lambda: Experiment(viscous=np.nan), "viscous must be finite"),
         (lambda: Experiment(viscous=[1.0, 2.0]).for_joints(6), "viscous has 2 values"),
         (lambda: Experiment(joint_stiffness=[1e4, 0.0]), "joint_stiffness must be above zero"),
         (lambda: Experiment(joint_damping=1.0), "give their joint_stiffness too"),
-        (lambda: Experiment(joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
         (lambda: Experiment(friction=False, coulomb=1.0), "friction"),
     )
 
@@ -297,35 +291,6 @@ def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
     angle = np.trapezoid(angular_speed(found.execution), found.execution.t)
     assert angle == pytest.approx(0.4, rel=1e-3)
-
-
-def test_set_points_are_those_of_the_plan_that_keeps_clear(job, monkeypatch):
-    one = with_runs(job, job.runs[1])
-    slow = one.runs[0].limits.replace(speed=0.02)
-    slower = ac.plan(one.path, one.arm, slow, method="conventional")
-    clear = Cleared(traced=None, trajectory=slower, clearance=None)
-    wanted = ac.compensate(slower, one.servo, method="none", period=1e-2, arm=one.arm)
-
-    def keep_clear(job, this, traced, trajectory, progress):
-        return dataclasses.replace(clear, traced=traced)
-
-    monkeypatch.setattr("armcontour.jobs.study.keep_clear", keep_clear)
-    plan = teach(one)["conventional"]
-    assert plan.trajectory is slower
-    assert np.array_equal(plan.taught.q, wanted.q)
-
-
-def test_a_collision_is_said_before_set_points_that_cannot_be(job, monkeypatch):
-    def refuse(*_):
-        raise Collision("It touches.")
-
-    def fail(*_):
-        raise CompensationError("It cannot be compensated.")
-
-    monkeypatch.setattr("armcontour.jobs.study.teach_run", fail)
-    refused((lambda: teach(job),), kind=CompensationError)
-    monkeypatch.setattr("armcontour.jobs.study.keep_clear", refuse)
-    refused((lambda: teach(job),), kind=Collision)
 
 
 def test_orientation_error_is_the_angle_to_what_is_asked_for(in_space):

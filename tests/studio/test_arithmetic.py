@@ -115,26 +115,3 @@ def test_a_part_that_was_moved_finds_the_places_of_an_older_map():
     placed = turned(now - edit["about"], edit["turn"], np.array(edit["about"]) + edit["by"])
     assert np.abs(placed - turned(path - about, angle, about + shift)).max() < 1e-7
     assert other is None
-
-
-def test_the_mark_of_the_cursor_follows_the_tool_along_rapids():
-    # Two contours along x, and a rapid of 16 points on a bow between them from 1 to 2 s.
-    bow = np.linspace(0, np.pi, 16)
-    arrays = {
-        "path": [0, 0, 1, 0, 3, 0, 4, 0],
-        "path_s": [0, 1, 1, 2],
-        "rapid": np.column_stack([2 - np.cos(bow), np.sin(bow)]).ravel(),
-        "rapid_t": np.linspace(1, 2, 16),
-    }
-    cursors = [{"t": t, "s": s} for t, s in ((0.5, 0.5), (1 + 1 / 3, 1), (2.5, 1.5))]
-    for given, bent in ((arrays, [1.5, np.sqrt(3) / 2]), ({**arrays, "rapid_t": []}, [3, 0])):
-        found = compute(
-            """
-            const { pointOf } = await import("./marks.js");
-            const arrays = Object.fromEntries(
-              Object.entries(given.arrays).map(([name, x]) => [name, Float64Array.from(x)]));
-            tell(given.cursors.map((x) => pointOf({ arrays }, x)));
-            """,
-            {"arrays": given, "cursors": cursors},
-        )
-        np.testing.assert_allclose(found, [[0.5, 0], bent, [3.5, 0]], atol=1e-9)

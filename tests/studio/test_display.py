@@ -1,6 +1,5 @@
 """What pages see while somebody edits, and when nothing moves; time passes as tests say."""
 
-import dataclasses
 from functools import partial
 
 import numpy as np
@@ -66,20 +65,6 @@ def test_slow_plans_and_long_motions_are_executed_when_nothing_moves(
     assert kinds(tab.frames[before:]) == ["executed"]
 
 
-def test_one_timer_waits_for_the_rest_of_many_edits(file, clock):
-    session = session_of(file, rest=1.0)
-    tab, rests = Tab(session), []
-    session.display.screen.rest = lambda: rests.append(clock.now)
-    for k in range(40):
-        clock.go(0.01)
-        tab.edit({**MOVE, "to": [0.39, 0.16 + 1e-4 * k]}, final=False)
-    assert not rests and clock.started == 1
-    last = clock.now
-    clock.go(10.0)
-    assert rests == [pytest.approx(last + 1.0)] and clock.started == 2
-    session.close()
-
-
 def test_older_answers_never_come_after_newer_ones(file):
     session = session_of(file, fast=Held)
     lane, tab = Held.last, Tab(session)
@@ -89,35 +74,6 @@ def test_older_answers_never_come_after_newer_ones(file):
     for work in (new, old):
         AtOnce.submit(lane, work)
     assert [x.header["seq"] for x in tab.frames if x.kind == "picture"] == [2]
-    session.close()
-
-
-def test_exact_figures_wait_for_the_first_plan_of_each_document(file, clock):
-    session = session_of(file, fast=Held, rest=0.0)
-    with session.display.lock:
-        session.display.show_all()
-    lane, slow = Held.last, NoLane.last
-    clock.go()
-    assert not slow.given
-    (old,) = lane.works
-    AtOnce.submit(lane, old)
-    clock.go()
-    slow.deliver(Frame("figures", {"id": slow.given[0][0]}))
-    session.open_upload("other.yaml", JOB.replace("small", "other").encode(), None)
-    # What comes late of the document before is no plan of this one.
-    AtOnce.submit(lane, old)
-    clock.go()
-    assert len(slow.given) == 1
-    AtOnce.submit(lane, lane.works[-1])
-    clock.go()
-    assert len(slow.given) == 2
-    # Nothing waits for a document that cannot be shown.
-    with session.display.lock:
-        session.display.show()
-        assert clock.waiting
-        session.editor.seen = dataclasses.replace(session.editor.seen, handles=None)
-        session.display.open()
-    assert not clock.waiting
     session.close()
 
 

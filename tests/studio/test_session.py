@@ -285,60 +285,6 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert len(lane.given) == 2
 
 
-class Listener:
-    """A page that keeps what it hears."""
-
-    def __init__(self):
-        self.frames = []
-
-    def send(self, data, replaces=None):
-        self.frames.append(Frame.unpack(data))
-
-    @property
-    def heard(self):
-        return [(x.kind, x.header["seq"]) for x in self.frames]
-
-
-def test_every_page_hears_the_number_of_its_own_message():
-    tabs, one, other = Tabs(), Listener(), Listener()
-    tabs.join(one)
-    tabs.join(other)
-    assert tabs.hear(one, {"seq": 7}) and not tabs.hear(Listener(), {"seq": 9})
-    assert tabs.hear(other, {"seq": True})
-    before = tabs.answers
-    tabs.hear(one, {"seq": 8})
-    tabs.tell(Frame("notice", {"rev": 3}))
-    tabs.tell(Frame("notice", {"rev": 3}), answers=before)
-    tabs.tell(Frame("diff"), to=other)
-    assert one.heard == [("notice", 8), ("notice", 7)]
-    assert other.heard == [("notice", None)] * 2 + [("diff", None)]
-    assert one.frames[0].header["rev"] == 3
-    tabs.leave(one)
-    tabs.tell(Frame("notice"))
-    assert len(one.frames) == 2 and not tabs.hear(one, {})
-
-
-def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
-    tabs, page = Tabs(), Listener()
-
-    def told():
-        tabs.join(later := Listener())
-        return [kind for kind, _ in later.heard]
-
-    tabs.join(page)
-    tabs.hear(page, {"seq": 1})
-    for kind in ("picture", "executed", "notice", "figures"):
-        tabs.tell(Frame(kind))
-    assert told() == ["picture", "executed", "figures"]
-    # At rest the exact picture comes after the figures of the same edit.
-    tabs.tell(Frame("picture"))
-    tabs.tell(Frame("refusal", {"dropped": True}))
-    assert told() == ["picture", "figures"]
-    tabs.hear(page, {"seq": 2})
-    tabs.tell(Frame("picture"))
-    assert told() == ["picture"]
-
-
 def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
     tabs = Tabs()
     numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
