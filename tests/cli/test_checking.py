@@ -196,28 +196,6 @@ def test_defaults_are_the_arm_of_the_job_and_titled_columns(folder, check):
     assert json.loads(bare.out) == json.loads(titled.out)
 
 
-def test_the_orientation_of_the_tool_is_checked(tmp_path, check):
-    robot = ac.load_arm("ur5e")
-    points = [[0.4, -0.1, 0.3], [0.45, 0.1, 0.3]]
-    planned = ac.plan(ac.Path.polyline(points).pointing((0, 0, -1)), robot, robot.limits)
-    x = planned.sample(4e-3)
-    titles = ",".join(["t [s]", *(f"{name} [rad]" for name in robot.joint_names)])
-    write(tmp_path / "planned.csv", titles, x.t, x.q)
-    path = {"points": points, "orientation": {"axis": [0, 0.1, -1]}}
-    job = {"name": "held", "arm": "ur5e", "path": path, "servo": JOB["servo"], "runs": {"one": {}}}
-    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job))
-    without = json.loads(check(tmp_path, "planned.csv", "--path", "job.yaml", "--json").out)
-    assert without["not_judged"] == ["joint_torque", "orientation_deviation"]
-    for allowed, code in (("0.5 deg", 1), ("6 deg", 0)):
-        limits = f"orientation_deviation: {allowed}\njoint_acceleration: 100\n"
-        (tmp_path / "limits.yaml").write_text(limits)
-        given = ("planned.csv", "--path", "job.yaml", "--json", "--limits", "limits.yaml")
-        done = check(tmp_path, *given)
-        assert done.code == code, done.out + done.errors
-        (use,) = (x for x in json.loads(done.out)["limits"] if x["name"] == "orientation_deviation")
-        assert use["value"] == pytest.approx(np.arctan(0.1), abs=1e-4)
-
-
 def test_a_measured_motion(folder, mac, check):
     """Noise is motion unless it is declared; unknown columns are skipped."""
     samples = mac.sample(4e-3)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 from tests.cli.helpers import summary
 
 from armcontour.io import ResultFolder
@@ -112,27 +111,6 @@ def test_an_export_that_cannot_be_written_is_refused_before_the_run(folder, refu
     ]
     begin = ("run", "two.csv", "--cell", "pmk3s", "--out", "out")
     assert refused(folder, rows, codes=(2,), begin=begin) == []
-
-
-CELL = {
-    **{"name": "mine", "arm": "pmk3s", "path": {"frame": {"position": [0.3, 0.1, 0]}}},
-    "limits": {"speed": "50 mm/s", "centripetal_acceleration": "0.09 m/s^2"},
-    **{"corners": {"tolerance": "0.5 mm"}, "servo": {"kp": 25, "kv": 150}},
-    "process": {"lead_in": {}, "lead_out": {"length": "3 mm"}, "switch": {"name": "laser"}},
-    "runs": {"taught": {"timing": {"method": "optimal"}, "compensation": {"method": "inverse"}}},
-}
-
-
-def test_an_own_cell_with_leads_and_a_switch(folder, call, refused):
-    (folder / "mine.yaml").write_text(yaml.safe_dump(CELL))
-    shown = call("run plain.csv --cell mine.yaml --out out")
-    # The lead-out is too short for the velocity, the automatic lead-in is not.
-    assert "the work ends at" in shown and "the work begins at" not in shown
-    early = {**CELL, "process": {"switch": {"name": "laser", "on_lead": "1 s"}}}
-    (folder / "early.yaml").write_text(yaml.safe_dump(early))
-    words = ["laser", "1 s before the motion begins"]
-    rows = [("run plain.csv --cell early.yaml --out other", words)]
-    assert refused(folder, rows, codes=(2,)) == []
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError()])

@@ -138,14 +138,6 @@ def test_a_bad_log_is_refused_and_nothing_is_written(shop, tmp_path, refused):
     assert refused(tmp_path, rows, codes=(2,), begin=given) == []
 
 
-def test_a_log_without_set_points(shop, tmp_path, done):
-    log = written(tmp_path, shop.table[:, [0, 3, 4]], "t,q1 [deg],q2 [deg]")
-    given = ("--taught", shop.first, "--log", log, "--out", tmp_path / "out")
-    done("learn", shop.file, *given)
-    data = summary(tmp_path / "out")
-    assert data["learning"]["predicted"] < data["learning"]["runs"][0]["contour_rms"]
-
-
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [

@@ -73,15 +73,6 @@ def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, do
     assert "6 places" in shown and "placement:" not in text
 
 
-def test_a_job_without_a_key_for_an_option_is_not_written(job, tmp_path, done):
-    out = tmp_path / "placed"
-    options = ("--continuity", "tangent", "--no-refine", "--uncertainty", "x: 2 mm")
-    over = ("--over", "x: 0 mm .. 30 mm, 2")
-    shown = done("place", job, "--out", out, *over, *options)
-    assert "--continuity is of the runs" in " ".join(shown.split())
-    assert not (out / "job.yaml").exists() and (out / "report.html").exists()
-
-
 def test_wrong_axes_are_refused():
     for text, words in (
         ("x", "such as 'x: -300 mm"),
@@ -163,25 +154,3 @@ def test_a_wrong_question_is_refused_by_its_key(tmp_path, refused):
         (tmp_path / f"job{k}.yaml").write_text(f"{text}placement: {keys}\n", encoding="utf-8")
         rows.append((f"place job{k}.yaml --out no", [words]))
     assert refused(tmp_path, rows, codes=(2,)) == []
-
-
-def test_the_job_names_arms_and_tools_to_compare(tmp_path, placed):
-    mine = "name: mine\nkind: derived\nsource: a test\narm: {name: ur5e}\n"
-    (tmp_path / "cell").mkdir()
-    (tmp_path / "cell" / "mine.yaml").write_text(mine, encoding="utf-8")
-    job = tmp_path / "cell" / "job.yaml"
-    asked = """\
-placement:
-  over: {z: {from: 0, to: 0, places: 1}}
-  refine: false
-  arms: [ur10e, mine.yaml]
-  tools: {short: [0, 0, 50 mm], turned: {position: [0, 0, 50 mm], rpy: [0, 0, 90 deg]}}
-"""
-    job.write_text(SPACE + asked, encoding="utf-8")
-    shown, data, *_ = placed(job)
-    names = ["ur10e, short", "ur10e, turned", "mine.yaml, short", "mine.yaml, turned"]
-    assert [x["name"] for x in data["compared"]] == names
-    assert "compared by the command" not in shown
-    # No arms are the job's own.
-    _, data, *_ = placed(job, "--arms", "", out="own")
-    assert [x["name"] for x in data["compared"]] == ["short", "turned"]

@@ -88,17 +88,6 @@ def test_run_is_all_arrows_one_by_one(job, study):
         np.testing.assert_array_equal(found.evaluation.saturated, evaluation.saturated)
 
 
-def test_what_flows_is_linked_and_cannot_be_changed(job, study):
-    found = study.runs["proposed"]
-    assert found.joint_path.tool_path is found.path.single_path
-    assert found.path.path.objective is job.path is found.objective.path
-    assert found.taught.trajectory is found.trajectory
-    assert found.execution.taught is found.taught
-    np.testing.assert_allclose(found.path.path.corners.speed, [0.03242, 0.03044], atol=1e-5)
-    with pytest.raises(TypeError):
-        study.runs["other"] = study.runs["conventional"]
-
-
 def test_the_branch_reaches_the_tracer(job):
     other = with_runs(job, job.runs[1], branch="negative")
     assert teach(other)["conventional"].trajectory(0.0)[1] < 0

@@ -79,39 +79,3 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
         if arm.name == "ur5e":
             np.testing.assert_allclose(poses[:, :-1], link_poses(arm.chain, q), atol=1e-12)
             assert [x["link"] for x in header["bodies"]] == [x.link for x in arm.shapes.shapes]
-
-
-def turned(points, angle, by):
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return points @ rotation.T + by
-
-
-def picture(points):
-    """A picture of a path: single precision, relative to its centre."""
-    centre = points.mean(axis=0)
-    drawn = (points - centre).astype(np.float32)
-    return {"head": {"centre": centre}, "arrays": {"objective": drawn.ravel()}}
-
-
-def test_a_part_that_was_moved_finds_the_places_of_an_older_map():
-    random = np.random.default_rng(3)
-    path = random.uniform(-0.1, 0.1, (30, 2)) + [0.4, -0.2]
-    about, shift, angle = np.array([0.41, -0.17]), np.array([0.06, -0.02]), 0.7
-    now = turned(path, -2.5, [0.3, 0.2])
-    edit, other = compute(
-        """
-        const { movedSince, moveTo } = await import("./moved.js");
-        const moved = movedSince(given.before, given.now);
-        tell([moveTo(given.shift, moved, given.about), movedSince(given.before, given.bent)]);
-        """,
-        {
-            "before": picture(path),
-            "now": picture(now),
-            "bent": picture(np.vstack([path[:-1], path[-1] + [0.001, 0.0]])),
-            "shift": [*shift, angle],
-            "about": about,
-        },
-    )
-    placed = turned(now - edit["about"], edit["turn"], np.array(edit["about"]) + edit["by"])
-    assert np.abs(placed - turned(path - about, angle, about + shift)).max() < 1e-7
-    assert other is None

@@ -2,10 +2,8 @@
 
 from functools import partial
 
-import numpy as np
 import pytest
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
-from tools.studio_page import SQUARE
 
 from armcontour.studio import display, screen
 from armcontour.studio.wire import Frame
@@ -99,54 +97,3 @@ def test_exact_figures_come_when_nothing_moves(file, clock):
     assert kinds(tab.frames).count("figures") == before, "out of date"
     assert len(lane.given) == 3 and lane.given[2][2]["text"] == session.document.text
     session.close()
-
-
-@pytest.fixture
-def quiet(file, clock):
-    """A session at rest whose figures are there, a page of it, and its slow lane."""
-    session = session_of(file, rest=0.0)
-    session.begin()
-    tab, lane = Tab(session), NoLane.last
-    clock.go()
-    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
-    yield session, tab, lane
-    session.close()
-
-
-def test_figures_come_again_after_a_reload(quiet, clock):
-    # The text is the same, but files that it names may have changed.
-    _, tab, lane = quiet
-    tab.say("reload")
-    clock.go()
-    assert len(lane.given) == 2
-
-
-def test_figures_of_a_drag_that_pauses_are_of_what_is_seen(quiet, clock):
-    session, tab, lane = quiet
-    tab.edit(MOVE, final=False)
-    clock.go()
-    text = lane.given[1][2]["text"]
-    assert session.document.text == JOB != text and "400 mm, 160 mm" in text
-
-
-def test_another_configuration_of_the_full_run_is_announced(tmp_path, clock):
-    file = tmp_path / "job.yaml"
-    file.write_text(SQUARE)
-    session = session_of(file, rest=0.0)
-    session.begin()
-    tab, lane = Tab(session), NoLane.last
-    clock.go()
-    lane.deliver(Frame("figures", {"id": lane.given[0][0]}))
-    for k, turn in enumerate((0.0, np.pi / 2), 1):
-        tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
-        clock.go()
-        assert "notice" not in kinds(tab.frames)
-        assert len(lane.given) == k + 1 and lane.given[k][2]["text"] == session.document.text
-        before = session.display.screen.planned.start
-        after = before + [0, 0, 0, 0, 0, turn]
-        lane.deliver(Frame("figures", {"id": lane.given[k][0], "start": after}))
-    clock.go()
-    session.close()
-    assert kinds(tab.frames).count("notice") == 1
-    told = tab.last("notice")["sentence"]
-    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after))

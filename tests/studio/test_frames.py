@@ -364,25 +364,6 @@ class TestResults:
 
 
 class TestWhatIsDoneAgain:
-    def test_only_what_depends_on_a_change_is_done_again(self, previewer, paper):
-        first = previewer.execute(previewer.plan(paper, "optimal"))
-        paper = paper | {"servo": {"kp": 20, "kv": 150}}
-        planned = previewer.plan(paper, "optimal")
-        assert set(planned.seconds) == {"keys", "job"}
-        assert planned.trajectory is first.planned.trajectory
-        executed = previewer.execute(planned)
-        assert set(executed.seconds) == {"compensation", "execution", "evaluation"}
-        assert executed.errors.rms != first.errors.rms
-        first = previewer.plan(paper, "optimal")
-        paper = paper | {"limits": paper["limits"] | {"speed": "0.1 m/s"}}
-        second = previewer.plan(paper, "optimal")
-        assert set(second.seconds) == {"keys", "job", "timing", "explanation"}
-        assert second.traced is first.traced
-        assert second.trajectory.duration > first.trajectory.duration
-        previewer.plan(paper, "optimal")
-        path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
-        assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
-
     def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))

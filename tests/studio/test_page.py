@@ -49,16 +49,6 @@ def test_executions_break_between_contours(paper, view, tmp_path):
     arrays = executed_frame(executed, view).arrays
     steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
     assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
-    # No error is drawn between them.
-    found = compute(
-        """
-        const { errorsOf } = await import("./motion.js");
-        const { t, error } = errorsOf({ arrays: given });
-        tell([[...t], [...error]]);
-        """,
-        {"t": [0, 1, 2, 5, 6], "error": [1, 2, 3, 4, 5], "breaks": [0, 3]},
-    )
-    assert found == [[0, 1, 2, 3.5, 5, 6], [1, 2, 3, None, 4, 5]]
 
 
 STORE = """
@@ -83,43 +73,6 @@ def test_no_older_frame_is_shown_after_a_newer_one():
         orders,
     )
     assert found == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
-
-
-def test_sliders_come_back_to_where_they_were_and_views_keep_what_is_under_the_pointer():
-    sliders = [
-        {"min": 1e-5, "max": 2e-2, "log": True, "factor": 1e-3},
-        {"min": 1e-3, "max": 2.0, "log": True, "factor": 1.0},
-        {"min": 0.0, "max": 0.9, "log": False, "factor": 0.01},
-    ]
-    positions = [0, 1, 333, 500, 999, 1000]
-    given = {"sliders": sliders, "positions": positions, "at": [211, 47]}
-    found = compute(
-        """
-        const { positionOf, valueAt } = await import("./scales.js");
-        const { Viewport, boxOf } = await import("./viewport.js");
-        const at = (x, k) => [valueAt(x, k), positionOf(x, valueAt(x, k))];
-        const rows = given.sliders.map((x) => given.positions.map((k) => at(x, k)));
-        const view = new Viewport();
-        view.resize({ width: 800, height: 500 });
-        view.fit(boxOf(new Float32Array(given.points.flat())));
-        const corners = given.points.map((x) => view.toScreen(x));
-        const before = view.toPlane(given.at);
-        view.zoom(3.7, given.at);
-        const back = view.toScreen(view.toPlane([13, 77]));
-        tell({ rows, corners, before, after: view.toPlane(given.at), back });
-        """,
-        {"points": [[-0.1, -0.05], [0.3, 0.15]], **given},
-    )
-    for slider, rows in zip(sliders, found["rows"], strict=True):
-        values = [x for x, _ in rows]
-        assert values == sorted(values)
-        assert values[0] == pytest.approx(slider["min"]) and values[-1] == slider["max"]
-        # Three digits of a logarithmic scale are finer than its positions.
-        assert [k for _, k in rows] == pytest.approx(positions, abs=1)
-    assert found["after"] == pytest.approx(found["before"], abs=1e-12)
-    assert found["back"] == pytest.approx([13, 77])
-    for x, y in found["corners"]:
-        assert 0 < x < 800 and 0 < y < 500
 
 
 def test_obstacles_are_drawn_where_their_corners_are():

@@ -18,8 +18,6 @@ from armcontour.studio.view import View
 
 TEXT = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 DATA = load(TEXT, "job")
-# Out of reach.
-AWAY = {**DATA, "path": {"points": [[0.35, 0.1], [0.9, 0.1]]}}
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
@@ -87,30 +85,3 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests():
         assert len(heard.of("executed", state)) == 2
         assert heard.of("picture", state)[-1].header["duration"] == fine.duration
         assert not heard.of("picture", state)[-1].header["notes"]
-
-
-def test_a_path_that_cannot_be_planned_is_drawn_where_it_is_before_it_is_refused():
-    with showing() as (screen, heard, make):
-        for again in (False, True):
-            if again:
-                # Another document, of which nothing is seen yet.
-                screen.forget()
-            x, y = make(AWAY), make(AWAY)
-            for state in (x, y):
-                screen.show(state)
-                assert len(heard.of("refusal", state)) == 1
-            (drawn,) = heard.of("picture", x)
-            assert drawn.header["planned"] is False and not drawn.header["notes"]
-            assert not heard.of("picture", y)
-    with showing() as (screen, heard, make):
-
-        def through(x, **more):
-            return make({**DATA, "path": {"points": [[0.35, 0.1], [x, 0.1]], **more}})
-
-        there, placed = through(0.9), through(0.9, frame={"position": [0.0, 0.1, 0.0]})
-        states = [there, placed, through(1.2), through(0.45), through(0.9)]
-        for state in states:
-            screen.show(state)
-        planned = [[y.header.get("planned", True) for y in heard.of("picture", x)] for x in states]
-        # The last motion stays.
-        assert planned == [[False], [False], [False], [True], []]

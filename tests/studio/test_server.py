@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import socket
 from itertools import count
-from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -33,28 +32,6 @@ def test_a_page_talks_with_the_session(file):
         status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
         assert (status, told) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
-
-
-def test_a_page_that_comes_while_it_starts_waits(file):
-    started, go_on = Event(), Event()
-
-    def slowly(file, **how):
-        session = open_session(file, **how)
-        started.set()
-        go_on.wait()
-        return session
-
-    with running(file, make=slowly) as studio:
-        started.wait()
-        with studio.page() as page:
-            progress = page.hear("progress").header
-            assert progress["id"] == "start" and progress["steps"]
-            assert studio.upload("a.csv", b"1")[0] == 503
-            seq = page.say("diff")
-            go_on.set()
-            # What it has said before is answered first.
-            page.hear("diff", seq=seq)
-            assert page.hear("document").header["rev"] == 1
 
 
 def test_the_end_a_minute_after_the_last_page(file, monkeypatch):

@@ -54,17 +54,6 @@ def test_a_check_has_a_row_per_limit(coarse):
     assert rows["speed"]["unit"] == "m/s"
 
 
-def test_figures_are_of_the_bodies_where_they_judge_the_preview(coarse):
-    data = coarse | {"experiment": {}}
-    ways = {"bodies": "inverse_dynamics", "servo": "inverse"}
-    optimal = coarse["runs"]["optimal"]
-    data["runs"] = {x: optimal | {"compensation": {"method": y}} for x, y in ways.items()}
-    study = run(parse_job(yaml.safe_dump(data, sort_keys=False)))
-    for name, result in study.runs.items():
-        judged = result.experiment if name == "bodies" else result
-        assert ask("figures", data, name).header["max"] == judged.evaluation.contour_error.max
-
-
 def test_clearance_over_time_is_not_below_what_is_proven(square):
     found = ask("clearance", square, "optimal")
     assert found.header["kept"] and found.header["kinds"] == ["own"]

@@ -122,6 +122,7 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
 
 @pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv"])
 def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, ending):
+    os.mkfifo(tmp_path / f"pipe{ending}")
     (tmp_path / f"zero{ending}").symlink_to("/dev/zero")
     (tmp_path / f"loop{ending}").symlink_to(tmp_path / f"loop{ending}")
     for name, size in (("huge", 65_000_000), ("large", 3_000_000_000)):

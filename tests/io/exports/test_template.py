@@ -274,16 +274,6 @@ def program(table, tmp_path, **options):
     return (tmp_path / "a.script").read_text(encoding="utf-8")
 
 
-def test_every_set_point_has_its_time_and_the_way_to_the_first_is_slow(table, tmp_path):
-    given = table(count=30, events=())
-    points, events, first = run(program(given, tmp_path))
-    assert len(points) == len(given.q) + 1 and not events
-    np.testing.assert_allclose([x for x, _ in points[:-1]], given.t, rtol=0, atol=1e-12)
-    np.testing.assert_allclose([q for _, q in points[:-1]], given.q, rtol=0, atol=0.5000001e-6)
-    np.testing.assert_allclose(points[-1][1], given.q[-1], rtol=0, atol=0.5000001e-6)
-    np.testing.assert_allclose(first, given.q[0], rtol=0, atol=0.5000001e-6)
-
-
 def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(table, tmp_path):
     given = table(count=9)
     label = dataclasses.replace(given.events[2], value="plain words")

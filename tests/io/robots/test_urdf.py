@@ -3,7 +3,6 @@
 import os
 import re
 import sys
-from importlib import resources
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -108,20 +107,6 @@ def test_the_chain_may_end_early_and_begin_late():
     # A joint that slides may be locked.
     low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
     np.testing.assert_allclose(high.forward(q) - low.forward(q), np.tile([0, 0, 0.3], (20, 1)))
-
-
-def test_the_tip_is_found_where_there_is_one_end(tmp_path):
-    left = r'<joint name="left".*?(?=<joint name="hand_tcp)'
-    cuts = [r'<joint name="hinge".*?(?=<joint name="roll")', left]
-    cuts += [f'<link name="{x}">.*?</link>' for x in ("cover", "left_finger", "right_finger")]
-    text = TEXT
-    for cut in cuts:
-        text, count = re.subn(cut, "", text, flags=re.DOTALL)
-        assert count == 1
-    (tmp_path / "one.urdf").write_text(text)
-    arm = ac.load_arm(tmp_path / "one.urdf", base="base_link")
-    named = ac.load_arm(tmp_path / "one.urdf", base="base_link", tip="tcp")
-    np.testing.assert_array_equal(arm.forward(np.ones(4)), named.forward(np.ones(4)))
 
 
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
@@ -306,15 +291,6 @@ def test_xacro_that_makes_no_robot_is_refused(tmp_path, monkeypatch):
     refusals(read, table, "robot.xacro")
     monkeypatch.setitem(sys.modules, "xacro", None)
     refusals(read, [(XACRO, "pip install 'armcontour[ros]'")])
-
-
-def test_endings_are_read_in_capitals_too(tmp_path):
-    assert load(tmp_path, file="ROBOT.URDF").dof == 4
-    library = resources.files("armcontour.io.robots") / "library"
-    (tmp_path / "ARM.YAML").write_bytes((library / "ur5e.yaml").read_bytes())
-    assert ac.load_arm(tmp_path / "ARM.YAML").dof == 6
-    (tmp_path / "ROBOT.XACRO").write_text(TEXT)
-    refusals(ac.load_arm, [(tmp_path / "ROBOT.XACRO", "--trust-xacro")])
 
 
 def test_xml_that_cannot_be_read_is_refused(tmp_path):
