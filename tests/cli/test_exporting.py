@@ -1,7 +1,5 @@
 """Exports from the command line: their options, and `export` of an earlier result."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -138,26 +136,6 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)
     call("export", "out", "a.csv")
-
-
-def test_a_bag_is_exported_with_a_period_and_of_several_runs(call, tmp_path):
-    pytest.importorskip("rosbags")
-    job = {
-        **{"name": "line", "arm": "pmk3s", "path": {"points": [[0.35, 0.1], [0.36, 0.1]]}},
-        **{"limits": {"speed": 0.1, "joint_acceleration": 1}, "servo": {"kp": 25, "kv": 150}},
-        "command_interval": "4 ms",
-        "runs": {
-            "one": {"compensation": {"method": "none"}},
-            "two": {"compensation": {"method": "none"}, "command_interval": "8 ms"},
-        },
-    }
-    (tmp_path / "job.yaml").write_text(json.dumps(job))
-    options = ("--no-simulation", "--export", "mcap", "--period", "20 ms")
-    call("run", tmp_path / "job.yaml", "--out", tmp_path / "out", *options)
-    made = {str(x.relative_to(tmp_path / "out")) for x in tmp_path.rglob("*.mcap") if x.is_dir()}
-    assert made == {
-        f"{run}/export/{x}.mcap" for run in ("one", "two") for x in ("taught", "reference")
-    }
 
 
 def test_outputs_are_of_all_formats_or_of_one():

@@ -124,20 +124,6 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     assert np.sqrt(np.mean(seen**2)) > 2 * np.sqrt(np.mean(blind**2))
 
 
-def test_a_bad_log_is_refused_and_nothing_is_written(shop, tmp_path, refused):
-    swapped = shop.table[:, [0, 2, 1, 4, 3]]
-    rows = []
-    for name, table, titles, words in (
-        ("short", shop.table[:200], TITLES, ["record the whole run"]),
-        ("swapped", swapped, TITLES, []),
-        ("radians", shop.table, TITLES.replace("deg", "rad"), []),
-    ):
-        written(tmp_path, table, titles, f"{name}.csv")
-        rows.append(((f"{name}.csv",), [f"{name}.csv", *words]))
-    given = ("learn", shop.file, "--taught", shop.first, "--out", "out", "--log")
-    assert refused(tmp_path, rows, codes=(2,), begin=given) == []
-
-
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [

@@ -26,7 +26,6 @@ placement:
   refine: false
   run: only
 """
-LINE = "points: [[0.3, 0.2], [0.34, 0.2], [0.34, 0.23]]"
 OVER = ("--over", "x: -30 mm .. 30 mm, 3", "--over", "yaw: 0 deg .. 30 deg, 2")
 
 
@@ -137,20 +136,3 @@ def test_the_job_holds_the_question_and_options_replace_its_keys(job, tmp_path, 
     # The answer is the job in that place, which asks no more.
     text = (tmp_path / "own" / "job.yaml").read_text(encoding="utf-8")
     assert "placement:" not in text and "# stays" in text
-
-
-WRONG = [
-    ("{over: {w: {from: 0, to: 1, places: 2}}}", "unknown key placement.over.w"),
-    ("{over: {x: {from: 0, to: 1}}}", "placement.over.x.places is missing"),
-    ("{over: {x: {from: 1, to: 0, places: 2}}}", "placement: The range of x"),
-    ("{over: {x: {from: 0, to: 1, places: 2}}, run: other}", "placement.run names the run other"),
-]
-
-
-def test_a_wrong_question_is_refused_by_its_key(tmp_path, refused):
-    rows = []
-    for k, (keys, words) in enumerate(WRONG):
-        text = JOB.replace("file: part.svg, units: mm, frame: {position: [0.3, 0.2, 0]}", LINE)
-        (tmp_path / f"job{k}.yaml").write_text(f"{text}placement: {keys}\n", encoding="utf-8")
-        rows.append((f"place job{k}.yaml --out no", [words]))
-    assert refused(tmp_path, rows, codes=(2,)) == []

@@ -13,7 +13,6 @@ from armcontour.io.job_edits import (
     change_data,
     change_text,
     file_names,
-    line_of,
     move_files,
     set_keys,
 )
@@ -226,16 +225,3 @@ def test_aliases_and_positions_that_are_not_there_are_refused():
     refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1)]), absent)
     # What is merged can be had as a key of its own.
     assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])
-
-
-def test_the_line_of_a_refused_key_is_found():
-    text = "# A job\narm: ur5e\npath:\n  waypoints: []\nlimits: {speed: fast}\nruns: {one: {}}\n"
-    for sentence, line in (
-        ("job.yaml: unknown key path.waypoints: did you mean points? (1 more problem.)", 4),
-        ("job.yaml: unknown key runs.one.x.y.", 6),
-        ("job.yaml: limits.speed: 'fast' is not a quantity in m/s.", 5),
-        ("job.yaml: servo: needs a gain kv.", None),
-        ("job.yaml: the key name is missing.", None),
-        ("There is no job yet.", None),
-    ):
-        assert line_of(text, sentence) == line, sentence

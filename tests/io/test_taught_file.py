@@ -194,17 +194,6 @@ experiment:
   {runs: [tried], noise: 1.0e-6, seed: 5, payload: {mass: 1.2 kg}, viscous: 0.1 N m s/rad}
 runs: {plain: {compensation: {method: none}}, tried: {}}
 """)
-STOPS = """
-name: stops
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24], [0.36, 0.20]]}
-limits: {speed: 0.15, joint_acceleration: 3}
-servo: {kp: 25, kv: 150}
-runs:
-  round: {corners: {tolerance: 1 mm}}
-  sharp: {}
-  through: {timing: {method: conventional}}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -284,16 +273,3 @@ def test_torques_as_a_table(study, tmp_path):
     table = np.array([row.split(",") for row in rows], dtype=float)
     t = table[3, 0]
     np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)
-
-
-def test_full_stops_are_counted_with_their_reasons():
-    study = run(parse_job(STOPS))
-    found = json.loads(summary(study))["runs"]
-    assert found["round"]["full_stops"] == {"count": 1, "reasons": {"turn-back": 1}}
-    assert [x["reason"] for x in found["round"]["corners"]] == [None, "turn-back"]
-    sharp = {"rounding off": 1, "turn-back": 1}
-    assert found["sharp"]["full_stops"] == {"count": 2, "reasons": sharp}
-    # The conventional way goes through corners, and back, at its uniform speed.
-    assert found["through"]["full_stops"] == {"count": 0, "reasons": {}}
-    through = study.runs["through"]
-    assert through.trajectory.speed_at([0.06, 0.10]) == pytest.approx(0.15)

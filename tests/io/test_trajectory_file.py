@@ -151,17 +151,6 @@ def test_usual_steps_and_large_times_are_read():
     assert caught.value.index == 3000
 
 
-def test_a_trajectory_survives_its_file(tmp_path, mac):
-    samples = mac.sample(4e-3)
-    table = np.column_stack([samples.t, samples.q, samples.dq, samples.ddq])
-    file = tmp_path / "mac.csv"
-    np.savetxt(file, table, "%.9f", ",", header="t,q1,q2,dq1,dq2,ddq1,ddq2", comments="")
-    found = read_trajectory(file)
-    for name in ("t", "q", "dq", "ddq"):
-        np.testing.assert_allclose(getattr(found, name), getattr(samples, name), atol=6e-10)
-        assert found.resolution[name] == pytest.approx(1e-9)
-
-
 LIMITS = """
 speed: 150 mm/s => {0.speed: 0.15}
 tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}

@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
 
-from armcontour.studio import display, screen
+from armcontour.studio import display
 from armcontour.studio.wire import Frame
 
 pytestmark = pytest.mark.usefixtures("no_hurry")
@@ -49,18 +49,6 @@ def clock(monkeypatch):
     monkeypatch.setattr(display, "time", found)
     monkeypatch.setattr(display, "Timer", partial(FakeTimer, found))
     return found
-
-
-@pytest.mark.parametrize("name", ["QUICK", "SHORT"])
-def test_slow_plans_and_long_motions_are_executed_when_nothing_moves(
-    session, tab, monkeypatch, name
-):
-    monkeypatch.setattr(screen, name, 0.0)
-    assert kinds(tab.edit(MOVE)) == ["document", "picture"]
-    before = len(tab.frames)
-    session.display.screen.rest()
-    session.display.screen.rest()
-    assert kinds(tab.frames[before:]) == ["executed"]
 
 
 def test_older_answers_never_come_after_newer_ones(file):

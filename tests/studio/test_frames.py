@@ -117,17 +117,6 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
-def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
-    paper["corners"] = {"tolerance": "5 mm", "at": {3: "1 mm"}}
-    lead = {"length": "5 mm", "shape": "line", "side": "left"}
-    paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}}
-    del paper["experiment"]
-    corners = packed(picture_frame(previewer.plan(paper, "optimal"), view)).header["corners"]
-    assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
-    assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
-    assert corners[1]["error"] == pytest.approx(1e-3)
-
-
 def test_the_arm_is_played_closely(plans, gasket_plan, view):
     for planned in (*plans.values(), gasket_plan):
         a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory

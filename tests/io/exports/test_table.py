@@ -5,7 +5,6 @@ import io
 import json
 import os
 import re
-import sys
 import warnings
 from pathlib import Path as FilePath
 
@@ -429,14 +428,6 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
         export(six, tmp_path / "a.script", outputs={"tool": 1})
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
-
-
-def test_a_missing_library_is_named_with_its_extra(six, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags", None)
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    words = "rosbags ... pip install 'armcontour[ros]'"
-    refusals(lambda x: export(six, tmp_path / "a", format=x), [("mcap", words)])
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("ending", [".csv", ".mcap"])

@@ -2,7 +2,6 @@
 
 import os
 import re
-import sys
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -166,22 +165,18 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     for effort, velocity, lacking in (
         ("0", "2.5", "effort"),
-        ("", "2.5", "effort"),
         ("40", "0", "velocity"),
         ("40", "-1", "velocity"),
         ("0", "0", "velocity of elbow and no effort"),
     ):
-        effort = f'effort="{effort}"' if effort else ""
-        change = (elbow, f'{effort} velocity="{velocity}"')
+        change = (elbow, f'effort="{effort}" velocity="{velocity}"')
         arm = load(tmp_path, change)
         (note,) = (x for x in arm.notes if "count as not given" in x)
         assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
         assert (arm.limits.joint_torque is None) == ("no effort" in note)
         assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
-        # Without speeds no accelerations are assumed: planning needs one of the two, and says so.
+        # Without speeds no accelerations are assumed.
         assert (arm.limits.joint_acceleration is None) == ("no velocity" in note)
-        lost = "no velocity" in note and "no effort" in note
-        assert ("max_effort do as well" in arm.limits_hint) == lost
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
     arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
@@ -264,33 +259,6 @@ CHOICES = """
 
 def test_choices_that_a_description_does_not_have(tmp_path):
     refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
-
-
-XACRO = TEXT.replace(
-    '<robot name="lifter">',
-    '<robot name="lifter" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    '<xacro:property name="reach" value="${0.2 * 2}"/>',
-).replace('<origin xyz="0.4 0 0.02"/>', '<origin xyz="${reach} 0 0.02"/>')
-
-
-def test_xacro_that_makes_no_robot_is_refused(tmp_path, monkeypatch):
-    pytest.importorskip("xacro")
-    macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
-    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    table = [
-        (XACRO.replace("${reach}", "${lost}"), "cannot be expanded ... 'lost' is not defined"),
-        (XACRO.replace("${reach}", "$(arg size)"), "it needs a value of its argument 'size'"),
-        (XACRO.replace("${reach}", "${1 +}"), "cannot be expanded by xacro: invalid syntax"),
-        (f"{head}{macro}</robot>", "makes no links ... it only defines macros"),
-    ]
-
-    def read(text):
-        (tmp_path / "robot.xacro").write_text(text)
-        return ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True)
-
-    refusals(read, table, "robot.xacro")
-    monkeypatch.setitem(sys.modules, "xacro", None)
-    refusals(read, [(XACRO, "pip install 'armcontour[ros]'")])
 
 
 def test_xml_that_cannot_be_read_is_refused(tmp_path):

@@ -1,5 +1,7 @@
 """Xacro files are programs: refused without trust, expanded in a child process with it."""
 
+import sys
+
 import pytest
 from tests.io.tables import refusals
 
@@ -58,7 +60,7 @@ def test_without_trust_nothing_runs(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_files_that_xacro_cannot_expand_are_refused(tmp_path):
+def test_files_that_xacro_cannot_expand_are_refused(tmp_path, monkeypatch):
     bodies = [
         (link("${lost}"), "'lost' is not defined"),
         ('<xacro:include filename="none.xacro"/>', "none.xacro"),
@@ -66,6 +68,12 @@ def test_files_that_xacro_cannot_expand_are_refused(tmp_path):
     ]
     words = "robot.xacro cannot be expanded by xacro"
     refusals(lambda x: load(write(tmp_path, x)), bodies, words)
+    macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
+    refusals(
+        lambda x: load(write(tmp_path, x)), [(macro, "makes no links ... only defines macros")]
+    )
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    refusals(lambda x: load(write(tmp_path, x)), [(ARM, "pip install 'armcontour[ros]'")])
 
 
 def test_a_process_that_ends_early_is_reported(tmp_path, monkeypatch):
