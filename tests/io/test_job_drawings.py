@@ -139,12 +139,10 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
 BAD = r"""
 process: {by_layer: {"": {order: drawn}}} => process.by_layer ... order
 process: {by_layer: {"": {passes: null}}} => by_layer ... passes
-path: {file: no.csv} => There is no file ... no.csv
 path: {points: [[0, 0], [1, 1]]} => file, or points
 path: {frame: {position: [0.3, 0.1, 1 mm]}} => path.frame ... z = 0
 path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
-path: {units: kg} => units ... 'kg'
 process: {approach: 5 mm} => in the plane
 runs: {one: {until: 9 s}} => until is for a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of the job has the character U+001B

@@ -43,32 +43,6 @@ def file(tmp_path):
     return file
 
 
-def test_a_change_is_one_step_that_can_be_undone_and_done_again(file):
-    document = Document.open(file)
-    assert not (document.dirty or document.can_undo or document.can_redo)
-    assert document.preview(FASTER)["limits"]["speed"] == "0.2 m/s"
-    assert document.text == TEXT and document.data["limits"]["speed"] == "0.15 m/s"
-    document.apply(FASTER, "speed")
-    assert document.data == load(document.text, "") and document.dirty
-    assert (document.undo_label, document.redo_label) == ("speed", None)
-    # Nothing new is no step.
-    document.apply(FASTER, "again")
-    assert document.undo_label == "speed"
-    document.undo()
-    assert document.text == TEXT and document.redo_label == "speed" and not document.dirty
-    document.redo()
-    assert "0.2 m/s" in document.text
-    document.undo()
-    document.replace(TEXT.replace("corner\n", "other\n", 1), "text")
-    assert not document.can_redo
-    with pytest.raises(InvalidInput, match="nothing to"):
-        document.redo()
-    document.undo()
-    assert not document.can_undo
-    with pytest.raises(InvalidInput, match="nothing to"):
-        document.undo()
-
-
 def random_edit(rng, points):
     at = [round(rng.uniform(0.25, 0.4), 4), round(rng.uniform(0.15, 0.3), 4)]
     return rng.choice(

@@ -251,23 +251,6 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_draft_is_offered_and_taken(session, tab, file):
-    tab.edit(MOVE)
-    changed = session.document.text
-    assert "draft" in str(session.unsaved())
-    session.close()
-    again = session_of(file)
-    other = Tab(again)
-    again.begin()
-    assert other.last("document")["draft"] and again.document.text == JOB
-    other.say("restore_draft")
-    assert again.document.text == changed and not other.last("document")["draft"]
-    other.say("undo")
-    assert again.document.text == JOB and again.unsaved() is None
-    again.close()
-    assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
-
-
 def test_tasks_run_are_cancelled_and_give_files(session, tab):
     tab.say("task", id="t1", task="report", options={"all": True})
     lane = NoLane.last
