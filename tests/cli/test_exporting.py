@@ -6,8 +6,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.cli.exporting import Target, read_outputs
-from armcontour.errors import InvalidInput
 from armcontour.io.cell import cell_text, read_cell
 
 PART = """G21 G90 F6000
@@ -136,18 +134,6 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)
     call("export", "out", "a.csv")
-
-
-def test_outputs_are_of_all_formats_or_of_one():
-    targets = [
-        Target(kind="urscript", ending=".script"),
-        Target(kind="template", ending=".mod", template="abb"),
-    ]
-    found = read_outputs(["arc=3", "abb:arc=doArc", "a:b=1"], targets)
-    assert found == {"": {"arc": 3, "a:b": 1}, "abb": {"arc": "doArc"}}
-    for wrong in (["kuka:arc=1"], ["abb:arc=a", "abb:arc=b"]):
-        with pytest.raises(InvalidInput):
-            read_outputs(wrong, targets)
 
 
 # -------------------------------------------------------------------------------- analog outputs

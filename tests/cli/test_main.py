@@ -1,6 +1,5 @@
 """The command line: runs, options, help, signals, cells, and errors with their exit codes."""
 
-import errno
 import json
 import os
 import re
@@ -94,7 +93,7 @@ def test_shapes_of_corners_from_the_command_line(tmp_path, run, refused):
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 
-def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused, monkeypatch):
+def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
     far = {"path": {"points": [[-0.065, 0.3], [0.335, 0.3]]}, "limits": {"speed": 0.3}}
     for change, code, words in (
         ({"path": {"points": [[0.30, 0.20], [0.80, 0.20]]}}, 3, "out of reach"),
@@ -109,16 +108,6 @@ def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused, monkey
     # A folder that cannot be written is refused before the work.
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     rows = [("run job.yaml --out job.yaml/out", ["Cannot write to the folder"])]
-    assert refused(tmp_path, rows, codes=(2,)) == []
-    make = FilePath.mkdir
-
-    def refuse(place, *arguments, **more):
-        if place.name.startswith(".armcontour-"):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        make(place, *arguments, **more)
-
-    monkeypatch.setattr(FilePath, "mkdir", refuse)
-    rows = [("run job.yaml --out out", ["folder out: " + os.strerror(errno.ENOSPC)])]
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 

@@ -10,7 +10,7 @@ from tests.jobs.making import ARM, a_job
 
 import armcontour as ac
 from armcontour.geometry import Arc, Path, ShapedPath
-from armcontour.jobs import Rounding, run, steps_of, teach
+from armcontour.jobs import Rounding, run, teach
 from armcontour.program import Contour, Event, Lead, Process, Program
 
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -79,22 +79,6 @@ def test_leads_of_automatic_length_are_found_with_arcs():
     free, arcs = (plans[x].objective.contours[0].work for x in ("free", "arcs"))
     assert free == arcs and free[0] > 0
     assert isinstance(plans["free"].path.contours[0].path, ShapedPath)
-
-
-def test_the_step_is_called_shaping_says_its_share_and_may_be_interrupted():
-    steps = []
-
-    def stop(step):
-        steps.append(step)
-        if step.names[1] == "shaping" and step.done is not None:
-            raise KeyboardInterrupt
-
-    teach(job := a_job(BEND, a_run()), progress=steps.append)
-    assert [x for x in steps if x.names[:2] == ("free", "shaping")][-1].done == 1.0
-    assert steps_of(job.runs[0])[0] == "shaping" and "rounding" not in steps_of(job.runs[0])
-    assert steps_of(a_run(rounding=None))[0] == "rounding"
-    with pytest.raises(KeyboardInterrupt):
-        teach(job, progress=stop)
 
 
 def test_values_that_do_not_go_together_are_refused():

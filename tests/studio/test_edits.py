@@ -329,28 +329,6 @@ def sliders(run="own", text=TEXT):
     return {x["key"]: x for x in found}
 
 
-def test_every_slider_says_its_value_its_unit_and_where_it_is_written():
-    own, mac = sliders(), sliders("mac")
-    speed = own["limits.speed"]
-    assert (speed["value"], speed["written"], speed["from"]) == (0.02, "20 mm/s", "run")
-    assert (speed["unit"], speed["factor"], speed["log"]) == ("mm/s", 1e-3, True)
-    assert (mac["limits.speed"]["written"], mac["limits.speed"]["from"]) == ("0.15 m/s", "job")
-    assert own["limits.joint_acceleration.1"]["unit"] == "deg/s^2"
-    assert own["limits.joint_acceleration.0"]["written"] == "0.72 rad/s^2"
-    assert (own["servo.kv"]["written"], own["servo.kv"]["unit"]) == ("150", "1/s")
-    assert own["command_interval"]["from"] == "run" and mac["command_interval"]["from"] == "default"
-    assert own["corners.tolerance"]["value"] is None and mac["corners.tolerance"]["value"] == 5e-3
-    assert (own["timing.reserve"]["written"], own["timing.reserve"]["min"]) == ("0 %", 0.0)
-    assert own["limits.tool_acceleration"]["value"] is None
-    for x in (*own.values(), *mac.values()):
-        if x.get("value") is not None and "choices" not in x:
-            assert x["min"] <= x["value"] <= x["max"]
-    assert own["corners.shape"]["value"] == "sharp" and mac["corners.shape"]["value"] == "arc"
-    assert mac["timing.method"]["value"] == "mac" and "optimal" in mac["timing.method"]["choices"]
-    with pytest.raises(InvalidInput):
-        sliders("gone")
-
-
 @pytest.mark.parametrize(("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own")])
 def test_every_slider_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
