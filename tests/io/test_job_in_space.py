@@ -106,6 +106,7 @@ def test_packages_and_arguments_of_a_xacro_file(folder):
 
 XACRO = """
 arm: robot.xacro => --trust-xacro
+arm: robot.XACRO => --trust-xacro
 arm: {file: robot.xacro, tip: tcp, locked: {lift: 0}} => --trust-xacro
 trust_xacro: true => unknown key trust_xacro
 """

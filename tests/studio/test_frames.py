@@ -117,6 +117,13 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
+def test_other_methods_have_no_colours(plans, view):
+    for name in ("proposed", "conventional"):
+        frame = packed(picture_frame(plans[name], view))
+        assert (frame.arrays["binding"] == NOTHING).all()
+        assert not frame.header["limits"] and not frame.header["shares"]
+
+
 def test_the_arm_is_played_closely(plans, gasket_plan, view):
     for planned in (*plans.values(), gasket_plan):
         a, trajectory = packed(picture_frame(planned, view)).arrays, planned.trajectory
@@ -191,6 +198,13 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
         assert times["rapids between contours"] == pytest.approx(rapid) and rapid > 0.1
         count = sum(x.kind == "dwell" for x in spans)
         assert times.get("dwells", 0.0) == pytest.approx(dwell * count)
+
+
+def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
+    for height, is_below in ((0.0, False), (-0.3, True)):
+        path = square["path"] | {"frame": {"position": [0, 0, height]}}
+        warnings = picture_frame(previewer.plan(square | {"path": path}), view).header["warnings"]
+        assert any("below its base" in x for x in warnings) == is_below
 
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
