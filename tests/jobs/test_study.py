@@ -15,7 +15,7 @@ from tests.properties.number_cases import PLANE, SPACE
 import armcontour as ac
 from armcontour import jobs
 from armcontour.errors import NotRealizable
-from armcontour.frames import from_rpy, log
+from armcontour.frames import from_rpy
 from armcontour.io import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, teach
 from armcontour.jobs.choosing import choose_run
@@ -266,17 +266,6 @@ def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
     angle = np.trapezoid(angular_speed(found.execution), found.execution.t)
     assert angle == pytest.approx(0.4, rel=1e-3)
-
-
-def test_orientation_error_is_the_angle_to_what_is_asked_for(in_space):
-    found = ac.run(in_space).runs["one"]
-    assert found.evaluation.orientation_error.max < 1e-4
-    other = from_rpy([np.pi - 0.1, 0.0, 0.2])
-    angle = np.linalg.norm(log(from_rpy([np.pi, 0, 0]).T @ other))
-    for axis_only, expected in ((False, angle), (True, 0.1)):
-        tilted = in_space.path.oriented(other, axis_only=axis_only)
-        error = ac.evaluate(found.execution, tilted).orientation_error
-        np.testing.assert_allclose(error.values, expected, atol=2e-4)
 
 
 def test_the_run_is_chosen_by_its_name_or_the_only_one():
