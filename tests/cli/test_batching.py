@@ -48,12 +48,9 @@ def test_jobs_that_fail_have_an_exit_code(command_in, folder, monkeypatch):
 
     monkeypatch.setattr("armcontour.batches.working.figures_of", fail)
     ended = command_in(folder, *CALL)
-    assert ended.code == 1 and "MemoryError: 4" in ended.out
+    assert ended.code == 1 and "MemoryError: 2" in ended.out
 
 
 def test_wrong_options_are_refused(refused, folder):
-    rows = [
-        ("--shard 1/3", ["--shard"]),
-        ("--cluster tcp://1 --workers 2", ["has its own workers"]),
-    ]
+    rows = [("--cluster tcp://1 --workers 2", ["has its own workers"])]
     assert refused(folder, rows, begin=("batch", "plan.yaml", "--out", "out")) == []

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 from tests.cli.helpers import summary
 
 from armcontour.io import ResultFolder
@@ -67,20 +66,6 @@ def test_runs_g_code_in_a_cell_with_exports(folder, call):
     assert not list(folder.rglob(".armcontour-*"))
 
 
-def test_skips_words_of_g_code_by_name(folder, call, refused):
-    text = GCODE.replace("M5\n", "T2 M6 H3\nG55\n")
-    (folder / "tools.ngc").write_text(text)
-    begin = "run tools.ngc --cell pmk3s --no-simulation --out one"
-    rows = [
-        ("", ["tools.ngc, line 8: a coordinate X in G55"]),
-        ("--skip-unknown", ["line 8"]),
-        ("--skip X", ["names 'X', which cannot be left out"]),
-    ]
-    assert refused(folder, rows, codes=(2,), begin=begin.split()) == []
-    call(begin, "--skip", "G55", "--skip", "M6, T")
-    assert "M6 (1 time" in " ".join(summary(folder / "one")["runs"]["taught"]["warnings"])
-
-
 def test_resumes_and_replaces_only_with_force(folder, call, refused):
     begin = "run plain.csv --cell pmk3s --no-simulation --out out"
     call(begin)
@@ -98,23 +83,11 @@ def test_resumes_and_replaces_only_with_force(folder, call, refused):
 
 REFUSED = [
     ("plain.csv", ["--cell", "fr3, panda, pmk3s, ur10e, ur5e"]),
-    ("job.yaml --cell pmk3s", ["job.yaml", "--cell goes with a drawing"]),
-    ("plain.txt --cell pmk3s", ["plain.txt", ".dxf"]),
-    ("robot.urdf", ["robot.urdf is no file that can be read as a path"]),
     ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--flat"]),
     ("two.csv --cell pmk3s --at 0.5m,0.3m", ["Contour b", "out of reach"]),
-    ("two.csv --cell pmk3s --at 380,-70,50", ["--at", "'380' has no unit", "'5 mm'"]),
-    ("two.csv --cell pmk3s --turn 90", ["--turn", "3 values", "'90'"]),
-    ("two.csv --cell pmk3s --contour c", ["no contour 'c'", "'a', 'b'"]),
-    ("two.csv --cell pmk3s --from-s 2m", ["resumed at 2 m"]),
-    ("two.csv --cell pmk3s --export xml", ["'xml'", "npz"]),
     ("two.csv --cell pmk3s --export template", ["--template"]),
-    ("two.csv --cell pmk3s --export csv --export csv", ["--export csv", "twice"]),
-    ("two.csv --cell pmk3s --template a.csv.j2 --export csv", ["a.csv.j2", "taught.csv"]),
     ("two.csv --cell pmk3s --output tool", ["--output goes with"]),
-    ("two.csv --cell pmk3s --export urscript --output tool", ["'tool'", "tool=0"]),
     ("two.csv --cell ur5e --export urscript --output tool=1", ["'tool'", "switches nothing"]),
-    ("part.ngc --cell ur5e --export urscript --output tool=1", ["'tool'", "spindle"]),
 ]
 
 
@@ -138,27 +111,6 @@ def test_an_export_that_cannot_be_written_is_refused_before_the_run(folder, refu
     ]
     begin = ("run", "two.csv", "--cell", "pmk3s", "--out", "out")
     assert refused(folder, rows, codes=(2,), begin=begin) == []
-
-
-CELL = {
-    **{"name": "mine", "arm": "pmk3s", "path": {"frame": {"position": [0.3, 0.1, 0]}}},
-    "limits": {"speed": "50 mm/s", "centripetal_acceleration": "0.09 m/s^2"},
-    **{"corners": {"tolerance": "0.5 mm"}, "servo": {"kp": 25, "kv": 150}},
-    "process": {"lead_in": {}, "lead_out": {"length": "3 mm"}, "switch": {"name": "laser"}},
-    "runs": {"taught": {"timing": {"method": "optimal"}, "compensation": {"method": "inverse"}}},
-}
-
-
-def test_an_own_cell_with_leads_and_a_switch(folder, call, refused):
-    (folder / "mine.yaml").write_text(yaml.safe_dump(CELL))
-    shown = call("run plain.csv --cell mine.yaml --out out")
-    # The lead-out is too short for the velocity, the automatic lead-in is not.
-    assert "the work ends at" in shown and "the work begins at" not in shown
-    early = {**CELL, "process": {"switch": {"name": "laser", "on_lead": "1 s"}}}
-    (folder / "early.yaml").write_text(yaml.safe_dump(early))
-    words = ["laser", "1 s before the motion begins"]
-    rows = [("run plain.csv --cell early.yaml --out other", words)]
-    assert refused(folder, rows, codes=(2,)) == []
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError()])

@@ -1,16 +1,11 @@
 """Exports from the command line: their options, and `export` of an earlier result."""
 
-import json
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.cli.exporting import Target, read_outputs
-from armcontour.errors import InvalidInput
 from armcontour.io.cell import cell_text, read_cell
 
 PART = """G21 G90 F6000
@@ -118,43 +113,13 @@ def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
         assert (turned * wanted.inv()).magnitude().max() < 1e-9
 
 
-def test_an_earlier_result_takes_a_template_with_outputs(result, call, folder):
-    given = ("--template", "abb", "--output", "spindle=doTool")
-    call("export", "out", "again.mod", *REFERENCE, *given)
-    again = (folder / "again.mod").read_text()
-    before = (result / "taught" / "export" / "reference.mod").read_text()
-    number = re.compile(r"-?\d+\.\d+")
-    assert number.sub("#", again) == number.sub("#", before) and "SetDO doTool" in again
-    values = [np.array(number.findall(x), dtype=float) for x in (again, before)]
-    # Half of the 12th decimal of a radian, in degrees.
-    np.testing.assert_allclose(*values, rtol=0, atol=3.1e-11)
-
-
-def test_events_without_outputs_are_reported_once(result, call, folder):
-    said = call("export", "out", "plain.src", *REFERENCE, "--template", "kuka")
-    assert "Warning: Nothing is switched for spindle" in said
-    told = call(
-        *("run", "part.ngc", "--cell", "ur5e", "--out", "unnamed", "--no-simulation"),
-        *("--template", "abb", "--template", "kuka", "--output", "kuka:spindle=3"),
-        *("--period", "48 ms"),
-    )
-    assert told.count("is switched for spindle, as no output") == 1
-    # Speeds of the spindle are no outputs.
-    assert told.count("is switched for spindle speed, whose values are not on or off") == 2
-
-
 def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'taught'"]),
         ("a.csv --period 48ms", ["--period goes with --reference"]),
-        ("a.csv --reference --period 50ms", ["multiple", "48 ms", "50 ms"]),
         ("a.csv --reference --period 1ms", ["multiple", "4 ms", "1 ms"]),
-        ("a.csv --reference --period 48s", ["The period of 48 s is longer than the motion"]),
         ("a.csv --tool-motion", ["its job file or its cell with --job"]),
-        ("a.csv --tool-motion --job none", ["no cell 'none'", "ur5e"]),
         ("a.csv --output spindle=1", ["--output goes with"]),
-        ("a.xml", ["a.xml", "urscript"]),
-        ("a.script --output arc=1", ["'arc'", "spindle"]),
         ("a.script --output spindle=9", ["--export urscript", "spindle", "0 to 7"]),
         ("part.ngc --format csv", ["part.ngc exists already", "--force"]),
     ]
@@ -169,38 +134,6 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)
     call("export", "out", "a.csv")
-
-
-def test_a_bag_is_exported_with_a_period_and_of_several_runs(call, tmp_path):
-    pytest.importorskip("rosbags")
-    job = {
-        **{"name": "line", "arm": "pmk3s", "path": {"points": [[0.35, 0.1], [0.36, 0.1]]}},
-        **{"limits": {"speed": 0.1, "joint_acceleration": 1}, "servo": {"kp": 25, "kv": 150}},
-        "command_interval": "4 ms",
-        "runs": {
-            "one": {"compensation": {"method": "none"}},
-            "two": {"compensation": {"method": "none"}, "command_interval": "8 ms"},
-        },
-    }
-    (tmp_path / "job.yaml").write_text(json.dumps(job))
-    options = ("--no-simulation", "--export", "mcap", "--period", "20 ms")
-    call("run", tmp_path / "job.yaml", "--out", tmp_path / "out", *options)
-    made = {str(x.relative_to(tmp_path / "out")) for x in tmp_path.rglob("*.mcap") if x.is_dir()}
-    assert made == {
-        f"{run}/export/{x}.mcap" for run in ("one", "two") for x in ("taught", "reference")
-    }
-
-
-def test_outputs_are_of_all_formats_or_of_one():
-    targets = [
-        Target(kind="urscript", ending=".script"),
-        Target(kind="template", ending=".mod", template="abb"),
-    ]
-    found = read_outputs(["arc=3", "abb:arc=doArc", "a:b=1"], targets)
-    assert found == {"": {"arc": 3, "a:b": 1}, "abb": {"arc": "doArc"}}
-    for wrong in (["kuka:arc=1"], ["abb:arc=a", "abb:arc=b"]):
-        with pytest.raises(InvalidInput):
-            read_outputs(wrong, targets)
 
 
 # -------------------------------------------------------------------------------- analog outputs

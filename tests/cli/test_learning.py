@@ -124,47 +124,14 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     assert np.sqrt(np.mean(seen**2)) > 2 * np.sqrt(np.mean(blind**2))
 
 
-def test_a_bad_log_is_refused_and_nothing_is_written(shop, tmp_path, refused):
-    swapped = shop.table[:, [0, 2, 1, 4, 3]]
-    rows = []
-    for name, table, titles, words in (
-        ("short", shop.table[:200], TITLES, ["record the whole run"]),
-        ("coarse", shop.table[::12], TITLES, ["samples"]),
-        ("swapped", swapped, TITLES, []),
-        ("radians", shop.table, TITLES.replace("deg", "rad"), []),
-        ("one", shop.table[:, [0, 1, 3]], "t,u1 [deg],q1 [deg]", ["taught data has 2"]),
-        ("ms", shop.table, TITLES.replace("[s]", "[ms]"), ["record the whole run"]),
-    ):
-        written(tmp_path, table, titles, f"{name}.csv")
-        rows.append(((f"{name}.csv",), [f"{name}.csv", *words]))
-    given = ("learn", shop.file, "--taught", shop.first, "--out", "out", "--log")
-    assert refused(tmp_path, rows, codes=(2,), begin=given) == []
-
-
-def test_a_log_without_set_points(shop, tmp_path, done):
-    log = written(tmp_path, shop.table[:, [0, 3, 4]], "t,q1 [deg],q2 [deg]")
-    given = ("--taught", shop.first, "--log", log, "--out", tmp_path / "out")
-    done("learn", shop.file, *given)
-    data = summary(tmp_path / "out")
-    assert data["learning"]["predicted"] < data["learning"]["runs"][0]["contour_rms"]
-
-
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [
         ("", ["--taught and --log", "--simulate"]),
-        ("--taught x", ["--taught and --log"]),
-        ("--taught x --log y", ["--out"]),
         ("--simulate 2 --log y", ["--log goes with"]),
-        (("--simulate", "2", "--from", "1 s"), ["--from goes with"]),
         ("--taught x --log y --seed 1", ["--seed goes with --simulate"]),
-        ("--simulate 2 --open", ["--open and --force go with --out"]),
         ("--simulate 2 --run other", ["no run 'other'", "only"]),
         ("--taught x --log y --out out --to 5", ["--to", "unit"]),
-        ("--taught out --log y --out out", ["There is no"]),
-        ("--judge-only", ["--judge-only needs what the robot did, --log"]),
-        ("--judge-only --simulate 2", ["--judge-only goes with --log"]),
-        ("--judge-only --log run.csv --out out --open", ["--judge-only writes no report"]),
         # The job is not that of the taught data.
         (
             ("--speed", "50 mm/s", "--taught", shop.first, "--log", log, "--out", "out"),

@@ -1,16 +1,10 @@
 """The command `place`, and command lines that once went wrong."""
 
-import re
-from pathlib import Path as FilePath
-
-import ezdxf
 import pytest
 from tests.cli.helpers import summary
-from typer.testing import CliRunner
 
-from armcontour.cli.commands import app
 from armcontour.cli.placing import read_axis
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.errors import InvalidInput
 
 JOB = """\
 name: corner
@@ -32,7 +26,6 @@ placement:
   refine: false
   run: only
 """
-LINE = "points: [[0.3, 0.2], [0.34, 0.2], [0.34, 0.23]]"
 OVER = ("--over", "x: -30 mm .. 30 mm, 3", "--over", "yaw: 0 deg .. 30 deg, 2")
 
 
@@ -79,21 +72,9 @@ def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, do
     assert "6 places" in shown and "placement:" not in text
 
 
-def test_a_job_without_a_key_for_an_option_is_not_written(job, tmp_path, done):
-    out = tmp_path / "placed"
-    options = ("--continuity", "tangent", "--no-refine", "--uncertainty", "x: 2 mm")
-    over = ("--over", "x: 0 mm .. 30 mm, 2")
-    shown = done("place", job, "--out", out, *over, *options)
-    assert "--continuity is of the runs" in " ".join(shown.split())
-    assert not (out / "job.yaml").exists() and (out / "report.html").exists()
-
-
 def test_wrong_axes_are_refused():
     for text, words in (
         ("x", "such as 'x: -300 mm"),
-        ("x: 0 mm .. 1 mm", "such as 'x: -300 mm"),
-        ("x: 0 mm, 3", "such as 'x: -300 mm"),
-        ("x: 0 mm .. 1 mm, many", "such as 'x: -300 mm"),
         ("w: 0 mm .. 1 mm, 2", "no axis 'w': axes are x, y, z, yaw, tilt"),
         ("x: 0 mm .. 1, 2", "'1' has no unit"),
         ("yaw: 0 .. 10 mm, 2", "--over yaw"),
@@ -106,11 +87,7 @@ def test_wrong_options_write_nothing(job, tmp_path, refused):
     rows = [
         ((), ["place needs --over for each axis"]),
         (("--over", "x: 1 mm .. 0 mm, 2"), ["range of --over x from 1 mm to 0 mm is empty"]),
-        (("--over", "x: 0 mm .. 1 mm, 2", "--over", "x: 0 mm .. 2 mm, 2"), ["an axis twice"]),
         ((*OVER, "--uncertainty", "x"), ["such as 'x: 2 mm'"]),
-        ((*OVER, "--about", "1 mm, 2 mm"), ["--about takes 3 values"]),
-        (("--over", "x: 3 m .. 4 m, 2"), ["None of 2 places is feasible"]),
-        ((*OVER, "--arms", "x9"), ["x9"]),
     ]
     assert refused(tmp_path, rows, begin=("place", job, "--out", "no")) == []
 
@@ -159,160 +136,3 @@ def test_the_job_holds_the_question_and_options_replace_its_keys(job, tmp_path, 
     # The answer is the job in that place, which asks no more.
     text = (tmp_path / "own" / "job.yaml").read_text(encoding="utf-8")
     assert "placement:" not in text and "# stays" in text
-
-
-WRONG = [
-    ("{}", "the key placement.over of the job"),
-    ("{over: {w: {from: 0, to: 1, places: 2}}}", "unknown key placement.over.w"),
-    ("{over: {x: {from: 0, to: 1}}}", "placement.over.x.places is missing"),
-    ("{over: {x: {from: 1, to: 0, places: 2}}}", "placement: The range of x"),
-    ("{over: {z: {from: 0, to: 1, places: 2}}}", "over has no axis 'z' for an arm in the"),
-    ("{over: {x: {from: 0, to: 1, places: 2}}, run: other}", "placement.run names the run other"),
-    (
-        "{over: {x: {from: 0, to: 0, places: 1}}, "
-        "tools: {a: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}}}",
-        "placement.tools.a takes either rpy or quaternion",
-    ),
-]
-
-
-def test_a_wrong_question_is_refused_by_its_key(tmp_path, refused):
-    rows = []
-    for k, (keys, words) in enumerate(WRONG):
-        text = JOB.replace("file: part.svg, units: mm, frame: {position: [0.3, 0.2, 0]}", LINE)
-        (tmp_path / f"job{k}.yaml").write_text(f"{text}placement: {keys}\n", encoding="utf-8")
-        rows.append((f"place job{k}.yaml --out no", [words]))
-    body = "{name: cap, radius: 1 cm, at: [0, 0, 0], margin: 1 mm}"
-    tools = f"tools: {{short: {{shapes: {{spheres: [{body}]}}}}}}"
-    asked = f"placement: {{over: {{z: {{from: 0, to: 0, places: 1}}}}, {tools}}}\n"
-    (tmp_path / "tool.yaml").write_text(SPACE + asked, encoding="utf-8")
-    rows.append(("place tool.yaml --out no", ["short: tool.yaml: arm.tool.shapes.spheres"]))
-    assert refused(tmp_path, rows, codes=(2,)) == []
-
-
-def test_the_job_names_arms_and_tools_to_compare(tmp_path, placed):
-    mine = "name: mine\nkind: derived\nsource: a test\narm: {name: ur5e}\n"
-    (tmp_path / "cell").mkdir()
-    (tmp_path / "cell" / "mine.yaml").write_text(mine, encoding="utf-8")
-    job = tmp_path / "cell" / "job.yaml"
-    asked = """\
-placement:
-  over: {z: {from: 0, to: 0, places: 1}}
-  refine: false
-  arms: [ur10e, mine.yaml]
-  tools: {short: [0, 0, 50 mm], turned: {position: [0, 0, 50 mm], rpy: [0, 0, 90 deg]}}
-"""
-    job.write_text(SPACE + asked, encoding="utf-8")
-    shown, data, *_ = placed(job)
-    names = ["ur10e, short", "ur10e, turned", "mine.yaml, short", "mine.yaml, turned"]
-    assert [x["name"] for x in data["compared"]] == names
-    assert "compared by the command" not in shown
-    # No arms are the job's own.
-    _, data, *_ = placed(job, "--arms", "", out="own")
-    assert [x["name"] for x in data["compared"]] == ["short", "turned"]
-
-
-BRACKET = """name: bracket
-arm: pmk3s
-path: {points: [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]}
-limits: {speed: 0.10 m/s, centripetal_acceleration: 0.09 m/s^2}
-corners: {tolerance: 2 mm}
-servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
-runs:
-  as-planned: {compensation: {method: none}}
-  compensated: {compensation: {method: pole_placement}}
-"""
-GCODE = {
-    "g55.ngc": "G21 G90 F600\nG55\nG0 X0 Y0\nG1 X10\nG54\nG1 X20\nM2\n",
-    "on.ngc": "G21 G90 F3000\nG0 X0 Y0\nM3 S1\nG1 X50\nG1 Y30\nM5\nM2\n",
-}
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The current folder, with the files of most command lines."""
-    monkeypatch.chdir(tmp_path)
-    for name, text in GCODE.items():
-        (tmp_path / name).write_text(text)
-    (tmp_path / "bracket.yaml").write_text(BRACKET)
-    (tmp_path / "stiff.yaml").write_text(BRACKET.replace("kv: 150 1/s", "kv: 1e9"))
-    (tmp_path / "mm.csv").write_text("x,y,z\n300,0,100\n400,0,100\n400,100,100\n")
-    (tmp_path / "two.csv").write_text("t [s],q1 [deg],q2 [deg]\n0,0,0\n0.01,0,0\n0.02,0,0.001\n")
-    document = ezdxf.new("R2010")
-    document.header["$INSUNITS"] = 4
-    space = document.modelspace()
-    space.add_line((0, 0), (100, 0))
-    space.add_line((0, 20), (100, 20), dxfattribs={"layer": "MARK", "color": 1})
-    space.add_text("a note", dxfattribs={"layer": "NOTES"})
-    document.saveas(tmp_path / "lines.dxf")
-    text = (tmp_path / "lines.dxf").read_text()
-    (tmp_path / "half.dxf").write_text(text[: text.index("ENTITIES") + 10])
-    return tmp_path
-
-
-@pytest.fixture
-def call(folder):
-    """A command line in the folder: its exit code, and what is said, an error at the end."""
-
-    def called(line):
-        words = [x.strip("'") for x in re.findall(r"'[^']*'|\S+", line)]
-        done = CliRunner().invoke(app, words, env={"COLUMNS": "300"})
-        error = done.exception
-        if isinstance(error, ArmContourError):
-            return error.exit_code, f"{done.output}{error}"
-        if error is not None and not isinstance(error, SystemExit):
-            raise error
-        return done.exit_code, done.output
-
-    return called
-
-
-def is_one_sentence(text):
-    return "\n" not in text and text.endswith(".") and len(text) < 600
-
-
-RUN = "--no-simulation --out out"
-ROBOT = FilePath(__file__).parents[1] / "io" / "robots" / "data" / "robot.urdf"
-ON = f"run on.ngc --cell ur5e --at 0.35m,-0.1m,0.1m {RUN} --export urscript --template abb"
-REFUSED = {
-    "1.D1": ("run stiff.yaml --out out", "kv must be from 0.001 to 1e+06 1/s"),
-    "1.D5": ("certify lines.dxf", "--cell"),
-    "1.D14-certify": ("certify bracket.yaml --run compensated --out out", "key `certificate`"),
-    "1.D16-open": (f"run lines.dxf --cell ur5e --open {RUN}", "leave --no-simulation out"),
-    "1.D16-units": (f"run mm.csv --cell ur5e {RUN}", "--units mm"),
-    "1.D16-plane": (f"run mm.csv --cell pmk3s --flat {RUN}", "--units mm"),
-    "1.D16-half": ("show half.dxf", "it seems to be cut off"),
-    "1.D16-layer": (
-        "show lines.dxf --layer FOO",
-        "no contour on the layer 'FOO': it has entities on '0', 'MARK'",
-    ),
-    "1.D16-check": ("check two.csv --arm ur5e", "two.csv has positions of 2 joints"),
-    "1.D16-from": ("identify two.csv --from 0.5", "'0.5' has no unit: write one, as in '2 s'"),
-    "3.W3": ("show g55.ngc --skip-unknown", "line 6: a coordinate X in G54"),
-    "1.D16-tip": (f"check two.csv --arm {ROBOT}", "arm: {tip: cover}; for check, --tip cover)"),
-    "1.D7-abb": (f"{ON} --output spindle=3", "abb:tool=doTool"),
-    "1.D7-urscript": (f"{ON} --output spindle=doArc", "urscript:spindle=0"),
-    "3.5-colour": ("show lines.dxf --color 5", "1 #ff0000"),
-}
-
-
-def test_refusals_are_one_clear_sentence(call, folder):
-    faults = []
-    for name, (line, words) in REFUSED.items():
-        code, said = call(line)
-        wrong = code not in (2, 3) or words not in said or not is_one_sentence(said)
-        if wrong or (folder / "out").exists():
-            faults.append((name, code, said))
-    assert faults == []
-
-
-def test_1_d16_seconds_for_milliseconds_are_reported_once(call, folder):
-    for interval in ("4", "2"):
-        text = BRACKET.replace("command_interval: 4 ms", f"command_interval: {interval}")
-        FilePath(f"slow{interval}.yaml").write_text(text)
-    code, said = call(f"run slow4.yaml {RUN}")
-    assert code == 2 and is_one_sentence(said) and "`command_interval: 4 ms`" in said
-    code, said = call(f"run slow2.yaml {RUN}")
-    (warning,) = (x for x in said.splitlines() if x.startswith("Warning: "))
-    assert code == 0 and "write command_interval: 4 ms" in warning

@@ -36,7 +36,7 @@ def test_results_do_not_depend_on_the_workers(command, job, tmp_path):
 def test_wrong_options_are_refused(job, refused, tmp_path):
     both = ("--cluster", "tcp://127.0.0.1:1", "--workers", 2)
     rows = [
-        ((name, job, "--out", "out", *more, *both), ["A cluster has its own workers"])
+        ((name, job, "--out", "out", *more, *both), ["has its own workers"])
         for name, more in (("place", OVER), ("certify", ()))
     ]
     share = ["--workers and --cluster share robots of a box that are executed"]

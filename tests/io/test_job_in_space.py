@@ -12,7 +12,6 @@ from tests.io.tables import refusals, rows, values
 
 from armcontour.frames import from_rpy
 from armcontour.io import json_schema, parse_job
-from armcontour.io.robots.xacro_file import expand_xacro
 from armcontour.jobs import Experiment
 
 DATA = FilePath(__file__).parent / "robots" / "data"
@@ -86,22 +85,6 @@ arm:
     assert arm.links(np.zeros(4))[1][2] == pytest.approx(0.4 + 0.1 + 0.3 + 0.2)
 
 
-def test_a_xacro_file_is_expanded_once(folder, monkeypatch):
-    pytest.importorskip("xacro")
-    expanded = []
-
-    def counting(file, **options):
-        expanded.append(file)
-        return expand_xacro(file, **options)
-
-    monkeypatch.setattr("armcontour.io.robots.urdf.expand_xacro", counting)
-    text = "arm: {file: robot.xacro, tip: tcp, locked: {lift: 100 mm}}"
-    assert "lift" not in job(text, folder, trust_xacro=True).arm.joint_names
-    assert expanded == [folder / "robot.xacro"]
-    table = [(text.replace("100 mm", "2 deg"), "arm.locked.lift: ... in m, ... '2 deg'")]
-    refusals(lambda x: job(x, folder, trust_xacro=True), table)
-
-
 def test_packages_and_arguments_of_a_xacro_file(folder):
     pytest.importorskip("xacro")
     (folder / "parts").mkdir()
@@ -124,10 +107,7 @@ def test_packages_and_arguments_of_a_xacro_file(folder):
 XACRO = """
 arm: robot.xacro => --trust-xacro
 arm: robot.XACRO => --trust-xacro
-arm: {file: robot.xacro, tip: tcp} => --trust-xacro
 arm: {file: robot.xacro, tip: tcp, locked: {lift: 0}} => --trust-xacro
-arm: {file: robot.xacro, trust_xacro: true} => unknown key arm.trust_xacro
-arm: {file: robot.xacro, trust-xacro: true} => unknown key arm.trust-xacro
 trust_xacro: true => unknown key trust_xacro
 """
 
@@ -139,37 +119,18 @@ def test_a_job_cannot_trust_a_xacro_file(folder):
 
 
 BAD = """
-arm: {} => arm takes either name, a built-in arm, or file
 arm: {name: ur5e, file: x.urdf} => arm takes either name
-arm: {name: ur5} => no built-in arm 'ur5'
 arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro file
-arm: {file: none.urdf} => no robot description ... none.urdf
-arm: robot.urdf => robot.urdf
-arm: {name: ur5e, tip: tcp} => no other tip
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
-arm: {name: ur5e, tool: {position: [0, 0]}} => arm.tool.position
 arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool takes either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
-arm: {name: ur5e, tool: {rpy: ["90", 0, 0]}} => arm.tool.rpy (item 1): '90' has no unit
-arm: {name: ur5e, payload: {mass: -1}} => arm.payload: payload mass
-arm: {name: ur5e, payload: {}} => the key arm.payload.mass is missing
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
-arm: {name: ur5e, locked: {lift: 0}} => only the joints of a .urdf or .xacro file
-arm: {file: robot.urdf, tip: tcp, locked: {lfit: 0.1}} => no joint 'lfit' to be locked
-arm: {file: robot.urdf, tip: tcp, locked: {lift: 1 kg}} => arm.locked.lift: ... quantity in rad
 arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift: ... in m, ... '10 deg'
-arm: {file: robot.urdf, tip: tcp, locked: {hinge: 10 mm}} => arm.locked.hinge: ... rad, ... '10 mm'
 start: [0, 0, 0] => start has 3 values, but the arm has 6 joints
-start: [1 m, 0, 0, 0, 0, 0] => start (item 1): must be a quantity in rad
 start: {elbow: 0} => start names the joints 'elbow' ... shoulder_lift_joint
-limits: {joint_lower: 1, joint_upper: 0} => range of joint 1 is empty
-limits: {joint_jerk: [100, 100]} => joint_jerk has 2 values, but the arm has 6
 ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: n
 experiment: {runs: [three]} => experiment.runs names the run three
 experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
-experiment: {armature: [1, 2]} => experiment: armature has 2 values, but the arm
-experiment: {friction: false, coulomb: 1} => experiment: ... fric
-corners: {shape: free, tolerance: 0.001, continuity: tangent} => Run one: corners.continuity is for
 corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance is for
 {corners: {tolerance: 1 mm, continuity: curvature}, runs: {one: {timing: {method: mac}}}} => .contin
 """
@@ -226,31 +187,17 @@ def test_orientations():
 BAD_PATHS = """
 points: P, orientation: {} => takes one of rpy, ... not none
 points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... not rpy and axis
-points: P, orientation: {rpy: [0, 0, 1 m]} => orientation.rpy (item 3): must
 points: P, orientation: {rpyy: [0, 0, 0]} => unknown key path.orientation.r
-points: P, orientation: {axis: [0, 0, 0]} => has no length
-points: P, orientation: {axis: [0, 0, 1], axis_only: "yes"} => .axis_only: ... not 'yes'
 points: P, orientation: [] => path.orientation is an empty list
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => none give axis
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
-points: P, orientation: {follow_tangent: {up: [1, 0, 0]}} => up lies along the first tangent
 points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: is one
-points: P, orientation: {axis: [0, 1]} => path.orientation.axis: ... not [0, 1]
-points: P, orientation: {axis: down} => path.orientation.axis: must be three numbers
-points: P, orientation: [0, 0, -1] => path.orientation: must be a mapping such as
 points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
 spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => a spline takes one orientation
-spline: {points: P, closed: true} => closed spline must end at its first
-spline: {points: P, tolerance: 0} => path.spline.tolerance: must be above zero
 spline: {points: []} => points of path.spline are empty
 spline: {points: P}, points: P => either points, or start and segments
-start: [0.4, 0, 0.2] => either points, or start and segments, or spline
-start: [0.4, 0, 0.2], segments: [] => path.segments is empty
-start: [0.4, 0, 0.2], segments: [{via: [0.45, 0, 0.2], to: [0.5, 0, 0.2]}] => (item 1): ... one line
 start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => path.segments (item 1) takes either to
-start: [0.4, 0, 0.2], segments: [{center: [0.5, 0, 0.2], angle: 360 deg}] => needs its normal
-start: [0.4, 0, 0.2], segments: [{to: &x [0.5, 0, 0.2]}, {center: *x, angle: 1}] => radius above
 """
 
 

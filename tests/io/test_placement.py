@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import yaml
 from tests.io.tables import refusals
 
 import armcontour as ac
-from armcontour.io import parse_job, placed_job_text, placement_csv, placement_json
+from armcontour.io import parse_job, placed_job_text, placement_csv
 from armcontour.io.job_overrides import JobOverrides
 from armcontour.io.placement import read_tools
 from armcontour.scene import Obstacle, Scene, Sphere
@@ -61,17 +60,6 @@ def test_the_table_has_a_row_per_place(placed):
     known = [x["duration [s]"] for x in rows[:2]]
     assert f"{placed.best.verdict.duration}" in known
     assert all(float(x["at least [s]"]) > 0.3 for x in rows[:2])
-
-
-def test_the_summary_has_the_best_place_and_what_it_gains(placed):
-    data = json.loads(placement_json(placed, ["placement.csv"]))
-    assert data["best"]["place"] == placed.best.values
-    assert data["best"]["duration"] == placed.best.verdict.duration
-    assert data["own_place"]["duration"] >= data["best"]["duration"]
-    assert data["refused"] == {"reach": 4} and data["places"] == 6
-    assert data["axes"][1] == {"name": "yaw", "from": 0.0, "to": 0.2, "places": 2}
-    assert data["best"]["clearance"] > 0 and data["best"]["beyond"] is None
-    assert data["files"] == ["placement.csv"]
 
 
 def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():

@@ -164,14 +164,10 @@ def test_a_bag_of_moveit(tmp_path):
 
 OTHERS = f"""
 trajectory: [{INNER}, {INNER}] => holds 2 trajectories, but one
-trajectory: [] => no JointTrajectory
 a: 1 => no JointTrajectory ... joint_names and points
 joint_names: [a] | points: [] => without points
-joint_names: [a] | points: 3 => must be lists
 joint_names: [a] | points: [{{positions: [1]}}] => point 1: ... time_from_start
-joint_names: [a, b] | points: [{{positions: [1], {AT_ONCE}] => sample 1: 1 positions, but at least 2
 joint_names: [a] | points: [{{positions: [1], {AT_ONCE.replace("0}}", ".inf}}")}] => point 1:
-joint_names: [a] | points: [{{positions: [1], {AT_ONCE.replace("0}}", "9" * 30 + "}}")}] => point 1:
 joint_names: [a] | points: [{{positions: [x], {AT_ONCE}] => point 1: ... could not convert
 """
 

@@ -4,8 +4,6 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tests.io.tables import refusals, rows
 
 from armcontour.arms.chain import link_poses
@@ -14,7 +12,7 @@ from armcontour.io import mesh_file
 from armcontour.io.cell import cell_names, read_cell
 from armcontour.io.job_file import parse_job
 from armcontour.io.mesh_file import read_mesh
-from armcontour.io.scene_files import read_scene_file, upright
+from armcontour.io.scene_files import read_scene_file
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 
 JOB = """
@@ -102,13 +100,10 @@ def test_links_of_an_arm_and_its_tool_get_shapes():
 BAD = """
 scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
 scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
-scene => spheres: [{name: a, radius: 1, link: base}] => scene.spheres: a ... link
 scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... length 0
 scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
 scene => files: [no.urdf] => scene.files ... no.urdf
-scene => files: [a.step] => a.step ... .urdf
 scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
-tool => spheres: [{name: a, radius: 1, margin: 1}] => arm.tool.shapes.spheres: a ... margin
 tool => halfspaces: [{name: a}] => arm.tool.shapes.halfspaces: a ... half-space
 arm => spheres: [{name: a, radius: 1, link: wrist}] => arm.shapes.spheres: a ... wrist_1_link ... 'w
 """
@@ -238,16 +233,11 @@ def test_planes_are_half_spaces_and_cones_are_held(tmp_path):
 
 POINTS = "0 0 0\n1 0 0\n0 1 0\n0 0 1"
 BAD_SCENES = [
-    ("", "ends early: * and the name"),
     ("name\n", "ends early"),
-    ("name\nbox\n", "line 2: * and the name ... not 'box'"),
-    (NEW.replace("\n.\n", "\n"), "ends early"),
     (NEW.replace("box", "torus"), "line 6: box, sphere, ... not 'torus'"),
     (NEW.replace("0.1 0.2 0.3", "0.1 0.2"), "line 7: x and y and z of a box, 3 n ... '0.1 0.2'"),
-    (NEW.replace("0.1 0.2 0.3", "0.1 nan 0.3"), "line 7"),
     (NEW.replace("0.1 0.2 0.3", "0.1 -1 0.3"), "line 7 ... size of a box"),
     (NEW.replace("0 0 0.70710678 0.70710678", "0 0 1 1"), "line 4 ... quaternion ... length 1"),
-    (NEW.replace("\n2\nbox", "\n1e9\nbox"), "number of shapes, from 0 to"),
     (f"s\n* m\n1\nmesh\n3 1\n{HERE}\n.\n", "line 5: 4 to 1,000,000 points"),
     (f"s\n* m\n1\nmesh\n4 4\n{POINTS}\n0 1 4\n0 1 2\n0 1 3\n0 2 3\n.\n", "from 0 to 3"),
     (f"s\n* m\n1\nplane\n0 0 0 1\n{HERE}\n0 0 0 0\n.", "line 5: a plane whose normal"),
@@ -256,17 +246,6 @@ BAD_SCENES = [
 
 def test_a_scene_of_another_form_is_refused_with_its_line(tmp_path):
     refusals(lambda text: read(tmp_path, text), BAD_SCENES, "a.scene")
-
-
-@given(*[st.floats(-1, 1)] * 3)
-def test_upright_turns_z_and_nothing_else(x, y, z):
-    size = np.linalg.norm([x, y, z])
-    if size < 1e-6:
-        return
-    turned = upright(np.array([x, y, z]) / size)
-    np.testing.assert_allclose(turned[:, 2] * size, [x, y, z], atol=1e-9)
-    np.testing.assert_allclose(turned.T @ turned, np.eye(3), atol=1e-12)
-    assert np.linalg.det(turned) == pytest.approx(1)
 
 
 # A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.
@@ -342,18 +321,13 @@ def test_polygons_negative_indices_and_triangles_without_an_area_of_obj(tmp_path
 
 
 BAD_MESHES = [
-    ("a.stl", b"", "ends early"),
     ("a.stl", binary()[:-1], "ends early ... 12 triangles take 684 bytes, and it has 683"),
-    ("a.stl", b"x" * 80 + bytes(4), "no triangles"),
     ("a.stl", b"<html>" * 50, "no STL file"),
     ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... no finite"),
-    ("a.stl", ascii_stl().replace("0.400000006", "nan").replace("0.4", "nan").encode(), "line"),
     ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "within a triangle ... 35 corners"),
     ("a.obj", b"", "no triangles"),
     ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
     ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 before it"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3 ... at least 3"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ""),
     ("a.dae", b"<COLLADA/>", ".stl or .obj"),
 ]
 

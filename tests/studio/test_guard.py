@@ -1,8 +1,6 @@
 """Who may talk to the Studio, its files, and the arm on its page."""
 
 import asyncio
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -188,21 +186,6 @@ def test_triangles_close_shapes_without_gaps():
         sides = ((0, 1), (1, 2), (2, 0))
         edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in found for i, j in sides]
         assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges), shape
-
-
-def test_the_first_plan_of_a_studio_loads_no_library_for_shapes():
-    code = (
-        "import sys\n"
-        "from armcontour.studio.opening import open_session\n"
-        "from tests.studio.talking import NoLane\n"
-        "session = open_session(None, slow=NoLane)\n"
-        "session.begin()\n"
-        "assert session.display.screen.planned is not None\n"
-        "print(*sorted({'scipy.spatial', 'scipy.linalg', 'scipy.special'} & set(sys.modules)))\n"
-        "session.close()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout == "\n", (done.stdout, done.stderr)
 
 
 SCENE = """

@@ -141,15 +141,6 @@ def test_a_cancelled_task_ends_and_the_next_is_done(lane):
     ]
 
 
-def test_a_process_that_dies_fails_its_task_only(lane):
-    lane, heard = lane
-    for id, task, kind in (("a", "die", "failed"), ("b", "", "result"), ("c", "die", "failed")):
-        lane.submit(id, task, {})
-        heard.wait(id, kind)
-    assert heard.wait("c", "failed").header["sentence"] == "It has ended."
-    assert len(Pool.made) == 1
-
-
 def test_a_real_process_does_one_task_after_the_other():
     heard = Heard()
     lane = SlowLane(heard)

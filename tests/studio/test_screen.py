@@ -12,15 +12,12 @@ from armcontour._yaml import load
 from armcontour.io import parse_job
 from armcontour.io.job_edits import Change, change_text
 from armcontour.studio.handles import handles_of
-from armcontour.studio.lanes import FastLane
 from armcontour.studio.preview import Previewer
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.view import View
 
 TEXT = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 DATA = load(TEXT, "job")
-# Out of reach.
-AWAY = {**DATA, "path": {"points": [[0.35, 0.1], [0.9, 0.1]]}}
 pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
@@ -88,105 +85,3 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests():
         assert len(heard.of("executed", state)) == 2
         assert heard.of("picture", state)[-1].header["duration"] == fine.duration
         assert not heard.of("picture", state)[-1].header["notes"]
-
-
-@pytest.mark.parametrize(("without", "executed"), [(0.0, [0, 1, 2, 3]), (1e9, [0, 3])])
-def test_while_newer_edits_wait_plans_come_first_for_a_while(without, executed, monkeypatch):
-    monkeypatch.setattr("armcontour.studio.screen.WITHOUT", without)
-    with showing(lane=FastLane) as (screen, heard, make):
-        limits, speeds = DATA["limits"], (0.05, 0.06, 0.07, 0.08)
-        states = [make({**DATA, "limits": {**limits, "speed": speed}}) for speed in speeds]
-
-        def hear(frame, state):
-            # The next edit comes with the plan of the one before.
-            if frame.kind == "picture" and state is not states[3]:
-                screen.show(states[states.index(state) + 1])
-            return heard(frame, state)
-
-        screen._tell = hear
-        screen.show(states[0])
-        heard.wait("executed", states[3])
-    assert all(heard.of("picture", x) for x in states)
-    assert [k for k, x in enumerate(states) if heard.of("executed", x)] == executed
-
-
-def test_the_first_plan_comes_before_the_arm_and_a_changed_arm_before_its_plan():
-    with showing() as (screen, heard, make):
-        assert not screen.has_drawn
-        states = [make({**DATA, "arm": arm}, moving=True) for arm in ("pmk3s", {"name": "pmk3s"})]
-        for state in states:
-            screen.show(state)
-        assert screen.has_drawn
-        kinds = [[y.kind for y, of in heard.frames if of is x][:2] for x in states]
-        assert kinds == [["picture", "arm"], ["arm", "picture"]]
-
-
-def test_a_path_that_cannot_be_planned_is_drawn_where_it_is_before_it_is_refused():
-    with showing() as (screen, heard, make):
-        for again in (False, True):
-            if again:
-                # Another document, of which nothing is seen yet.
-                screen.forget()
-            x, y = make(AWAY), make(AWAY)
-            for state in (x, y):
-                screen.show(state)
-                assert len(heard.of("refusal", state)) == 1
-            (drawn,) = heard.of("picture", x)
-            assert drawn.header["planned"] is False and not drawn.header["notes"]
-            assert not heard.of("picture", y)
-    with showing() as (screen, heard, make):
-
-        def through(x, **more):
-            return make({**DATA, "path": {"points": [[0.35, 0.1], [x, 0.1]], **more}})
-
-        there, placed = through(0.9), through(0.9, frame={"position": [0.0, 0.1, 0.0]})
-        states = [there, placed, through(1.2), through(0.45), through(0.9)]
-        for state in states:
-            screen.show(state)
-        planned = [[y.header.get("planned", True) for y in heard.of("picture", x)] for x in states]
-        # The last motion stays.
-        assert planned == [[False], [False], [False], [True], []]
-
-
-class Opening(Previewer):
-    """A previewer during whose plans another document is opened."""
-
-    def plan(self, *job, **options):
-        planned = super().plan(*job, **options)
-        self.open()
-        return planned
-
-
-def test_a_plan_of_the_document_before_is_none_of_this_one():
-    previewer = Opening()
-    with showing(previewer) as (screen, heard, make):
-        old, new = make(), make(AWAY)
-
-        def forget():
-            heard.late.append(old)
-            screen.forget()
-
-        previewer.open = forget
-        screen.show(old)
-        assert heard.of("executed", old)
-        assert screen.planned is None and screen.executed is None and not screen.has_drawn
-        with pytest.raises(ac.InvalidInput):
-            screen.pose(0.0, "planned")
-        previewer.open = lambda: None
-        screen.show(new)
-        assert heard.of("refusal", new)
-        # Of this document there is no motion that could stay.
-        (drawn,) = heard.of("picture", new)
-        assert drawn.header["planned"] is False
-
-
-def test_what_does_not_reach_pages_is_sent_again():
-    with showing() as (screen, heard, make):
-        late, refused, gone, again = make(), make(AWAY), make(), make()
-        heard.late += [late, gone]
-        for state in (late, refused, gone, again):
-            screen.show(state)
-        # The motion before was not seen: the path is.
-        assert [x.header["planned"] for x in heard.of("picture", refused)] == [False]
-        assert heard.of("refusal", refused)
-        assert [len(heard.of("arm", x)) for x in (late, gone, again)] == [1, 1, 1]

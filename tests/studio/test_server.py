@@ -2,10 +2,8 @@
 
 import asyncio
 import contextlib
-import json
 import socket
 from itertools import count
-from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -15,9 +13,8 @@ from tests.studio.talking import MOVE
 from armcontour.errors import InvalidInput
 from armcontour.studio import server
 from armcontour.studio.desk import MOST_WAITING, Desk, Tab
-from armcontour.studio.guard import Door
 from armcontour.studio.opening import open_session
-from armcontour.studio.server import MOST_CONNECTIONS, Server, listen, require_server, serve
+from armcontour.studio.server import MOST_CONNECTIONS, listen, require_server, serve
 from armcontour.studio.wire import Frame
 
 
@@ -35,28 +32,6 @@ def test_a_page_talks_with_the_session(file):
         status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
         assert (status, told) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
-
-
-def test_a_page_that_comes_while_it_starts_waits(file):
-    started, go_on = Event(), Event()
-
-    def slowly(file, **how):
-        session = open_session(file, **how)
-        started.set()
-        go_on.wait()
-        return session
-
-    with running(file, make=slowly) as studio:
-        started.wait()
-        with studio.page() as page:
-            progress = page.hear("progress").header
-            assert progress["id"] == "start" and progress["steps"]
-            assert studio.upload("a.csv", b"1")[0] == 503
-            seq = page.say("diff")
-            go_on.set()
-            # What it has said before is answered first.
-            page.hear("diff", seq=seq)
-            assert page.hear("document").header["rev"] == 1
 
 
 def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
@@ -177,48 +152,3 @@ def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, sta
         return [x.header["id"] for x in frames if x.kind == "failed"]
 
     assert asyncio.run(talk()) == ([0, 1, 2, 3] if starting else [0, 1, 3])
-
-
-def test_the_server_hears_a_page_before_it_has_joined(session):
-    """The order in which a message right after the greeting was once dropped."""
-
-    class Late(Desk):
-        """A desk that pages join only when their first message has been passed on."""
-
-        def join(self, tab):
-            passed_on.wait()
-            super().join(tab)
-            loop.call_soon_threadsafe(joined.set)
-
-    passed_on, door, heard = Event(), Door(4711), []
-    loop = joined = None
-    desk = Late(lambda say: session)
-    desk.session = session
-    says = [{"op": "hello", "token": door.token}, *({"op": "?", "id": k} for k in (0, 1))]
-    messages = [{"type": "websocket.receive", "text": json.dumps(x)} for x in says]
-    messages.insert(0, {"type": "websocket.connect"})
-
-    async def talk():
-        nonlocal loop, joined
-        loop, joined, answered = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
-
-        async def receive():
-            if len(messages) == 1:
-                passed_on.set()
-                await joined.wait()
-            if messages:
-                return messages.pop(0)
-            await answered.wait()
-            return {"type": "websocket.disconnect"}
-
-        async def send(message):
-            frame = Frame.unpack(message["bytes"]) if "bytes" in message else None
-            if frame is not None and frame.kind == "failed":
-                heard.append(frame.header["id"])
-                if frame.header["id"] == 1:
-                    answered.set()
-
-        await Server(door, desk)({"type": "websocket", "path": "/socket"}, receive, send)
-
-    asyncio.run(talk())
-    assert heard == [0, 1]

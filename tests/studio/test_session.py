@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, NoLane, Tab, kinds, session_of
+from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
 
 from armcontour.studio import tabs as module
 from armcontour.studio.gestures import MOST_EDITS
@@ -193,6 +193,18 @@ def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_
     assert session.document.text == text
 
 
+def test_older_answers_never_come_after_newer_ones(file):
+    session = session_of(file, fast=Held)
+    lane, tab = Held.last, Tab(session)
+    tab.edit(MOVE)
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    old, new = lane.works
+    for work in (new, old):
+        AtOnce.submit(lane, work)
+    assert [x.header["seq"] for x in tab.frames if x.kind == "picture"] == [2]
+    session.close()
+
+
 def sentence(frames):
     return frames[0].header["sentence"]
 
@@ -251,23 +263,6 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_draft_is_offered_and_taken(session, tab, file):
-    tab.edit(MOVE)
-    changed = session.document.text
-    assert "draft" in str(session.unsaved())
-    session.close()
-    again = session_of(file)
-    other = Tab(again)
-    again.begin()
-    assert other.last("document")["draft"] and again.document.text == JOB
-    other.say("restore_draft")
-    assert again.document.text == changed and not other.last("document")["draft"]
-    other.say("undo")
-    assert again.document.text == JOB and again.unsaved() is None
-    again.close()
-    assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
-
-
 def test_tasks_run_are_cancelled_and_give_files(session, tab):
     tab.say("task", id="t1", task="report", options={"all": True})
     lane = NoLane.last
@@ -283,60 +278,6 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert tab.last("progress")["share"] == 0.5
     tab.say("task", id="t1", task="check")
     assert len(lane.given) == 2
-
-
-class Listener:
-    """A page that keeps what it hears."""
-
-    def __init__(self):
-        self.frames = []
-
-    def send(self, data, replaces=None):
-        self.frames.append(Frame.unpack(data))
-
-    @property
-    def heard(self):
-        return [(x.kind, x.header["seq"]) for x in self.frames]
-
-
-def test_every_page_hears_the_number_of_its_own_message():
-    tabs, one, other = Tabs(), Listener(), Listener()
-    tabs.join(one)
-    tabs.join(other)
-    assert tabs.hear(one, {"seq": 7}) and not tabs.hear(Listener(), {"seq": 9})
-    assert tabs.hear(other, {"seq": True})
-    before = tabs.answers
-    tabs.hear(one, {"seq": 8})
-    tabs.tell(Frame("notice", {"rev": 3}))
-    tabs.tell(Frame("notice", {"rev": 3}), answers=before)
-    tabs.tell(Frame("diff"), to=other)
-    assert one.heard == [("notice", 8), ("notice", 7)]
-    assert other.heard == [("notice", None)] * 2 + [("diff", None)]
-    assert one.frames[0].header["rev"] == 3
-    tabs.leave(one)
-    tabs.tell(Frame("notice"))
-    assert len(one.frames) == 2 and not tabs.hear(one, {})
-
-
-def test_a_page_that_comes_later_gets_what_is_not_out_of_date():
-    tabs, page = Tabs(), Listener()
-
-    def told():
-        tabs.join(later := Listener())
-        return [kind for kind, _ in later.heard]
-
-    tabs.join(page)
-    tabs.hear(page, {"seq": 1})
-    for kind in ("picture", "executed", "notice", "figures"):
-        tabs.tell(Frame(kind))
-    assert told() == ["picture", "executed", "figures"]
-    # At rest the exact picture comes after the figures of the same edit.
-    tabs.tell(Frame("picture"))
-    tabs.tell(Frame("refusal", {"dropped": True}))
-    assert told() == ["picture", "figures"]
-    tabs.hear(page, {"seq": 2})
-    tabs.tell(Frame("picture"))
-    assert told() == ["picture"]
 
 
 def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):

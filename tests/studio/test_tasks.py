@@ -2,8 +2,6 @@
 
 import zipfile
 from io import BytesIO
-from itertools import count
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +12,7 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.jobs import run, teach
-from armcontour.studio.tasks import working
-from armcontour.studio.tasks.working import SMALL, do, work
-from armcontour.studio.wire import Frame
+from armcontour.studio.tasks.working import do
 
 
 def quiet(step):
@@ -50,36 +46,12 @@ def line(square):
     return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
 
 
-def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
-    # Each look at the clock is a second later than the one before.
-    monkeypatch.setattr(working, "time", SimpleNamespace(monotonic=count().__next__))
-    told = []
-    options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
-    for k, frame in enumerate(map(Frame.unpack, told), 1):
-        share, eta = frame.header["share"], frame.header["eta"]
-        assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
-        assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
-
-
 def test_a_check_has_a_row_per_limit(coarse):
     found = ask("check", coarse, "optimal").header
     assert found["verdict"] == "kept" and found["sentence"].startswith("All limits are kept.")
     rows = {x["limit"]: x for x in found["rows"]}
     assert rows["speed"]["ratio"] == pytest.approx(1, abs=1e-6)
     assert rows["speed"]["unit"] == "m/s"
-
-
-def test_figures_are_of_the_bodies_where_they_judge_the_preview(coarse):
-    data = coarse | {"experiment": {}}
-    ways = {"bodies": "inverse_dynamics", "servo": "inverse"}
-    optimal = coarse["runs"]["optimal"]
-    data["runs"] = {x: optimal | {"compensation": {"method": y}} for x, y in ways.items()}
-    study = run(parse_job(yaml.safe_dump(data, sort_keys=False)))
-    for name, result in study.runs.items():
-        judged = result.experiment if name == "bodies" else result
-        assert ask("figures", data, name).header["max"] == judged.evaluation.contour_error.max
 
 
 def test_clearance_over_time_is_not_below_what_is_proven(square):
@@ -169,15 +141,6 @@ def test_exports_of_the_studio(line):
             # A bag is an archive of its folder.
             with zipfile.ZipFile(BytesIO(content)) as archive:
                 assert any(x.endswith(".mcap") for x in archive.namelist())
-    kuka = {"format": "template", "template": "kuka"}
-    named = line | {"name": "7 Löcher für den langen Deckel"}
-    found = ask("export", named, "optimal", **kuka)
-    assert found.header["name"] == "p_7_L_cher_f_r_den_lange.src"
-    assert b"DEF p_7_L_cher_f_r_den_lange( )" in found.arrays["content"].tobytes()
-    laser = line | {"process": {"switch": {"name": "laser"}}}
-    found = ask("export", laser, "optimal", **kuka)
-    (told,) = (x for x in found.header["warnings"] if "switched" in x)
-    assert "laser" in told
 
 
 def test_what_a_file_cannot_be_made_of_is_refused(line, short):
@@ -246,14 +209,6 @@ def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     over = {"y": [0.0, 0.01, 2]}
     alone = ask("place", data, "optimal", over=over, as_job=False, refined=False)
     np.testing.assert_allclose(alone.arrays["by"], [[0, 0], [0, 0.01]], atol=1e-7)
-    span = {"from": 0.0, "to": 0.0, "places": 1}
-    data = coarse | {"placement": ASKED | {"over": {"x": span}}}
-    here = ask("place", data, "optimal")
-    anchor = float(here.header["anchor"][0])
-    span = {"from": anchor + 0.01, "to": anchor + 0.02, "places": 2}
-    data = coarse | {"placement": ASKED | {"over": {"x": span}, "absolute": True}}
-    found = ask("place", data, "optimal")
-    np.testing.assert_allclose(found.arrays["by"], [[0.01, 0], [0.02, 0]], atol=1e-6)
     for options in ({"what": "base"}, {"over": {"z": [0, 0.1, 2]}}):
         with pytest.raises(InvalidInput):
             ask("place", data, "optimal", **options)

@@ -56,29 +56,6 @@ def test_the_page_is_in_the_wheel_and_is_small():
     assert asked.returncode == 1 and asked.stdout == "", asked.stderr
 
 
-def reached(*patterns):
-    """All modules that the page's first one leads to."""
-    used, rest = set(), ["app.js"]
-    while rest:
-        name = rest.pop()
-        used.add(name)
-        rest += {y for x in patterns for y in re.findall(x, MODULES.get(name, ""))} - used
-    return used
-
-
-def test_modules_that_are_asked_for_are_there_and_named_if_the_page_begins_with_them():
-    first, later = r'from "\./([\w./]+)"', r'await import\("\./([\w./]+)"\)'
-    used = reached(first, later)
-    assert {x for x in used if not x.startswith("vendor/")} == set(MODULES)
-    assert all((server.STATIC / x).is_file() for x in used)
-    named = re.findall(r'<link rel="modulepreload" href="/static/([\w./]+)">', PAGE)
-    assert sorted({*named, "app.js"}) == sorted(reached(first))
-    assert len(named) == len(set(named))
-    # What shows a plan is loaded after it, what draws the arm by WebGL when the arm is first seen.
-    assert not {"rest.js", "arm3d.js", "charts.js", "tasks.js"} & set(named)
-    assert not {"vendor/three.js", "vendor/uplot.js"} & set(named)
-
-
 def test_the_page_asks_for_nothing_that_its_policy_forbids():
     assert set(re.findall(r"<script[^>]*>(.*?)</script>", PAGE, re.DOTALL)) == {""}
     assert not re.findall(r"<style|\sstyle=|\son\w+=", PAGE)

@@ -104,19 +104,12 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
     (tmp_path / "large.ngc").write_text("G1 X220 F60\nY140\n")
     table = [
         (("missing.dxf", {}), "There is no file ... missing.dxf"),
-        (("part.step", {}), "part.step is no file that can be read"),
-        (("folder.dxf", {}), "Is a directory"),
         (("part.dwg", {}), "save it as DXF"),
-        (("w.csv", {"units": "kg"}), "units ... 'kg'"),
         (("w.csv", {"units": "mm", "layers": ["FOO"]}), "no layer 'FOO' ... 'CUT', 'MARK'"),
         (("w.csv", {"units": "mm", "names": ["c"]}), "no contour 'c' ... 'a', 'b'"),
         (("w.csv", {"scale": -1.0}), "scale must be above zero"),
-        (("w.csv", {"scale": 1e11}), "scale 1e+11 ... w.csv"),
-        (("w.csv", {"scale": 1e-12}), "scale 1e-12 ... w.csv"),
         (("w.csv", {"unknown": "guess"}), "unknown"),
-        (("w.csv", {"frame": [0.3, 0, 0]}), "Frame"),
         (("w.csv", {"layers": 5}), "layer ... 5"),
-        (("w.csv", {"names": ["a", 5]}), "no contour 5"),
         (("across.ngc", {"flat": True}), "across.ngc: contour line 3: Segment 2"),
         (("part.ngc", {"colors": ["red"]}), "DXF and SVG"),
         (("PART.SVG", {"colors": "red"}), "must be a list"),
@@ -125,13 +118,6 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
     refusals(lambda x: read(x[0], **x[1]), table)
     assert read("large.ngc", units="furlongs", scale=1e-3).path.length > 70
     assert read("large.ngc", units="mm").path.length == pytest.approx(0.36)
-
-
-def test_a_program_is_held_as_a_path_is(read):
-    program = read(units="mm").pointing((0, 0, -1))
-    assert all(x.path.orientation.axis_only for x in program.contours) and program.dimension == 3
-    turned = read(units="mm").oriented(np.diag([1.0, -1.0, -1.0]))
-    np.testing.assert_array_equal(turned.contours[1].path.orientation(0.0)[:, 2], [0, 0, -1])
 
 
 @pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv"])
@@ -154,23 +140,11 @@ def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, 
     refusals(lambda name: ac.read_path(tmp_path / f"{name}{ending}"), table)
 
 
-def test_a_table_without_a_unit_beyond_the_reach_of_arms_has_a_note(read):
-    far = "x,y\n0,0\n89,50\n"
-    (note,) = read("a.csv", far).notes
-    assert "89 m" in note
-    assert read("a.csv", far, units="mm").notes == ()
-    assert read("a.csv", "x,y\n0,0\n0.89,0.5\n").notes == ()
-
-
 TOLERANCE = 1e-5
 
 
 def arc(a, b, angle, centre=(0.0, 0.0)):
     return Chain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
-
-
-def on_ellipse(a, b, t):
-    return np.column_stack([a * np.cos(t), b * np.sin(t)])
 
 
 def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
@@ -182,9 +156,6 @@ def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
     np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
     # `reach` is the extent of the arc, not of the circle.
     assert np.abs(chain.reach).max() < 1
-
-
-CUBICS = np.array([(0, 0), (1, 2), (2, 2), (3, 0), (4, -2), (5, 1), (6, 0)]) * 1e-2
 
 
 @given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
@@ -224,12 +195,3 @@ def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
     told = []
     assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=told.append)
     assert len(told) > 1 and told == sorted(told) and told[-1] == 1.0
-
-
-def test_the_curve_that_cannot_be_fitted_is_named():
-    good = Outline([Spline(points=CUBICS[:4])])
-    # The control points are more than a nanometre apart, the points of the curve are not.
-    bad = Outline([Spline(points=np.array([(0, 0), (1.2, 1), (1.2, 1), (0.1, 0)]) * 1e-9)])
-    with pytest.raises(ac.InvalidInput, match="has no length") as caught:
-        paths_of([good, good, bad, good], TOLERANCE)
-    assert caught.value.index == 2

@@ -7,7 +7,6 @@ import pytest
 import svgpathtools
 
 import armcontour as ac
-from armcontour.io.drawings.mending import half_a_place
 
 HEAD = "G21 G90 G17 F6000 G64 P0.1\n"
 
@@ -186,12 +185,6 @@ def test_bulges_of_dxf_are_mended(tmp_path):
     assert kinks(ac.read_path(tmp_path / "a.dxf", mend_vertices=0.0)) >= 5
     mended = ac.read_path(tmp_path / "a.dxf")
     assert kinks(mended) == 0 and "Mended" in mended.notes[-1]
-
-
-def test_half_of_the_last_decimal_place():
-    table = {"M 1.25,3 -0.500.125 7": 0.5e-3, "M 1.5e-2 2.5e3": 0.5e-3, "1 2 3": 0.5}
-    table |= {" ".join(["0.12"] * 50 + ["0.123456789"]): 0.5e-2, "1.5e400": 0.5, "": 0.5}
-    assert {x: half_a_place([x]) for x in table} == pytest.approx(table, rel=1e-12)
 
 
 def jumps(path):

@@ -100,59 +100,37 @@ x,y| => no waypoints
 x|0|1 => column y is missing
 x,y,qx|0,0,0|1,0,0 => column qy is missing
 x,y,temp|0,0,0|1,0,0 => unknown column 'temp'
-x,X,y|0,0,0|1,0,0 => 'x' and 'X' hold the same
 x,x,y|0,0,0|1,0,0 => line 1: there are two columns 'x'
 x [mm],y|0,0|1,1 => 'x [mm]' has a unit and 'y' has none
-x [kg],y [kg]|0,0|1,1 => unit 'kg' of the column 'x [kg]' ... to m
 x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'qx
-x,y,speed [mm]|0,0,1|1,0,1 => 'mm' ... to m/s
 x,y|0,0|1 => line 3: 1 values, but 2 columns
 x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
 x;y|0;0|1,5;1 => line 3, column 'x': '1,5' is not a finite number: write a decimal
 x,y|0,0|1,1e9 => line 3, column 'y': must be within 1e+06 m
 x,y|0,0|,1 => line 3, column 'x': must not be empty
 x,y|0,0|0,0 => line 2 has no two different points
-x,y,contour|0,0,a|1,0,a|2,0,b => line 4 has no two different points
 x,y,speed|0,0,1|1,0,0 => line 3, column 'speed': must be above zero, but is 0
-x,y,tolerance|0,0,|1,0,-1 => line 3, column 'tolerance': must not be negative
 x,y,event|0,0,=on|1,0, => line 2, column 'event': '=on' is no event
-x,y,event|0,0,a=|1,0, => line 2, column 'event': 'a=' is no event
 x,y,ax,ay,az|0,0,0,0,1|1,0,0,0,1 => the column z
-x,y,z,ax,ay,az|0,0,0,0,0,0|1,0,0,0,0,1 => line 2, column 'ax ay az': must have a len
-x,y,z,ax,ay,az|0,0,0,0,,1|1,0,0,0,0,1 => line 2, column 'ax ay az': some are empty
-x,y,z,ax,ay,az|0,0,0,0,0,1|1,0,0,,, => line 3, column 'ax ay az': empty
 x,y,z,qx,qy,qz,qw|0,0,0,0,0,0,2|1,0,0,0,0,0,1 => length 1, but has 2
-x,y,z,ax,ay,az|0,0,0,0,0,1|1,0,0,0,0,-1 => line 2, column 'ax ay az': The tool or
 x,y,z,ax,ay,az,roll,pitch,yaw|0,0,0,0,0,1,0,0,0|1,0,0,0,0,-1,0,0,0 => orientation twice
-x,y|0,0|1,"2 => line 3:
-x,y,z,qx,qy,qz,qw|0,0,0,1,0,0,0|1,0,0,0,1,0,0|2,0,0,0,0,1,0|3,0,0,0,0,0,1 => line 2, column \
-'qx qy qz qw': The tool orientations at waypoints 1 and 2
 x,y,z,ax,ay,az|0,0,0,0,0,-1|1,0,0,0,1,-1|1,0,0,1,1,-1|2,0,0,0,0,-1 => line 4, column 'ax ay az': 
 """
 # Tables made to do harm, and words of the message.
 HOSTILE = [
     ("x [mm**9**9**9],y [mm]\n0,0\n1,1\n", "the unit 'mm**9**9**9'"),
-    ("x_mm^9^9^9,y_mm\n0,0\n1,1\n", "the unit 'mm^9^9^9'"),
     (f"x [{'9' * 20_000}!],y [mm]\n0,0\n1,1\n", "the unit '9999"),
     (f"x,y,contour\n0,0,{'a' * 140_000}\n1,1,\n", "140000 characters, more than 80"),
-    (",".join(["x"] * 300_000) + "\n", "two columns 'x'"),
-    (",".join(f"x{i}" for i in range(300_000)) + "\n", "unknown column 'x0'"),
     (f"x,y,{'q' * 100_000}\n0,0,1\n1,1,1\n", "unknown column 'qqq"),
-    (f"x,y\n0,0\n1,{'9' * 100_000}\n", "is not a finite number"),
     ("x,y,contour\n0,0,c\x1b]52;c;\x1b\\\n1,1,\n", "line 2, column 'contour' has the"),
     ("x,y,layer\n0,0,\u202eabc\n1,1,\n", "column 'layer' has the character U+202E"),
-    ("x,y,event\n0,0,a\u2028b=on\n1,1,\n", "line 2, column 'event': The name of an"),
-    ("x,y,event\n0,0,a=\x9b1m\n1,1,\n", "value of the event a has the character U+009B"),
     (f"x,y,event\n0,0,{'e' * 81}=on\n1,1,\n", "81 characters, more than 80"),
-    (f"x,y,contour\n0,0,{'e' * 81}\n1,1,\n", "81 characters, more than 80"),
 ]
 
 
 def test_what_is_wrong_is_said_with_its_line_and_column():
     refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
     refusals(read, [(b"x,y\n0,\xff\n", "not UTF-8")], "points.csv")
-    numbers = [(x, f"line 3, column 'y': '{x}'") for x in ("nan", "-inf", "1_0", "٣", "1e999")]
-    refusals(lambda x: read(f"x,y\n0,0\n1,{x}\n"), numbers, "is not a finite number")
     for text, words in HOSTILE:
         message = refused(text)
         assert words in message and message.isprintable() and len(message) < 500

@@ -2,8 +2,6 @@
 
 import os
 import re
-import sys
-from importlib import resources
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -110,20 +108,6 @@ def test_the_chain_may_end_early_and_begin_late():
     np.testing.assert_allclose(high.forward(q) - low.forward(q), np.tile([0, 0, 0.3], (20, 1)))
 
 
-def test_the_tip_is_found_where_there_is_one_end(tmp_path):
-    left = r'<joint name="left".*?(?=<joint name="hand_tcp)'
-    cuts = [r'<joint name="hinge".*?(?=<joint name="roll")', left]
-    cuts += [f'<link name="{x}">.*?</link>' for x in ("cover", "left_finger", "right_finger")]
-    text = TEXT
-    for cut in cuts:
-        text, count = re.subn(cut, "", text, flags=re.DOTALL)
-        assert count == 1
-    (tmp_path / "one.urdf").write_text(text)
-    arm = ac.load_arm(tmp_path / "one.urdf", base="base_link")
-    named = ac.load_arm(tmp_path / "one.urdf", base="base_link", tip="tcp")
-    np.testing.assert_array_equal(arm.forward(np.ones(4)), named.forward(np.ones(4)))
-
-
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
     arm, whole = load(tmp_path, (TEXT, text)), given()
@@ -141,26 +125,20 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
 
 
 BAD = """
-link name="cover" => link name="upper" => two links ... upper
 link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
 <child link="wrist"/> => <child link="lower"/> => on two joints ... elbow and roll
 <parent link="world"/> => <parent link="tcp"/> => loop
 <link name="world"/> => <link name="world"/><link name="lost"/> => in parts ... lost
-<parent link="lower"/> => <parent link="lover"/> => no parent ... 'lover'
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
 name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
-name="elbow" type="revolute" => name="elbow" type="floating" => is floating
 <limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
 lower="-2.5" upper="2.5" => => range of joint elbow is empty
 <mass value="2"/> => <mass/> => link lower of ... value of its mass
 <axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... axis of length 0
-<axis xyz="0 1 1"/> => <axis xyz="0 1"/> => Joint tilt of ... three numbers ... '0 1'
-<origin xyz="0.4 0 0.02"/> => <origin xyz="0.4 0 a"/> => elbow ... three numbers
 <dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping -0.1
 <mimic joint="left" => <mimic joint="right" => right ... mimics no joint
-<mimic joint="left" => <mimic joint="lost" => right ... mimics no joint
 """
 NO_ROBOTS = """
 solid gripper => is not XML ... line 1
@@ -187,22 +165,18 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     for effort, velocity, lacking in (
         ("0", "2.5", "effort"),
-        ("", "2.5", "effort"),
         ("40", "0", "velocity"),
         ("40", "-1", "velocity"),
         ("0", "0", "velocity of elbow and no effort"),
     ):
-        effort = f'effort="{effort}"' if effort else ""
-        change = (elbow, f'{effort} velocity="{velocity}"')
+        change = (elbow, f'effort="{effort}" velocity="{velocity}"')
         arm = load(tmp_path, change)
         (note,) = (x for x in arm.notes if "count as not given" in x)
         assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
         assert (arm.limits.joint_torque is None) == ("no effort" in note)
         assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
-        # Without speeds no accelerations are assumed: planning needs one of the two, and says so.
+        # Without speeds no accelerations are assumed.
         assert (arm.limits.joint_acceleration is None) == ("no velocity" in note)
-        lost = "no velocity" in note and "no effort" in note
-        assert ("max_effort do as well" in arm.limits_hint) == lost
     # With the values from elsewhere nothing is lacking.
     (tmp_path / "joint_limits.yaml").write_text(LIMITS)
     arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
@@ -273,67 +247,18 @@ def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path)
 
 CHOICES = """
 {tip: gripper} => no link 'gripper' to be the tip ... left_finger ... tcp
-{base: floor} => no link 'floor' to be the base ... base_link
 {tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
 {tip: base_link, base: upper} => base upper does not carry the tip base_link
 {tip: base_link, base: base_link} => No joint turns
-{tip: tcp, base: wrist} => No joint turns
 {base: null} => lift ... is prismatic ... locked={'lift': ...}
 {locked: {thumb: 0}} => no joint 'thumb' to be locked ... hinge
 {locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
-{locked: {hinge: open}} => position of hinge ... numbers
 {locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
 """
 
 
 def test_choices_that_a_description_does_not_have(tmp_path):
     refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
-
-
-XACRO = TEXT.replace(
-    '<robot name="lifter">',
-    '<robot name="lifter" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    '<xacro:property name="reach" value="${0.2 * 2}"/>',
-).replace('<origin xyz="0.4 0 0.02"/>', '<origin xyz="${reach} 0 0.02"/>')
-
-
-def test_xacro_is_expanded(tmp_path):
-    pytest.importorskip("xacro")
-    (tmp_path / "robot.urdf.xacro").write_text(XACRO)
-    file = tmp_path / "robot.urdf.xacro"
-    arm = ac.load_arm(file, base="base_link", tip="tcp", trust_xacro=True)
-    whole = given()
-    np.testing.assert_allclose(arm.forward(np.ones(4)), whole.forward(np.ones(4)), atol=1e-15)
-    assert arm.source.endswith(".xacro")
-
-
-def test_xacro_that_makes_no_robot_is_refused(tmp_path, monkeypatch):
-    pytest.importorskip("xacro")
-    macro = '<xacro:macro name="arm" params=""><link name="base"/></xacro:macro>'
-    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    table = [
-        (XACRO.replace("${reach}", "${lost}"), "cannot be expanded ... 'lost' is not defined"),
-        (XACRO.replace("${reach}", "$(arg size)"), "it needs a value of its argument 'size'"),
-        (XACRO.replace("${reach}", "${1 +}"), "cannot be expanded by xacro: invalid syntax"),
-        (f"{head}{macro}</robot>", "makes no links ... it only defines macros"),
-    ]
-
-    def read(text):
-        (tmp_path / "robot.xacro").write_text(text)
-        return ac.load_arm(tmp_path / "robot.xacro", trust_xacro=True)
-
-    refusals(read, table, "robot.xacro")
-    monkeypatch.setitem(sys.modules, "xacro", None)
-    refusals(read, [(XACRO, "pip install 'armcontour[ros]'")])
-
-
-def test_endings_are_read_in_capitals_too(tmp_path):
-    assert load(tmp_path, file="ROBOT.URDF").dof == 4
-    library = resources.files("armcontour.io.robots") / "library"
-    (tmp_path / "ARM.YAML").write_bytes((library / "ur5e.yaml").read_bytes())
-    assert ac.load_arm(tmp_path / "ARM.YAML").dof == 6
-    (tmp_path / "ROBOT.XACRO").write_text(TEXT)
-    refusals(ac.load_arm, [(tmp_path / "ROBOT.XACRO", "--trust-xacro")])
 
 
 def test_xml_that_cannot_be_read_is_refused(tmp_path):
@@ -402,13 +327,11 @@ NAMES = [
 # N stands for what is no number.
 NUMBERS = """
 velocity="2.5" => velocity="N" => must be one finite number
-upper="2.5" => upper="N" => must be one finite number
 <mass value="2"/> => <mass value="N"/> => needs a number as value of its mass
 <origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => needs three numbers as its xyz
 """
 TOO_LARGE = """
 xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... up to 1e+09 ... 1e300
-<axis xyz="0 1 1"/> => <axis xyz="0 1e200 1"/> => tilt ... up to 1e+09
 <mass value="2"/> => <mass value="1e200"/> => its mass ... up to 1e+09
 multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
 """
@@ -416,7 +339,7 @@ multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
 
 def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_path):
     table = [((f'{x} name="{a}"', f'{x} name="{b}"'), words) for x, a, b, words in NAMES]
-    for number in ("1_0", "inf", "nan", "1e999", "١", "0x10"):
+    for number in ("1_0", "inf", "0x10"):
         table += [((old, new.replace("N", number)), words) for old, new, words in rows(NUMBERS)]
     refusals(lambda x: load(tmp_path, x), table)
     large = [((old, new), words) for old, new, words in rows(TOO_LARGE)]

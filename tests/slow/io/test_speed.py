@@ -2,11 +2,12 @@
 
 import time
 import timeit
-
-from tests.io.test_job_edits import PAPER
+from importlib import resources
 
 from armcontour._yaml import load
 from armcontour.io.job_edits import Change, change_data, change_text
+
+PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 
 
 def test_changes_of_the_papers_job_are_fast():
