@@ -73,3 +73,25 @@ def test_trust_is_given_by_the_option_alone(folder):
         else:
             assert done.exit_code == 0, done.exception
         shutil.rmtree(folder / "out", ignore_errors=True)
+
+
+def test_check_takes_packages_and_arguments(folder):
+    (folder / "parts").mkdir()
+    (folder / "robot.xacro").rename(folder / "parts" / "robot.xacro")
+    (folder / "robot.xacro").write_text(
+        '<robot name="six" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find six)/$(arg kind).xacro"/></robot>'
+    )
+    given = ("--package", "six=parts", "--xacro-arg", "kind=robot")
+    done = armcontour(*LINES["check"], "--trust-xacro", *given)
+    assert done.exit_code == 0, done.exception
+    for arguments, words in (
+        (given[:2], "--xacro-arg kind=VALUE"),
+        (given[2:], "--package six=FOLDER"),
+        (("--package", "six"), "--package takes NAME=VALUE"),
+    ):
+        refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
+        assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)
+    (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
+    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *given)
+    assert "--package and --xacro-arg go with --arm" in str(of_job.exception)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, AtOnce, Held, NoLane, Tab, kinds, session_of
+from tests.studio.talking import JOB, MOVE, NoLane, Tab, kinds, session_of
 
 from armcontour.studio import tabs as module
 from armcontour.studio.gestures import MOST_EDITS
@@ -191,18 +191,6 @@ def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_
     heard = tab.edit({**MOVE, "to": [0.3, 0.1]}, gesture=2, rev=old)
     assert kinds(heard) == ["document", "notice"]
     assert session.document.text == text
-
-
-def test_older_answers_never_come_after_newer_ones(file):
-    session = session_of(file, fast=Held)
-    lane, tab = Held.last, Tab(session)
-    tab.edit(MOVE)
-    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
-    old, new = lane.works
-    for work in (new, old):
-        AtOnce.submit(lane, work)
-    assert [x.header["seq"] for x in tab.frames if x.kind == "picture"] == [2]
-    session.close()
 
 
 def sentence(frames):

@@ -2,6 +2,8 @@
 
 import zipfile
 from io import BytesIO
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.jobs import run, teach
-from armcontour.studio.tasks.working import do
+from armcontour.studio.tasks import working
+from armcontour.studio.tasks.working import SMALL, do, work
+from armcontour.studio.wire import Frame
 
 
 def quiet(step):
@@ -44,6 +48,19 @@ def short(coarse):
 def line(square):
     """The square's job with a short line."""
     return square | {"path": square["path"] | {"points": [[0, 0, 0], [0.01, 0, 0]]}}
+
+
+def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
+    # Each look at the clock is a second later than the one before.
+    monkeypatch.setattr(working, "time", SimpleNamespace(monotonic=count().__next__))
+    told = []
+    options = {"key": "limits.speed", "values": [0.1, 0.2]}
+    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
+    for k, frame in enumerate(map(Frame.unpack, told), 1):
+        share, eta = frame.header["share"], frame.header["eta"]
+        assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
+        assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
+    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
 
 
 def test_a_check_has_a_row_per_limit(coarse):
