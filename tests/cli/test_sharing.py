@@ -24,10 +24,9 @@ def job(tmp_path):
 
 def test_results_do_not_depend_on_the_workers(command, job, tmp_path):
     found = []
-    # --processes is the old name of --workers.
-    for option, count in (("--workers", 0), ("--processes", 1)):
-        out = tmp_path / option
-        ended = command("place", job, "--out", out, *OVER, option, count)
+    for count in (0, 1):
+        out = tmp_path / str(count)
+        ended = command("place", job, "--out", out, *OVER, "--workers", count)
         assert ended.code == 0, ended.errors
         found.append((out / "placement.csv").read_bytes())
     assert found[0] and found[0] == found[1]

@@ -656,7 +656,6 @@ class PlaceOptions:
         int | None,
         typer.Option(
             "--workers",
-            "--processes",
             min=0,
             max=1000,
             help="Processes on this machine; by default one a processor for 100 places or more. 0 "
