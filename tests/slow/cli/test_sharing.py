@@ -1,8 +1,8 @@
 """The results of a command are the same with no worker, two processes and a cluster."""
 
 import pytest
-from armcontour._pool import open_executor
 
+from armcontour._pool import open_executor
 from armcontour.errors import ExecutionError
 
 JOB = """\
