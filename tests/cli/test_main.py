@@ -159,6 +159,12 @@ def test_identify_finds_gains_in_a_log(tmp_path, done):
     np.testing.assert_allclose(found["dead_time"], 0.02, atol=1e-3)
 
 
+@pytest.mark.parametrize("option", ["--set-points", "--details"])
+def test_removed_options_of_identify_are_refused(command, option):
+    ended = command("identify", "log.csv", option)
+    assert ended.code == 2 and f"No such option: {option}" in ended.errors
+
+
 def test_a_quantity_has_a_unit_unless_it_is_zero():
     assert read_option("--speed", None, Speed) is None
     assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)

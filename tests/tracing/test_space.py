@@ -156,7 +156,7 @@ def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
     for kind in ("held", "axis"):
         found = []
         for processors in (1, 5):
-            monkeypatch.setattr("armcontour._threads.processors", lambda n=processors: n)
+            monkeypatch.setattr("armcontour._pool.processors", lambda n=processors: n)
             monkeypatch.setattr("armcontour.tracing.configurations.MANY", 0)
             found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
         assert len(found[0]) > 1

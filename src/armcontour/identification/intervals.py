@@ -1,8 +1,8 @@
 """Standard deviations and 95 % intervals of the parameters of a fit.
 
 They come from the covariance. Where K_v is poorly known, its lag acts as a dead time, and intervals
-of the covariance contained the truth in 80 to 92 % of simulated logs only: there the profile of the
-likelihood gives the intervals of K_p, K_v and dead time.
+of the covariance contained the truth in 80 to 92 % of logs of a smooth job. There the profile of
+the likelihood gives the intervals of K_p, K_v and dead time.
 """
 
 from __future__ import annotations
