@@ -54,7 +54,6 @@ def bends():
     return BatchView(
         name="bends",
         about="3 jobs",
-        total=4,
         counts={"done": 2, "refused": 1},
         errors={"Unreachable": 1},
         axes=(Axis("limits.speed [m/s]", speeds, False),),
@@ -62,7 +61,6 @@ def bends():
         status=("done", "done", "refused"),
         done="done",
         stride=1,
-        left=60.0,
     )
 
 
