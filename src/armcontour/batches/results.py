@@ -107,8 +107,8 @@ class Results:
         if not self._file.exists():
             return
         data = self._file.read_bytes()
-        whole = data.rpartition(b"\n")[0].splitlines() if b"\n" in data else []
-        for k, line in enumerate(whole):
+        whole = data.rfind(b"\n") + 1
+        for k, line in enumerate(data[:whole].splitlines()):
             try:
                 found = json.loads(line)
                 index = self._indices.get(found["key"])
@@ -121,9 +121,8 @@ class Results:
                     f"{self._file}, line {k + 1}: that is no result of a batch: remove the line, "
                     "or the file, and run the batch again, which repeats its jobs."
                 ) from None
-        size = sum(map(len, whole)) + len(whole)
-        if size < len(data):
-            os.truncate(self._file, size)
+        if whole < len(data):
+            os.truncate(self._file, whole)
 
     def _put(self, name: str, content: bytes) -> None:
         """Write a file whole."""
