@@ -23,7 +23,7 @@ from soak import Outcome
 # A proof counts from this part above the limit on, and what is below it by this part is no proof:
 # between them floating point decides.
 HAIR = 1e-6
-# Joints move by this much to tell the direction in which the tool goes [rad].
+# Motion of the joints that determines the direction of the tool [rad].
 SMALL = 1e-5
 
 

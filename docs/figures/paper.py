@@ -266,7 +266,7 @@ def draw_fig08_trajectory() -> Figure:
     for kind, colour in style.RULES.items():
         left.plot([], [], color=colour, label=style.RULE_NAMES[kind])
     q = trajectory(trajectory.switching_points)
-    # Where the names stand beside their points, in points of type.
+    # Offsets of the names from their points, in points of type.
     at_left = "-13 0 10 -9 11 -9 12 7 12 7 12 7 -12 -7 -7 12 9 -11 12 6"
     at_right = "13 2 -13 -2 15 3 -4 -12 2 12 -2 12 -4 13 -6 -13 -12 -8 -12 -8"
     for axes, points, offsets in (

@@ -1,4 +1,4 @@
-"""One look for all figures: colours that colour-blind readers can tell apart, boxes, and saving."""
+"""Style of all figures: colours that colour-blind readers can distinguish, boxes, saving."""
 
 from __future__ import annotations
 

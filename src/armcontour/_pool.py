@@ -447,8 +447,8 @@ def map_in_processes(
     with nullcontext(executor) if executor else open_executor(count) as opened:
         several = partial(_several, work)
         with Crew[tuple[int, Sequence[T]], list[R]](several, opened) as crew:
-            step = max(1, len(items) // max(PARTS, 4 * crew.workers))
-            parts = iter([(k, items[k : k + step]) for k in range(0, len(items), step)])
+            slices = split_evenly(len(items), max(PARTS, 4 * crew.workers))
+            parts = enumerate(items[x] for x in slices)
             found: dict[int, list[R]] = {}
             number, part = 0, next(parts, None)
             while part or len(crew):
@@ -485,8 +485,8 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
         yield work(item)
     if count < 2:
         return
-    step = max(1, (len(items) - k) // (8 * count))
-    parts = [items[i : i + step] for i in range(k, len(items), step)]
+    left = items[k:]
+    parts = [left[x] for x in split_evenly(len(left), 8 * count)]
     with open_executor(count) as pool:
         futures = [pool.submit(_several, work, (0, x)) for x in parts]
         for part, future in zip(parts, futures, strict=True):

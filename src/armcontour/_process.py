@@ -43,13 +43,7 @@ copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
 
 
 class ProcessEnded(ExecutionError):
-    """Another process ended before its work did.
-
-    Attributes:
-        after: How long it had worked [s]; None if unknown.
-    """
-
-    after: float | None = None
+    """Another process ended before its work did."""
 
 
 class _Serving:
@@ -193,7 +187,7 @@ def send(pipe: IO[bytes], value: Any) -> None:
     _write(pipe, pickle.dumps(pack(value)))
 
 
-def receive(pipe: IO[bytes], heard: Callable[[Any], None] | None = None) -> Any:
+def receive(pipe: IO[bytes], heard: Callable[[Any], None]) -> Any:
     """Read an answer from a pipe.
 
     Args:
@@ -213,8 +207,7 @@ def receive(pipe: IO[bytes], heard: Callable[[Any], None] | None = None) -> Any:
             ) from None
         if worked is not None:
             break
-        if heard is not None:
-            heard(value)
+        heard(value)
     if not worked:
         raise RuntimeError(f"Another process of this work failed: {value}")
     return value

@@ -167,7 +167,7 @@ def _work(
     before, begin = len(plan) - len(left), time.monotonic()
     with Crew[int, Outcome](Work(plan), executor, killed) as crew:
         waiting = iter(left)
-        while sum(statuses.values()) < len(left):
+        while statuses.total() < len(left):
             while len(crew) < crew.ahead and (index := next(waiting, None)) is not None:
                 crew.give(index)
             for index, outcome in crew.take():
@@ -178,7 +178,7 @@ def _work(
                 progress(
                     Tally(
                         total=len(plan),
-                        done=before + sum(statuses.values()),
+                        done=before + statuses.total(),
                         before=before,
                         seconds=time.monotonic() - begin,
                         statuses=dict(statuses),
