@@ -1,400 +1,298 @@
-"""Maximum likelihood fit of one joint by simulation, with Levenberg-Marquardt iterations."""
+"""Bounded least-squares fits of one joint's servo to parts of logs, by simulation."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour.errors import ExecutionError
-from armcontour.identification import _joint
-from armcontour.identification.correlation import find_period, repeats
-from armcontour.motion.log import Log
-from armcontour.servo._sensitivity import COLUMNS
-from armcontour.servo.model import MOST_FEEDFORWARD
+from armcontour.motion.log import FEWEST, Log
+from armcontour.servo.command import JointServo, LoggedCommand
+from armcontour.servo.simulation import follow
 
-# Ranges of the search for gains [1/s] and acceleration limits [rad/s²].
-GAINS = (0.05, 5e3)
-LIMITS = (1e-4, 1e7)
-# The same for velocity feed-forward.
-FEEDS = (0.0, MOST_FEEDFORWARD)
-# The iteration ends when a step moves the parameters by less than this share of a standard
-# deviation.
-NEAR = 1e-3
-MOST_ITERATIONS = 60
-# A gap of at most this many intervals is short. Time for which a command is held in a longer one,
-# and after which what follows it counts [s].
-SHORT_GAP, REST, SETTLES = 20.0, 5.0, 1.0
-# Steps with more damping than this are too short to be useful.
-MOST_DAMPING = 1e8
-# A gain changes by no more than this factor in one iteration.
-LARGEST_FACTOR = 3.0
-
-STARTS = ("rest", "held", "moving")
-NAMES = ("kp", "kv", "delay", "q0", "dq0", "limit", "feed")
-_LOGARITHMIC = ("kp", "kv", "limit")
-_BOUNDED = ("delay", "feed", *_LOGARITHMIC)
-# Sum of squares, residuals, their derivatives by the free parameters, and time at the limit.
-Errors = tuple[float, FloatArray, FloatArray, float]
+# A gap of more sample intervals than this splits a log: the command in the gap is unknown.
+SHORT_GAP = 20.0
+# Time at the begin of a log that counts for no fit [s]: it depends on commands before the log.
+SKIPPED = 0.04
+# Time over which the speed of the command is averaged [s], about the settling time of a servo.
+RECENT = 0.1
+# Below this share of the usual speed a command stands, above that speed it has no more weight.
+STANDS, USUAL = 0.02, 95
+# Contiguous parts of equal motion of a single log.
+PARTS = 5
+# Typical sizes of changes in a fit: of logarithms for gains and limits, others in SI units.
+SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3)
+LOGARITHMIC = ("kp", "kv", "acceleration_limit")
+# Offset of the measurement [rad], position and velocity at the begin [rad, rad/s].
+BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05])
+# Step of numerical derivatives, in these sizes.
+STEP = 1e-5
+# Residuals are in mrad, and cut off where a trial diverges.
+MRAD, MOST = 1e3, 1e4
+# Numbers of the begin of a log that are fitted: offset, position, velocity.
+BEGINS = {"delay": 1, "first": 2, "second": 3}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Data:
-    """One joint of a log.
-
-    Args:
-        t: Times [s], (n,).
-        u: Set-points [rad], (n,).
-        y: Measured positions [rad], (n,).
-        linear: Whether set-points are interpolated linearly; otherwise each is kept until the next.
-        delays: Smallest and largest dead time of the search [s].
-        offset: First value of the offset between measured position and command at rest [rad]; None
-            if no offset is estimated.
-        period: Samples after which commands repeat; 0 if they do not.
-        used: Samples that count, (n,); None is all of them.
-        rows: Their rows of the log, -1 for a sample that is not of the log, (n,).
-    """
-
-    t: FloatArray
-    u: FloatArray
-    y: FloatArray
-    linear: bool
-    delays: tuple[float, float]
-    offset: float | None = None
-    period: int = 0
-    used: BoolArray | None = None
-    rows: IntArray | None = None
-
-    @classmethod
-    def of(cls, log: Log, j: int, linear: bool, delays: tuple[float, float]) -> Data:
-        """The joint j (from 0) of a log.
-
-        Over a short gap the command goes on as between samples. In a longer one it is that at its
-        end, for as long as it takes the joint to come to rest there, and what follows the gap
-        counts after a while only, as the joint need not have been at rest.
-
-        Args:
-            log: The log.
-            j: The joint.
-            linear: Whether set-points are interpolated linearly.
-            delays: Smallest and largest dead time of the search [s].
-        """
-        t, u, y = log.t - log.t[0], log.command[:, j].copy(), log.measured[:, j].copy()
-        ends = log.gaps
-        ends = ends[np.diff(t)[ends] > SHORT_GAP * log.interval]
-        if not len(ends):
-            return cls(t=t, u=u, y=y, linear=linear, delays=delays, period=find_period(u))
-        rows, used = np.arange(len(t)), np.full(len(t), True)
-        lasts = np.append(ends[1:], len(t) - 1)
-        for end, last in zip(ends, lasts, strict=True):
-            t[end + 1 :] += REST + t[end] + log.interval - t[end + 1]
-            after = t[end + 1 : last + 1] - t[end + 1]
-            used[end + 1 : last + 1] = after >= min(SETTLES, after[-1] / 3)
-        places = ends + 1
-        return cls(
-            t=np.insert(t, places, t[ends] + log.interval),
-            u=np.insert(u, places, u[places]),
-            y=np.insert(y, places, y[places]),
-            linear=linear,
-            delays=delays,
-            used=np.insert(used, places, False),
-            rows=np.insert(rows, places, -1),
-        )
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of white noise on a smooth motion [rad], from third differences."""
-        third = np.diff(self.y, n=3)
-        if self.used is not None:
-            third = third[np.lib.stride_tricks.sliding_window_view(self.used, 4).all(axis=1)]
-        return float(np.sqrt(np.mean(third**2) / 20)) if len(third) else 0.0
-
-    def part(self, begin: int, end: int, every: int = 1) -> Data:
-        """The samples from `begin` to before `end`, every `every`-th one."""
-        some = slice(begin, end, every)
-        t, u, y = (np.ascontiguousarray(x[some]) for x in (self.t, self.u, self.y))
-        used = None if self.used is None else self.used[some]
-        rows = None if self.rows is None else self.rows[some]
-        period = self.period if every == 1 else 0
-        return replace(self, t=t, u=u, y=y, used=used, rows=rows, period=period)
-
-    @property
-    def interval(self) -> float:
-        """The usual time between two samples [s]."""
-        return float(np.median(np.diff(self.t)))
-
-    @property
-    def last(self) -> int:
-        """The sample after the last one that the set-points reach, whatever the dead time."""
-        return int(np.searchsorted(self.t, self.t[-1] + min(self.delays[0], 0.0), side="right"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
-    """Parameters of one joint, and its state at the start of the log.
-
-    Args:
-        order: "second" or "first".
-        start: "rest": the joint was at rest until the first set-point reached it; "held": the
-            command before the log was the first set-point; "moving": the command before the log is
-            not known.
-        first: First sample that is used.
-        kp, kv: Gains [1/s]; kv is infinite in the first order.
-        delay: Dead time [s].
-        limit: Acceleration limit [rad/s²], or infinity.
-        q0, dq0: State at the first sample [rad, rad/s].
-        fixed: Names of parameters that are given.
-        offset: Measured position less that of the model [rad], if it is estimated.
-        feed: Velocity feed-forward, if there is any.
-    """
+class Model(NamedTuple):
+    """A model of a servo: its order, and the parameters of `JointServo` that it has."""
 
     order: str
-    start: str
-    first: int
-    kp: float
-    kv: float
-    delay: float
-    limit: float
-    q0: float
-    dq0: float
-    fixed: tuple[str, ...] = ()
-    offset: float | None = None
-    feed: float | None = None
+    free: tuple[str, ...]
 
-    @property
-    def given(self) -> FloatArray:
-        """What the compiled simulations take, as in `NAMES`."""
-        return np.array([getattr(self, x) or 0.0 for x in NAMES])
 
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the parameters that are estimated."""
-        names = ["kp", "delay", "q0"]
-        if self.order == "second":
-            names.insert(1, "kv")
-            if self.start != "rest":
-                names.append("dq0")
-            if math.isfinite(self.limit):
-                names.append("limit")
-        names += [x for x in ("feed", "offset") if getattr(self, x) is not None]
-        return tuple(x for x in names if x not in self.fixed)
+class Search(NamedTuple):
+    """Longest dead time, usual sample interval and cycle of the drives [s], 0 for none."""
+
+    longest: float
+    interval: float
+    cycle: float
+
+    def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
+        fastest = 1 / self.cycle if self.cycle else max(50.0, 1 / self.interval)
+        slowest = min(1000.0, 1 / self.cycle) if self.cycle else 1000.0
+        lead = 3.0 if model.order == "second" else 0.3
+        ranges = JointServo(
+            (0.1, slowest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.01, 1e5), (0.0, 0.1),
+        )  # fmt: skip
+        found = np.array([getattr(ranges, x) for x in model.free]).T
+        logarithmic = [x in LOGARITHMIC for x in model.free]
+        found[:, logarithmic] = np.log(found[:, logarithmic])
+        return found[0], found[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
-    """Parameters with the largest likelihood.
+class Stretch:
+    """One joint in one log, or between two gaps of it; arrays are (n,).
 
     Args:
-        state: The parameters.
-        sse: Sum of squared residuals [rad²].
-        count: Number of samples that count.
-        jacobian: Derivatives of the positions by the free parameters, those of `_LOGARITHMIC` by
-            their logarithms, (free, samples).
-        residuals: Measured less simulated [rad], 0 where they do not count, (samples,).
-        spread: Sum of the squares of the measured positions about their mean [rad²].
-        saturated_time: Time at the acceleration limit [s].
-        at_edge: Free parameters that ended at the edge of the search range.
-        delays: The range of dead times [s].
-        period: Samples after which the residuals repeat; 0 if they do not.
+        log: Index of the log.
+        start: Its first sample in the log.
+        command: Command with times and set-points.
+        y: Measured positions [rad].
+        use: Samples that count.
+        weight: Motion of the command.
+        part: Part of the logs that is left out together.
     """
 
-    state: State
-    sse: float
-    count: int
-    jacobian: FloatArray
-    residuals: FloatArray
-    spread: float
-    saturated_time: float
-    at_edge: tuple[str, ...]
-    delays: tuple[float, float]
-    period: int
+    log: int
+    start: int
+    command: LoggedCommand
+    y: FloatArray
+    use: BoolArray
+    weight: FloatArray
+    part: IntArray
 
-    @property
-    def variance(self) -> float:
-        """Unbiased variance of the noise [rad²]."""
-        return self.sse / max(self.count - len(self.state.free), 1)
-
-    @property
-    def r_squared(self) -> float:
-        """Share of the variance of the measured positions that the model explains."""
-        return 1.0 - self.sse / max(self.spread, 1e-300)
-
-    @property
-    def bic(self) -> float:
-        """Bayes's information criterion: smaller is better, a difference of 10 is much."""
-        likely = self.count * math.log(max(self.sse / self.count, 1e-300))
-        return likely + len(self.state.free) * math.log(self.count)
+    def thinned(self, every: int) -> Stretch:
+        """Every so many samples, with set-points only there."""
+        some = slice(None, None, every)
+        c = self.command
+        return replace(
+            self,
+            command=LoggedCommand(c.t[some], c.u[some], "linear" if c.linear else "step"),
+            **{x: getattr(self, x)[some] for x in ("y", "use", "weight", "part")},
+        )
 
 
-def simulated(data: Data, state: State, columns: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Simulate a joint over its log, from the first used sample on.
+def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float) -> list[Stretch]:
+    """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
 
-    Returns:
-        Positions [rad], followed by their derivatives if `columns` is above 1, (columns, samples);
-        largest demand [rad/s²] and time at the acceleration limit [s].
-
-    Raises:
-        ExecutionError: An interval of the log is too long to simulate.
+    Args:
+        logs: The logs.
+        j: The joint, from 0.
+        interpolation: Interpolation of set-points.
+        lag: Time at the begin that does not count [s], in addition to SKIPPED.
     """
-    first, last, rest = state.first, data.last, state.start == "rest"
-    given = (data.t, data.u, data.linear, first, last, rest, state.given, columns)
-    if state.order == "first":
-        return _joint.first_order(*given), np.zeros(2)
-    found: tuple[FloatArray, FloatArray] = _joint.second_order(*given)
-    if math.isnan(found[1][0]):
-        raise ExecutionError(
-            f"A joint cannot be simulated over the log with kp = {state.kp:g} and kv = "
-            f"{state.kv:g} 1/s: time steps as short as the servo needs make no progress over its "
-            f"longest interval of {np.diff(data.t).max():g} s, so give shorter intervals."
+    spans = []
+    for i, log in enumerate(logs):
+        t = log.t
+        ends = log.gaps[np.diff(t)[log.gaps] > SHORT_GAP * log.interval] + 1
+        spans += [(i, a, b) for a, b in pairwise([0, *ends, len(t)]) if b - a >= FEWEST]
+    speeds = []
+    for i, a, b in spans:
+        t, u = logs[i].t[a:b], logs[i].command[a:b, j]
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
+        speeds.append((way - np.interp(t - RECENT, t, way)) / RECENT)
+    every = np.concatenate(speeds) if speeds else np.zeros(1)
+    usual = float(np.percentile(every[every > 0], USUAL)) if every.any() else 1.0
+    weights = [np.where(x > STANDS * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
+    moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
+    found = []
+    for (i, a, b), weight in zip(spans, weights, strict=True):
+        t = logs[i].t[a:b] - logs[i].t[a]
+        share = (done + np.cumsum(weight)) / total
+        done += float(weight.sum())
+        part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
+        found.append(
+            Stretch(
+                log=i,
+                start=a,
+                command=LoggedCommand(t, logs[i].command[a:b, j], interpolation),
+                y=logs[i].measured[a:b, j].copy(),
+                use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4),
+                weight=weight,
+                part=part if len(moving) == 1 else np.full(b - a, i),
+            )
         )
     return found
 
 
-def fit(data: Data, start: State, *, enough: float = -math.inf, most: int = MOST_ITERATIONS) -> Fit:
-    """Find the maximum of the likelihood nearest to `start`.
+class Problem:
+    """The least-squares problem of a model and stretches.
 
-    Args:
-        data: The log of the joint.
-        start: First parameters.
-        enough: Sum of squares at which the iteration may stop [rad²].
-        most: Largest number of iterations.
-
-    Raises:
-        ExecutionError: At the start the positions are not finite.
+    Unknowns are the parameters of the model, and for each stretch the offset of the measurement,
+    the position and the velocity at the begin as far as the order has them.
     """
-    state, damping = start, 1e-3
-    errors = _errors(data, state)
-    if not math.isfinite(errors[0]):
-        raise ExecutionError(
-            f"The log cannot be simulated with kp = {state.kp:g} 1/s and kv = {state.kv:g} 1/s: "
-            "its times or its positions are out of proportion to these gains; look at their units."
-        )
-    for _ in range(most):
-        found = _step(data, state, errors, damping)
-        if found is None:
+
+    def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
+        self.model, self.stretches, self.cycle = model, stretches, search.cycle
+        self.m, self.b = len(model.free), BEGINS[model.order]
+        self.logarithmic = np.array([x in LOGARITHMIC for x in model.free])
+        own = [getattr(SCALES, x) for x in model.free]
+        begins = self.b * len(stretches)
+        self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], len(stretches))])
+        free, (low, high) = np.full(begins, np.inf), search.bounds(model)
+        self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
+
+    def servo(self, x: FloatArray) -> JointServo:
+        """The servo of parameters (..., m)."""
+        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+        given = {name: values[..., k] for k, name in enumerate(self.model.free)}
+        return JointServo(**{"kp": np.inf, **given})
+
+    def guess(self, values: dict[str, float], lag: float) -> FloatArray:
+        """Unknowns from parameters, with begins as of a pure delay."""
+        own = np.array([values[x] for x in self.model.free])
+        own = np.where(self.logarithmic, np.log(np.maximum(own, 1e-9)), own)
+        begins = []
+        for s in self.stretches:
+            c = s.command
+            offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
+            begins += [offset, float(s.y[0] - offset), float(c.pieces[1, 1])][: self.b]
+        return np.clip(np.concatenate([own, begins]), self.low, self.high)
+
+    def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
+        """The unknowns of a problem with some of the stretches."""
+        begins = x[self.m :].reshape(-1, self.b)[list(kept)]
+        return np.concatenate([x[: self.m], begins.ravel()])
+
+    def _begin(self, x: FloatArray, i: int) -> FloatArray:
+        """Offset, position and velocity at the begin of stretch i, (3,)."""
+        found = np.zeros(3)
+        found[: self.b] = x[self.m + i * self.b : self.m + (i + 1) * self.b]
+        return found
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Simulated less measured positions of the samples that count [mrad]."""
+        servo, found = self.servo(x[: self.m]), []
+        for i, s in enumerate(self.stretches):
+            offset, q0, dq0 = self._begin(x, i)
+            q = follow(s.command, servo, q0, dq0, self.cycle)
+            found.append((q + offset - s.y)[s.use])
+        return np.nan_to_num(np.clip(np.concatenate(found) * MRAD, -MOST, MOST), nan=MOST)
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Derivatives of the residuals by the unknowns."""
+        m, b = self.m, self.b
+        rows = 1 + m + max(b - 1, 0)
+        own = np.tile(x[:m], (rows, 1))
+        steps = STEP * self.scale[: m + b]
+        own[1 : m + 1] += np.diag(steps[:m])
+        servo, found = self.servo(own), []
+        for i, s in enumerate(self.stretches):
+            begin = np.tile(self._begin(x, i), (rows, 1))
+            for k in range(1, b):
+                begin[m + k, k] += steps[m + k]
+            q = follow(s.command, servo, begin[:, 1], begin[:, 2], self.cycle)[:, s.use]
+            own_columns = (q[1 : m + 1] - q[0]) / steps[:m, None]
+            begins = np.zeros((b * len(self.stretches), q.shape[1]))
+            begins[i * b] = 1.0
+            begins[i * b + 1 : (i + 1) * b] = (q[m + 1 :] - q[0]) / steps[m + 1 :, None]
+            found.append(np.concatenate([own_columns, begins]))
+        return np.nan_to_num(np.concatenate(found, axis=1).T * MRAD)
+
+    def solve(self, start: FloatArray, most: int) -> Any:
+        """Solve the problem from a start, with at most so many evaluations."""
+        from scipy.optimize import least_squares
+
+        inner = np.clip(start, self.low, self.high)
+        return least_squares(
+            self.residuals, inner, self.jacobian, bounds=(self.low, self.high),
+            x_scale=self.scale, max_nfev=most, ftol=1e-7, xtol=1e-10, gtol=1e-12,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A solved problem: unknowns x, residuals [mrad] and their derivatives."""
+
+    problem: Problem
+    x: FloatArray
+    residuals: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo, with plain numbers."""
+        return JointServo(*(float(x) for x in self.problem.servo(self.x[: self.problem.m])))
+
+    @property
+    def noise(self) -> float:
+        """Noise of the residuals [rad]: what changes from sample to sample."""
+        return noise_of(self.residuals) / MRAD
+
+    def at_bounds(self) -> tuple[set[str], set[str]]:
+        """Parameters at their lower bounds, and at their upper ones."""
+        p, m = self.problem, self.problem.m
+        near, names = 1e-2 * p.scale[:m], np.array(p.model.free)
+        low, high = self.x[:m] - p.low[:m] < near, p.high[:m] - self.x[:m] < near
+        return set(names[low].tolist()), set(names[high].tolist())
+
+
+def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
+    """Solve a problem from several starts; only the best one of a few evaluations goes on."""
+    few = 12 if len(starts) > 1 else most
+    found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
+    if len(starts) > 1 and found.status == 0:
+        found = problem.solve(found.x, most)
+    return Fit(problem=problem, x=found.x, residuals=found.fun, jacobian=found.jac)
+
+
+def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
+    """Positions of a servo over a stretch [rad], (n,).
+
+    Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
+    """
+    s, c = stretch, stretch.command
+    if order == "delay" or order == "unknown":
+        q = follow(c, servo, 0.0, 0.0)
+        return np.asarray(q + np.mean((s.y - q)[s.use]))
+    b = BEGINS[order]
+    x = np.array([0.0, s.y[0], c.pieces[1, 1]])
+    steps = np.eye(3)[:b] * BEGIN_SCALES * (1.0 if np.isinf(servo.acceleration_limit) else STEP)
+    steps[0] = 0.0
+    # Without saturation the motion depends linearly on its begin.
+    for _ in range(1 if np.isinf(servo.acceleration_limit) else 8):
+        begins = x + steps
+        q = follow(c, servo, begins[:, 1], begins[:, 2], cycle)
+        slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
+        slopes[0] = 1.0
+        scaled = slopes[:, s.use].T * BEGIN_SCALES[:b]
+        off = s.y - q[0] - x[0]
+        change = np.linalg.lstsq(scaled, off[s.use], rcond=1e-8)[0] * BEGIN_SCALES[:b]
+        x[:b] += change
+        if (np.abs(change) < 1e-6 * BEGIN_SCALES[:b]).all():
             break
-        gain = errors[0] - found[1][0]
-        state, errors, damping = found
-        sse, residuals, _, saturated = errors
-        if sse <= enough or gain <= NEAR**2 * sse / len(residuals):
-            break
-        # An acceleration limit that is not reached has no effect on the errors.
-        if "limit" in state.free and saturated == 0.0:
-            break
-    return _fit_at(data, state, errors)
-
-
-def _step(
-    data: Data, state: State, errors: Errors, damping: float
-) -> tuple[State, Errors, float] | None:
-    """Take one step; returns the state, its errors and the next damping, or None if none helps."""
-    sse, residuals, jacobian, _ = errors
-    names = state.free
-    normal, slope, _ = _joint.normal_equations(jacobian, residuals)
-    # A parameter that would leave its search range stays fixed while the others move.
-    free = np.array([_moves(data, state, x, slope[k]) for k, x in enumerate(names)])
-    normal[~free], normal[:, ~free], slope[~free] = 0.0, 0.0, 0.0
-    scale = np.maximum(np.diag(normal), 1e-300)
-    while damping < MOST_DAMPING:
-        trial = _move(data, state, names, _solve(normal, slope, damping * scale))
-        found = _errors(data, trial)
-        if found[0] <= sse:
-            return trial, found, max(damping / 10.0, 1e-9)
-        damping *= 5.0
-    return None
-
-
-def _fit_at(data: Data, state: State, errors: Errors) -> Fit:
-    sse, residuals, jacobian, saturated = errors
-    used = data.y[state.first : data.last]
-    count = len(residuals)
-    if data.used is not None:
-        some = data.used[state.first : data.last]
-        used, count = used[some], int(some.sum())
-    return Fit(
-        state=state,
-        sse=sse,
-        count=count,
-        jacobian=jacobian,
-        residuals=residuals,
-        spread=float(np.sum((used - used.mean()) ** 2)),
-        saturated_time=saturated,
-        at_edge=_edges(data, state),
-        delays=data.delays,
-        period=data.period if repeats(residuals, data.period) else 0,
-    )
-
-
-def best(data: Data, starts: Sequence[State]) -> Fit:
-    """Fit from several starts, and return the fit with the smallest errors."""
-    return min((fit(data, x) for x in starts), key=lambda x: x.sse)
-
-
-def _errors(data: Data, state: State) -> Errors:
-    """Errors of the simulated positions, with derivatives; an infinite sum if not finite."""
-    out, seen = simulated(data, state, COLUMNS)
-    residuals = data.y[state.first : data.last] - out[0] - (state.offset or 0.0)
-    names = state.free
-    jacobian = np.ones((len(names), len(residuals)))
-    for k, name in enumerate(names):
-        if name != "offset":
-            scale = getattr(state, name) if name in _LOGARITHMIC else 1.0
-            np.multiply(out[1 + NAMES.index(name)], scale, out=jacobian[k])
-    if data.used is not None:
-        unused = ~data.used[state.first : data.last]
-        residuals[unused], jacobian[:, unused] = 0.0, 0.0
-    sse = float(np.sum(residuals * residuals))
-    return (sse if math.isfinite(sse) else math.inf), residuals, jacobian, float(seen[1])
-
-
-def _solve(normal: FloatArray, slope: FloatArray, damping: FloatArray) -> FloatArray:
-    """Solve the damped normal equations, scaled to a unit diagonal for a good condition number."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    matrix = normal / np.outer(scale, scale) + np.diag(damping / scale**2)
-    return np.asarray(np.linalg.lstsq(matrix, slope / scale, rcond=None)[0] / scale)
-
-
-def _move(data: Data, state: State, names: tuple[str, ...], step: FloatArray) -> State:
-    """Apply a step within the search ranges; `_edges` names the parameters at their edges."""
-    new: dict[str, Any] = {}
-    for name, change in zip(names, step.tolist(), strict=True):
-        value = getattr(state, name)
-        if name in _LOGARITHMIC:
-            most = math.log(LARGEST_FACTOR)
-            low, high = _bounds(data, name)
-            new[name] = min(max(value * math.exp(min(max(change, -most), most)), low), high)
-        elif name in ("delay", "feed"):
-            low, high = _bounds(data, name)
-            new[name] = min(max(value + change, low), high)
-        else:
-            new[name] = value + change
-    return replace(state, **new)
-
-
-def _moves(data: Data, state: State, name: str, slope: float) -> bool:
-    """Whether a parameter can move in the direction of smaller errors within its search range."""
-    if name not in _BOUNDED:
-        return True
-    low, high = _bounds(data, name)
-    value = getattr(state, name)
-    return not ((value <= low and slope < 0) or (value >= high and slope > 0))
-
-
-def _bounds(data: Data, name: str) -> tuple[float, float]:
-    return {"delay": data.delays, "limit": LIMITS, "feed": FEEDS}.get(name, GAINS)
-
-
-def _edges(data: Data, state: State) -> tuple[str, ...]:
-    return tuple(
-        name
-        for name in state.free
-        if name in _BOUNDED and getattr(state, name) in _bounds(data, name)
-    )
+    if np.isinf(servo.acceleration_limit):
+        return np.asarray(q[0] + x[0] - change[0] + change @ slopes)
+    return np.asarray(follow(c, servo, x[1], x[2], cycle) + x[0])
 
 
 def noise_of(y: npt.ArrayLike) -> float:

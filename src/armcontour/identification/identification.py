@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache, partial
-from itertools import pairwise
 from typing import overload
-
-import numpy as np
 
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
@@ -16,29 +11,26 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
-from armcontour.identification.checking import refuse_fast, refuse_misread
-from armcontour.identification.choosing import EXPLAINS, choose
-from armcontour.identification.describing import bends, described, nothing, why_steady, why_still
-from armcontour.identification.fitting import Data
-from armcontour.identification.results import Identification, JointIdentification
+from armcontour.identification.checking import refuse_fast
+from armcontour.identification.fitting import Search
+from armcontour.identification.joint import changes_velocity, identify_joint
+from armcontour.identification.results import Identification
 from armcontour.motion.log import INTERPOLATIONS, Log, join
 from armcontour.servo import ServoModel
 
-# What a log has of every sample.
-KEYS = ("t", "command", "measured")
-MODELS = ("auto", "second", "first")
-# Range of the search for dead times [s]: up to LONGEST_DELAY, and down to BELOW_ZERO below zero, so
-# that noise around a dead time of zero is not cut off on one side.
+# Orders of the models that may be selected, by the option model.
+MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
+# Longest dead time of the search [s], and of robots with masses the smallest one.
 LONGEST_DELAY = 0.25
 BELOW_ZERO = 10e-3
-# Sample intervals [s] from which a servo can be identified. No controller samples faster than
-# 1 MHz. Below 10 Hz the response to the gains happens between two samples.
-INTERVALS = (1e-6, 0.1)
-
-
-# Cycle time of the drives [s] that is assumed: 4 kHz is usual. The longest one, half of which is
-# small against the time constant of a velocity loop.
+# Sample intervals [s] from which a servo can be identified. No robot controller samples faster than
+# 20 kHz. Below 10 Hz the response to the gains happens between two samples.
+INTERVALS = (5e-5, 0.1)
+# Cycle time of the drives [s] that is assumed with an arm: 4 kHz is usual. The longest one, half of
+# which is small against the time constant of a velocity loop.
 DRIVE_CYCLE, LONGEST_CYCLE = 2.5e-4, 2e-3
+# Cycles of the drives' loops that are modelled without an arm [s].
+CYCLES = (2.5e-4, 8e-3)
 
 
 @overload
@@ -46,6 +38,7 @@ def identify(
     log: Log | Sequence[Log],
     *,
     arm: None = None,
+    drive_cycle: float | None = None,
     model: str = "auto",
     interpolation: str | None = None,
     longest_dead_time: float = LONGEST_DELAY,
@@ -81,10 +74,11 @@ def identify(
 ) -> Identification | RobotIdentification:
     """Identify a servo from a log, or with an arm its payload, friction and drives from logs.
 
-    Without an arm, the model of a joint is
-    `ddq = sat(K_v (K_p (u(t - dead time) - q) - dq))`, or the lag
-    `dq = K_p (u(t - dead time) - q)`. The model is simulated exactly from the set-points. The
-    estimates minimize the sum of squared residuals.
+    Without an arm, the model of each joint is the simplest one of a dead time, a servo of first and
+    one of second order, as in `ServoModel`, that predicts parts of the logs to which it was not
+    fitted. The model is simulated exactly from the set-points. With several logs, each one is
+    predicted from the others. A joint is left without a model if the error is above 30 % of the
+    tracking error, and above 3 times the noise of the encoder.
 
     With an arm that has masses, the model is its rigid bodies, moved by drives with the torques
     `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
@@ -99,10 +93,10 @@ def identify(
         gravity: With an arm: what the controller adds against gravity, the torque of the "nominal"
             arm, of the arm with its load as it is ("loaded"), or "none"; by default what the logs
             speak for.
-        drive_cycle: With an arm: time for which the drives keep their torque [s]; by default
-            0.25 ms.
-        model: Without an arm: "second", "first", or "auto", which takes the lag unless the log
-            supports the second order.
+        drive_cycle: Time between two computations of the drives' loops [s]. Without an arm from
+            0.25 to 8 ms; by default the loops are continuous. With an arm the time for which the
+            drives keep their torque; by default 0.25 ms.
+        model: Without an arm: "second" or "first" for models of this order only, or "auto".
         interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
             that of the log, else linear.
         longest_dead_time: Largest dead time of the search [s].
@@ -113,13 +107,17 @@ def identify(
             measurement cannot belong together, or logs that are not of the arm.
     """
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
-    _checks.choice("model", model, MODELS)
+    _checks.choice("model", model, tuple(MODELS))
     if arm is None:
-        joined = log if isinstance(log, Log) else join(log)
-        for name, value in (("servo", servo), ("gravity", gravity), ("drive_cycle", drive_cycle)):
+        for name, value in (("servo", servo), ("gravity", gravity)):
             if value is not None:
                 raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
-        return _identify_servo(joined, model, interpolation, longest, progress)
+        logs = (log,) if isinstance(log, Log) else tuple(log)
+        between_points = _choose_interpolation(join(logs), interpolation)
+        sampled = 0.0
+        if drive_cycle is not None:
+            sampled = _checks.between("cycle of the drives", drive_cycle, *CYCLES, "s")
+        return _identify_servo(logs, MODELS[model], between_points, longest, sampled, progress)
     _checks.refuse_other("identify", arm, Arm, "such as load_arm('ur5e')")
     if model != "auto":
         raise InvalidInput("model is for joints without an arm: leave it out, or leave arm out.")
@@ -159,24 +157,32 @@ def identify(
 
 
 def _identify_servo(
-    log: Log, model: str, interpolation: str | None, longest: float, progress: Progress | None
+    logs: tuple[Log, ...],
+    orders: tuple[str, ...],
+    interpolation: str,
+    longest: float,
+    cycle: float,
+    progress: Progress | None,
 ) -> Identification:
-    """Identify the servo of every joint of a log."""
-    between = _choose_interpolation(log, interpolation)
-    _refuse_interval(log)
-    refuse_fast(log)
-    delays = _delays(log, longest)
+    """Identify the servo of every joint of some logs."""
+    for x in logs:
+        _refuse_interval(x)
+        refuse_fast(x)
+    interval = max(x.interval for x in logs)
+    search = Search(min(_delays(x, longest)[1] for x in logs), interval, cycle)
     tell, joints = under(progress), []
-    for j in range(log.dof):
-        tell(Step((log.joint_names[j],)))
-        joints.append(_identify_joint(log, j, model, between == "linear", delays))
-    return Identification(log=log, interpolation=between, joints=tuple(joints))
+    for j, name in enumerate(logs[0].joint_names):
+        tell(Step((name,)))
+        joints.append(identify_joint(logs, j, orders, interpolation, search))
+    return Identification(
+        logs=logs, interpolation=interpolation, cycle=cycle, joints=tuple(joints)
+    )
 
 
 def _changes_velocity(log: Log) -> bool:
     """Whether a joint is told to change its velocity in a log, or does."""
     columns = (*log.command.T, *log.measured.T)
-    return any(bends(log.t - log.t[0], x) for x in columns)
+    return any(changes_velocity(log.t - log.t[0], x) for x in columns)
 
 
 def _delays(log: Log, longest: float) -> tuple[float, float]:
@@ -211,33 +217,10 @@ def _refuse_interval(log: Log) -> None:
     # Times are rounded.
     if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
         raise InvalidInput(
-            f"{log.source} has a sample every {log.interval:.3g} s, but a servo can be told only "
-            f"from samples every {low:g} s to {high:g} s: record at another rate, or give the "
-            "column of times its unit, such as t [ms].",
+            f"{log.source} has a sample every {log.interval:.3g} s and lasts "
+            f"{log.t[-1] - log.t[0]:.3g} s, but logs of robots have one every {low:g} s to "
+            f"{high:g} s: give the column of times its unit, such as t [s], or record at another "
+            "rate.",
             needed=log.interval,
             allowed=high if log.interval > high else low,
         )
-
-
-def _identify_joint(
-    log: Log, j: int, model: str, linear: bool, delays: tuple[float, float]
-) -> JointIdentification:
-    """Identify the joint j (from 0), with dead times in the range `delays` [s].
-
-    Raises:
-        InvalidInput: Command and measurement cannot belong together.
-    """
-    name = log.joint_names[j]
-    data = Data.of(log, j, linear, delays)
-    edges = np.concatenate([[0], log.gaps + 1, [len(log.t)]])
-    pieces = [replace(log, **{k: getattr(log, k)[a:b] for k in KEYS}) for a, b in pairwise(edges)]
-    every = [Data.of(x, j, linear, delays) for x in pieces]
-    whys = [why_still(x) or why_steady(x) for x in every]
-    if all(whys):
-        return nothing(every[0], pieces[0], name, whys[0])
-    # What was looked at once is not misread.
-    doubt = cache(partial(refuse_misread, log, delays[1], j))
-    choice = choose(data, model, doubt)
-    if choice.chosen.r_squared < EXPLAINS:
-        doubt()
-    return described(data, log, name, choice)

@@ -1,0 +1,141 @@
+"""Identification of one joint: select a model, and accept or refuse the values that are written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.identification.checking import refuse_misread
+from armcontour.identification.fitting import (
+    Search,
+    Stretch,
+    noise_of,
+    predict,
+    split_logs,
+)
+from armcontour.identification.intervals import estimate_parameters
+from armcontour.identification.results import DIGITS, JointIdentification
+from armcontour.identification.selection import Selected, find_lag, select
+from armcontour.motion.log import FEWEST, Log
+from armcontour.servo.command import JointServo
+
+# A servo is written if its error is at most this share of the tracking error, both RMS and weighted
+# by motion, or this many times the noise of the encoder.
+SHARE, NOISES = 0.3, 3.0
+# Errors beyond this share of the motion may come from columns in another order, unit or direction.
+MISREAD = 0.1
+# Less motion than this, in standard deviations of the noise or in rad, is none: an encoder of 32
+# bits has steps of 1.5e-9 rad.
+STILL, LEAST_MOTION = 1.5, 1e-9
+# Nor is this [rad] a change of velocity: logs have nine digits at most.
+LEAST_BEND = 1e-8
+# Time between logs in the report [s].
+APART = 1.0
+
+
+def identify_joint(
+    logs: Sequence[Log], j: int, orders: tuple[str, ...], interpolation: str, search: Search
+) -> JointIdentification:
+    """Identify the joint j (from 0) of some logs.
+
+    Raises:
+        InvalidInput: Command and measurement cannot belong together.
+    """
+    name = logs[0].joint_names[j]
+    stretches = split_logs(logs, j, interpolation, 0.0)
+    why = _why_none(stretches)
+    if why:
+        return JointIdentification(name=name, order="unknown", note=f"{name}: {why}")
+    stretches = split_logs(logs, j, interpolation, find_lag(stretches, search.longest))
+    found = select(stretches, search, orders)
+    if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
+        for log in logs:
+            refuse_misread(log, search.longest, j)
+    tracking, weighted = _rms([s.y - s.command.at(s.command.t) for s in stretches], stretches)
+    if found is None:
+        note = f"{name}: no model fits, as gains and feed-forward end at the bounds of the search."
+        return JointIdentification(name=name, order="unknown", tracking_rms=tracking, note=note)
+    servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))
+    order, noise = found.fit.problem.model.order, found.fit.noise
+    file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
+    off = np.concatenate([(s.y - q)[s.use] for s, q in _pairs(found)])
+    rms, own = _rms(file, stretches, centred=False)
+    worst = max(found.rms, own)
+    note = ""
+    if not (worst <= SHARE * weighted or worst <= NOISES * noise):
+        note = (
+            f"{name} has no model: the best one errs by {worst / weighted:.0%} of the tracking "
+            f"error where it was not fitted ({worst * 1e3:.3g} of {weighted * 1e3:.3g} mrad RMS), "
+            f"more than {SHARE:.0%}."
+        )
+        order, servo = "unknown", JointServo(np.inf)
+        file = [s.y - predict(s, servo, order, 0.0) for s in stretches]
+        rms = _rms(file, stretches, centred=False)[0]
+        off = np.concatenate([x[s.use] for x, s in zip(file, stretches, strict=True)])
+    largest = max(float(np.abs(x[s.use]).max()) for x, s in zip(file, stretches, strict=True))
+    return JointIdentification(
+        name=name,
+        order=order,
+        parameters=estimate_parameters(found.fit),
+        servo=servo,
+        tracking_rms=tracking,
+        rms=rms,
+        largest=largest,
+        unseen_rms=found.rms,
+        share=found.rms / max(weighted, 1e-300),
+        unexplained=float(np.abs(off).max()),
+        noise=noise,
+        note=note,
+        **_curves(found),
+    )
+
+
+def _pairs(found: Selected) -> list[tuple[Stretch, FloatArray]]:
+    """Stretches and the positions that are predicted for them."""
+    return list(zip(found.stretches, found.unseen, strict=True))
+
+
+def _rms(
+    values: Sequence[FloatArray], stretches: Sequence[Stretch], *, centred: bool = True
+) -> tuple[float, float]:
+    """RMS of values over the samples that count, about their means, and weighted by motion."""
+    sums = np.zeros(4)
+    for x, s in zip(values, stretches, strict=True):
+        square = (x - (np.mean(x[s.use]) if centred else 0.0)) ** 2
+        weight = s.weight * s.use
+        sums += [square @ s.use, s.use.sum(), square @ weight, weight.sum()]
+    return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
+
+
+def _curves(found: Selected) -> dict[str, Any]:
+    """Times, measured and predicted positions for the report, one stretch after the other."""
+    curves, end = [], 0.0
+    for s, q in _pairs(found):
+        gap = [[np.nan], [np.nan], [np.nan]]
+        curves += [np.stack([s.command.t + end, s.y, np.where(s.use, q, np.nan)]), gap]
+        end += float(s.command.t[-1]) + APART
+    t, measured, unseen = np.concatenate(curves[:-1], axis=1)
+    return {"t": t, "measured": measured, "unseen": unseen}
+
+
+def _why_none(stretches: Sequence[Stretch]) -> str:
+    """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
+    if not stretches:
+        return f"there are no {FEWEST} samples without a gap."
+    if all(np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * noise_of(s.y) for s in stretches):
+        change = max(float(np.ptp(s.command.u)) for s in stretches)
+        if change <= max(6 * max(noise_of(s.y) for s in stretches), LEAST_MOTION):
+            return "no motion is commanded."
+        return f"the joint does not move, though its commands change by {change:.3g} rad."
+    if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
+        return "the velocity is uniform, which shows a lag, but no gains."
+    return ""
+
+
+def changes_velocity(t: FloatArray, x: FloatArray) -> bool:
+    """Whether positions [rad] over times [s] are more than a straight line and noise, (n,) each."""
+    off = x - np.polyval(np.polyfit(t, x, 1), t)
+    return bool(np.std(off) > STILL * noise_of(x) and np.ptp(off) > LEAST_BEND)

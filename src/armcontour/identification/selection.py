@@ -1,0 +1,249 @@
+"""Selection of a joint's servo model by its error on parts of the logs that were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour.identification.fitting import (
+    Fit,
+    Model,
+    Problem,
+    Search,
+    Stretch,
+    fit,
+    noise_of,
+    predict,
+)
+from armcontour.motion.log import FEWEST
+
+KP, KV, FEED, ACCELERATION = "kp", "kv", "velocity_feedforward", "acceleration_feedforward"
+DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
+# From simple to rich.
+CANDIDATES = (
+    Model("delay", (DELAY,)),
+    Model("first", (KP, DELAY)),
+    Model("first", (KP, FEED, DELAY)),
+    Model("second", (KP, KV, DELAY)),
+    Model("second", (KP, KV, FEED, DELAY)),
+    Model("first", (KP, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, FEED, DELAY, LIMIT)),
+)
+# A richer model is selected if the median over the parts of its error, divided by that of the
+# poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
+# smaller on this share of the parts.
+GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+# Loops with less damping are rejected: no drive is tuned so.
+DAMPING = 0.2
+# Evaluations of a fit without a part; it starts from the fit of all parts.
+REFITTED = 15
+# Selection uses samples this far apart [s] where the set-points between are on straight lines.
+COARSE = 4e-3
+# and the rest is less than this share of the noise of the encoder.
+THIN = 0.3
+# Time over which an acceleration is measured [s], and its percentile.
+ACCELERATING, FAST = 8e-3, 99
+# First values of loops, times the lag for the dead time, without and with feed-forward.
+PLAIN_STARTS = ((1.0, 200.0, 0.05), (1.5, 60.0, 0.3), (4.0, 100.0, 0.7))
+FED_STARTS = (
+    (10.0, 20.0, 1.0, 0.8), (1.0, 100.0, 1.0, 1.0), (40.0, 150.0, 0.6, 0.5),
+    (30.0, 100.0, 0.0, 0.3), (150.0, 60.0, 0.6, 0.9),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Selected:
+    """A fitted model and its predictions of parts to which it was not fitted.
+
+    Args:
+        fit: The fit to all samples.
+        stretches: The stretches of the predictions.
+        unseen: Predicted positions [rad]; each sample by a fit without its part.
+        errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
+        motions: Weights of the parts, (parts,).
+    """
+
+    fit: Fit
+    stretches: Sequence[Stretch]
+    unseen: list[FloatArray]
+    errors: FloatArray
+    motions: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Error on parts that were not fitted [rad]."""
+        return float(np.sqrt(np.average(self.errors, weights=self.motions)))
+
+    def is_better(self, other: Selected) -> bool:
+        """Whether this richer model is better than another one."""
+        limited = LIMIT in self.fit.problem.model.free
+        ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
+        some = float(np.mean(self.errors < other.errors))
+        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
+
+
+def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
+    """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
+
+    def left(lag: float) -> float:
+        off = [s.y - s.command.at(s.command.t - lag) for s in stretches]
+        return sum(float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True))
+
+    return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=left))
+
+
+def select(
+    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...]
+) -> Selected | None:
+    """Select the model of a joint; None if the parameters of all models are at their bounds.
+
+    Args:
+        stretches: The joint in the logs.
+        search: Ranges of the search.
+        orders: Orders that may be selected.
+    """
+    some, taken = _thin(stretches), None
+    lag = find_lag(some, search.longest)
+    fits: dict[Model, Fit] = {}
+    for model in CANDIDATES:
+        if model.order not in orders or (ACCELERATION in model.free and not some[0].command.linear):
+            continue
+        taken = _try(model, some, search, lag, fits, taken)
+        if taken and taken.rms * GAIN < taken.fit.noise:
+            break
+    if taken is None:
+        return None
+    own = taken.fit.problem.model
+    if own.order != "delay" and taken.rms * GAIN > taken.fit.noise:
+        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, taken)
+        assert taken is not None
+    if some is stretches:
+        return taken
+    whole = Problem(taken.fit.problem.model, stretches, search)
+    return replace(taken, fit=fit(whole, [taken.fit.x], REFITTED))
+
+
+def _try(
+    model: Model,
+    stretches: Sequence[Stretch],
+    search: Search,
+    lag: float,
+    fits: dict[Model, Fit],
+    taken: Selected | None,
+) -> Selected | None:
+    """Fit one more model; returns the better one of it and the one that is taken."""
+    problem = Problem(model, stretches, search)
+    found = fits[model] = fit(problem, _starts(problem, search, lag, fits))
+    if is_implausible(found):
+        return taken
+    unseen = _predict_parts(found, search)
+    return unseen if taken is None or unseen.is_better(taken) else taken
+
+
+def is_implausible(found: Fit) -> bool:
+    """Whether a loop has parameters at their bounds, or hardly any damping."""
+    low, high = found.at_bounds()
+    servo = found.servo
+    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
+    return bool(ringing or high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & {KV, LIMIT})
+
+
+def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
+    """The stretches with fewer samples, if their set-points tell the same command."""
+    interval = float(np.median(np.diff(stretches[0].command.t)))
+    every = int(COARSE / interval * (1 + 1e-6))
+    if every < 2 or not stretches[0].command.linear:
+        return stretches
+    found = [x.thinned(every) for x in stretches]
+    for one, full in zip(found, stretches, strict=True):
+        off = one.command.at(full.command.t) - full.command.u
+        if np.sqrt(np.mean(off**2)) > THIN * noise_of(full.y) or len(one.y) < FEWEST:
+            return stretches
+    return found
+
+
+def _starts(
+    problem: Problem, search: Search, lag: float, fits: dict[Model, Fit]
+) -> list[FloatArray]:
+    """Points from which a problem is solved: generic loops, or the fit of the poorer model."""
+    order, free = problem.model
+    if order == "delay":
+        return [problem.guess({DELAY: x}, lag) for x in (lag, max(lag - 4e-3, 0.0))]
+    gain = max(1 / (lag + 1e-4), 0.5)
+    loops: list[dict[str, float]] = [
+        {KP: a * gain, KV: b, DELAY: c * lag} for a, b, c in PLAIN_STARTS
+    ]
+    if FEED in free:
+        loops = [{KP: a, KV: b, FEED: c, DELAY: d * lag} for a, b, c, d in FED_STARTS]
+    new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
+    if not new:
+        sampled = search.cycle and order == "second"
+        loops = _sampled_starts(problem, search, loops, lag) if sampled else loops
+        return [problem.guess(x, lag) for x in loops]
+    known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
+    if LIMIT not in new:
+        first = {FRICTION: 1e-4, ACCELERATION: 0.1 if order == "second" else 5e-3}
+        return [problem.guess({**known, **{x: first[x] for x in new}}, lag)]
+    # The fit without a limit is of no use where the joint saturates much.
+    top = max(_acceleration(s) for s in problem.stretches)
+    limits = (top, 3 * top)
+    return [problem.guess({**x, LIMIT: a}, lag) for x in (known, *loops[2:4]) for a in limits]
+
+
+def _sampled_starts(
+    problem: Problem, search: Search, found: list[dict[str, float]], lag: float
+) -> list[dict[str, float]]:
+    """Starts of a loop that is sampled, from the fit of a continuous one."""
+    continuous = Problem(problem.model, problem.stretches, search._replace(cycle=0.0))
+    servo = fit(continuous, [continuous.guess(x, lag) for x in found]).servo
+    gain = servo.kv / (1 + servo.kv * search.cycle / 2)
+    starts = []
+    for late in (search.cycle / 2, search.cycle):
+        starts.append({**servo._asdict(), KV: gain, DELAY: max(servo.dead_time - late, 0.0)})
+    if FEED in problem.model.free:
+        starts.append({**starts[0], FEED: 0.02})
+    return starts
+
+
+def _acceleration(s: Stretch) -> float:
+    """Largest measured acceleration but for outliers [rad/s²]."""
+    t = s.command.t
+    interval = float(np.median(np.diff(t)))
+    k = max(int(round(ACCELERATING / interval)), 1)
+    second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
+    return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
+
+
+def _predict_parts(found: Fit, search: Search) -> Selected:
+    """Predict each part by a fit of the others."""
+    p, stretches = found.problem, found.problem.stretches
+    unseen = [np.full(len(s.y), np.nan) for s in stretches]
+    parts = sorted({int(x) for s in stretches for x in np.unique(s.part[s.use & (s.weight > 0)])})
+    errors, motions = [], []
+    for k in parts:
+        others = [replace(s, use=s.use & (s.part != k)) for s in stretches]
+        kept = [i for i, s in enumerate(others) if s.use.sum() > len(p.model.free)]
+        other = Problem(p.model, [others[i] for i in kept], search)
+        servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
+        squares = motion = 0.0
+        for i, s in enumerate(stretches):
+            own = s.part == k
+            if own.any():
+                q = predict(s, servo, p.model.order, search.cycle)
+                unseen[i][own] = q[own]
+                weight = s.weight[own] * s.use[own]
+                squares += float(np.sum(weight * (q - s.y)[own] ** 2))
+                motion += float(np.sum(weight))
+        errors.append(squares / motion)
+        motions.append(motion)
+    return Selected(
+        fit=found,
+        stretches=stretches,
+        unseen=unseen,
+        errors=np.array(errors),
+        motions=np.array(motions),
+    )
