@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import fields
 from functools import partial
 from itertools import product
 
@@ -15,6 +16,7 @@ from armcontour.cli.options import IdentifyOptions
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
 from armcontour.io.log_file import parse_log, read_log
+from armcontour.io.robot_file import read_servo
 from armcontour.io.servo_file import identification_json, servo_yaml
 from armcontour.report.identification import render_identification
 
@@ -140,8 +142,8 @@ def test_refusals(refuses, tmp_path):
 
 @pytest.fixture(scope="module")
 def log():
-    t = np.arange(2500) * 1e-3
-    u = np.column_stack([3e-3 * multisine(t, 25.0, seed) for seed in (1, 2)])
+    t = np.arange(2000) * 2e-3
+    u = np.column_stack([5e-3 * multisine(t, 25.0, seed) for seed in (1, 2)])
     u[1000:1600, 1] += 0.2  # a step into saturation
     q = np.column_stack(
         [
@@ -149,7 +151,7 @@ def log():
             move(t, u[:, 1].copy(), kp=40.0, kv=100.0, delay=4e-3, limit=20.0, steps=100),
         ]
     )
-    y = q + 1e-4 * np.random.default_rng(0).normal(size=q.shape)
+    y = q + 1e-5 * np.random.default_rng(0).normal(size=q.shape)
     return Log(t=t, command=u, measured=y, joint_names=("a <b>", "elbow"), source="l.csv")
 
 
@@ -158,17 +160,28 @@ def found(log):
     return identify(log)
 
 
-def test_the_servo_file_and_the_json(found):
-    data = yaml.safe_load(servo_yaml(found))
-    assert data["servo"]["order"] == "second" and data["servo"]["interpolation"] == "linear"
-    np.testing.assert_allclose(data["servo"]["kp"], [25, 40], rtol=0.02)
-    np.testing.assert_allclose(data["servo"]["dead_time"], [12.3e-3, 4e-3], atol=1e-3)
-    assert "limits" not in data  # that of the first joint is not known
+def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
+    file = tmp_path / "servo.yaml"
+    file.write_text(servo_yaml(found))
+    assert "one program only" in file.read_text()
+    data = yaml.safe_load(file.read_text())
+    assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
+    assert data["servo"]["acceleration_limit"][0] == "none"
+    read, judged = read_servo(file, 2), found.servo_model().for_joints(2)
+    for x in fields(read):
+        np.testing.assert_array_equal(getattr(read, x.name), getattr(judged, x.name), x.name)
+    np.testing.assert_allclose(read.kp, [25, 40], rtol=0.01)
+    np.testing.assert_allclose(read.dead_time, [12.3e-3, 4e-3], atol=3e-4)
+    assert read.acceleration_limit[1] == pytest.approx(20, rel=0.01)
+    assert all(x.unexplained <= y for x, y in zip(found.joints, read.unexplained, strict=True))
+
+
+def test_the_json_and_the_report(found):
     data = json.loads(identification_json(found, files=["summary.json"]))
-    first, second = (x["parameters"][3] for x in data["joints"])
-    assert data["determined"] is True
-    assert first["value"] is None and first["high"] is None
-    assert second["value"] == pytest.approx(20, rel=0.05) and second["determined"] is True
+    first, second = data["joints"]
+    assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
+    assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)
+    assert first["rms"] == found.joints[0].rms and first["written"] is True
     page = render_identification(found)
     assert "a &lt;b&gt;" in page and "<b>" not in page.split("</style>")[0]
     assert "http-equiv" not in page and 'src="http' not in page
@@ -183,34 +196,41 @@ def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert identify_files([file], IdentifyOptions(out=out, predict=[file]))
-    assert "Prediction of log.csv" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "Prediction of log.csv" in printed and "Judged on one program only" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
-    part = IdentifyOptions(as_json=True, predict=[file], start="0 s", end="2000 ms")
+    part = IdentifyOptions(
+        as_json=True, predict=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
+    )
     assert identify_files([file, file], part)
     data = json.loads(capsys.readouterr().out)
-    assert data["samples"] == 2 * 2001
+    assert data["samples"] == 2 * 1001 and data["cycle"] == 2e-3
     (prediction,) = data["predictions"]
-    assert prediction["log"] == "log.csv" and min(prediction["explained"]) > 0.9
+    assert prediction["log"] == "log.csv"
+    assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]
 
 
 def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     some = slice(0, 800)
     every = [np.tile(x[some, :1], 6) for x in (log.command, log.measured)]
+    every[1][:, 1] = every[0][::-1, 1]  # two joints without a model
+    every[1][:, 4] = every[0][0, 4]
     names = ",".join(f"{x}{j}" for x in "uq" for j in range(1, 7))
     _write(file, log.t[some], *every, f"t,{names}")
-    identify_files([file], IdentifyOptions(out=out))
-    assert len(capsys.readouterr().out.splitlines()) <= 14
+    assert not identify_files([file], IdentifyOptions(out=out))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 14 and "4 of 6 joints" in lines[0]
 
 
-def test_the_command_where_the_servo_is_not_determined(tmp_path, capsys, refuses):
+def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
     t = np.arange(2000) * 1e-3
     u = 0.02 * t
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, t, u, y, "t,u1,q1")
     assert not identify_files([file], IdentifyOptions(out=out))
-    assert "There is no servo model: log.csv does not determine" in capsys.readouterr().out
+    assert "the velocity is uniform" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
     refuses(lambda: identify_files([file], IdentifyOptions(out=out)), InvalidInput, "--force")

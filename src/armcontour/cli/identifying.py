@@ -6,9 +6,7 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from armcontour._describing import digits
+from armcontour._describing import digits, several
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
@@ -21,18 +19,27 @@ if TYPE_CHECKING:
     )
     from armcontour.motion import Log
 
-# RMS about the mean, and shares of the variance.
-PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "explained"]
+# Errors are RMS.
+PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "at most [mrad]"]
+# Parameters in the table of joints, and their headings.
+SHOWN = {
+    "kp": "K_p [1/s]",
+    "kv": "K_v [1/s]",
+    "velocity_feedforward": "f",
+    "acceleration_feedforward": "g",
+    "dead_time": "dead time",
+    "acceleration_limit": "limit",
+}
 
 
 def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
     """Identify a servo or a robot and print the result.
 
-    Returns whether there is a servo model, with an arm whether all is determined.
+    Returns whether all joints have a model, with an arm whether all is determined.
 
     Args:
         logs: CSV files, or bags of ROS.
-        x: Options of the command; the folder gets servo.yaml (if there is a servo model), with an
+        x: Options of the command; the folder gets servo.yaml (if a joint has a model), with an
             arm robot.yaml, and report.html and summary.json.
 
     Raises:
@@ -46,7 +53,7 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
         if x.predict:
             raise InvalidInput("--predict is for joints without an arm: leave it or --arm out.")
         return _identify_robot(logs, x, x.arm)
-    of_arm = ("servo", "gravity", "drive_cycle", "tip", "base", "joint_limits", "package")
+    of_arm = ("servo", "gravity", "tip", "base", "joint_limits", "package")
     for name in (*of_arm, "xacro_arg"):
         if getattr(x, name) is not None:
             raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
@@ -79,24 +86,27 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
 
     longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
     assert longest is not None
+    cycle = read_option("--drive-cycle", x.drive_cycle, Interval)
     samples, unseen = ([_read(log, x) for log in some] for some in (logs, x.predict or []))
     with search_progress("identifying") as progress:
         found = identify(
             samples,
             model=x.model,
+            drive_cycle=cycle,
             interpolation=x.interpolation,
             longest_dead_time=longest,
             progress=progress,
         )
     predictions = [found.predict(log) for log in unseen]
-    refusal = _write_results(found, predictions, x.out, x.force)
+    if x.out is not None:
+        _write_results(found, predictions, x.out, x.force)
     if x.as_json:
         print(identification_json(found, predictions), end="")
     else:
-        _print(found, predictions, x.out, refusal)
+        _print(found, predictions, x.out)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
-    return not refusal
+    return all(joint.written for joint in found.joints)
 
 
 def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
@@ -196,75 +206,60 @@ def _print_robot(found: RobotIdentification, written: str) -> None:
 
 
 def _write_results(
-    found: Identification, predictions: list[Prediction], out: FilePath | None, force: bool
-) -> str:
-    """Write the result folder, if any; returns why there is no servo model, or an empty text."""
-    from armcontour.errors import InvalidInput
+    found: Identification, predictions: list[Prediction], out: FilePath, force: bool
+) -> None:
+    """Write the result folder; without servo.yaml if no joint has a model."""
     from armcontour.io import ResultFolder
     from armcontour.io.servo_file import identification_json, servo_yaml
     from armcontour.report.identification import render_identification
 
-    servo, refusal = None, ""
-    try:
-        servo = servo_yaml(found)
-    except InvalidInput as error:
-        # Not an error here: the report shows the cause.
-        refusal = str(error)
-    if out is None:
-        return refusal
     with ResultFolder(out, force=force) as folder:
-        if servo is not None:
-            folder.write("servo.yaml", servo)
+        if any(joint.written for joint in found.joints):
+            folder.write("servo.yaml", servo_yaml(found))
         folder.write("report.html", render_identification(found))
         files = [*folder.files, "summary.json"]
         folder.write("summary.json", identification_json(found, predictions, files))
-    return refusal
 
 
-def _print(
-    found: Identification, predictions: list[Prediction], out: FilePath | None, refusal: str
-) -> None:
-    """Print the result of each joint, and how well it predicts other logs."""
+def _print(found: Identification, predictions: list[Prediction], out: FilePath | None) -> None:
+    """Print the verdict, the result of each joint, and how well it predicts other logs."""
+    from armcontour.identification.joint import SHARE
+
     console = Console()
+    written = [x for x in found.joints if x.written]
+    if written:
+        rms, most = max(x.unseen_rms for x in written), max(x.unexplained for x in written)
+        judged = "" if len(found.logs) > 1 else " Judged on one program only."
+        console.say(
+            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: errors where not "
+            f"fitted up to {rms * 1e3:.3g} mrad RMS, {most * 1e3:.3g} mrad at most.{judged}"
+        )
+    refused = [x for x in found.joints if not x.written]
+    if len(refused) == 1:
+        console.say(refused[0].note)
+    elif refused:
+        shares = ", ".join(
+            f"{x.name} ({x.share:.0%})" if math.isfinite(x.share) else x.name for x in refused
+        )
+        console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
     rows = []
-    for joint in found.joints:
-        of = [joint.kp, joint.kv, joint.velocity_feedforward, joint.dead_time]
-        errors = _predicted(joint.tracking_rms, joint.predicted_rms, joint.explained)[:2]
-        values = ["" if x is None else _cell(x) for x in of]
-        rows.append([joint.name, *errors, *values, "yes" if joint.determined else "no"])
-    console.show_table(
-        [*PREDICTED[:3], "K_p [1/s]", "K_v [1/s]", "f", "dead time [ms]", "determined"],
-        rows,
-        title=f"Servo identified from {found.log.source}, with half widths of 95 % intervals",
-    )
+    for x in found.joints:
+        errors = [f"{y * 1e3:.3g}" for y in (x.tracking_rms, x.unseen_rms, x.rms)]
+        own = errors if x.parameters else ["", "", ""]
+        values = (getattr(x, name) for name in SHOWN)
+        rows.append([x.name, x.order, *own, *(_value(y) for y in values)])
+    title = "RMS errors [mrad]; parameters in parentheses are not determined"
+    columns = [*("joint", "order", "tracking", "not fitted", "file"), *SHOWN.values()]
+    console.show_table(columns, rows, title=title)
     for y in predictions:
-        every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.explained, strict=True)
+        every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.largest, strict=True)
         console.show_table(
             PREDICTED,
-            [[name, *_predicted(*of)] for name, *of in every],
+            [[name, *(f"{x * 1e3:.3g}" for x in values)] for name, *values in every],
             title=f"Prediction of {y.log.source}",
         )
-    console.say(f"There is no servo model: {refusal}" if refusal else _shared_delay(found))
     if out is not None:
-        what = "report.html" if refusal else "servo.yaml, report.html"
-        console.say(f"Written to {out}: {what}")
-
-
-def _shared_delay(found: Identification) -> str:
-    """A sentence on the dead time that all joints share, and on what differs between them."""
-    delays = found.servo_model().for_joints(len(found.joints)).dead_time * 1e3
-    return (
-        f"All joints are late by {delays.min():.3g} ms, which does not bend the path; their dead "
-        f"times differ by {np.ptp(delays):.2g} ms."
-    )
-
-
-def _predicted(tracking: float, predicted: float, explained: float) -> list[str]:
-    """Tracking error, error of the prediction, and the share that is predicted, as cells."""
-    if not math.isfinite(explained):
-        return ["", "", ""]
-    share = f"{max(explained, 0.0) * 100:.1f} %"
-    return [f"{tracking * 1e3:.3f}", f"{predicted * 1e3:.3f}", share]
+        console.say(f"Written to {out}: {'servo.yaml, ' if written else ''}report.html")
 
 
 def _cell(x: Estimate) -> str:
@@ -274,3 +269,12 @@ def _cell(x: Estimate) -> str:
         return ""
     value, reach = f"{x.value * scale:.4g}", (x.high - x.low) / 2 * scale
     return f"{value} ±{digits(reach, 2)}" if math.isfinite(reach) else value
+
+
+def _value(x: Estimate) -> str:
+    """Value of an estimate, in parentheses if it is not determined; times with their unit."""
+    if not math.isfinite(x.value):
+        return ""
+    scale, unit = x.shown
+    text = f"{x.value * scale:.3g}{' ms' if unit == 'ms' else ''}"
+    return text if x.determined else f"({text})"

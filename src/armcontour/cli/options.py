@@ -507,7 +507,10 @@ class IdentifyOptions(ArmOptions):
     ] = None
     drive_cycle: Annotated[
         str | None,
-        typer.Option("--drive-cycle", help="Time for which its drives keep their torque: 0.25 ms."),
+        typer.Option(
+            "--drive-cycle",
+            help="Cycle of the drives' loops; by default continuous, with --arm 0.25 ms.",
+        ),
     ] = None
 
     out: Annotated[

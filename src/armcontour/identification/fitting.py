@@ -21,6 +21,8 @@ SHORT_GAP = 20.0
 SKIPPED = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
 RECENT = 0.1
+# Samples from which the velocity at the begin is estimated.
+STARTING = 20
 # Below this share of the usual speed a command stands, above that speed it has no more weight.
 STANDS, USUAL = 0.02, 95
 # Contiguous parts of equal motion of a single log.
@@ -32,10 +34,12 @@ LOGARITHMIC = ("kp", "kv", "acceleration_limit")
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05])
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
+# Smaller values, at a bound of zero, are rounding.
+ROUNDING = 1e-9
 # Residuals are in mrad, and cut off where a trial diverges.
 MRAD, MOST = 1e3, 1e4
 # Numbers of the begin of a log that are fitted: offset, position, velocity.
-BEGINS = {"delay": 1, "first": 2, "second": 3}
+BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
 
 class Model(NamedTuple):
@@ -88,6 +92,12 @@ class Stretch:
     use: BoolArray
     weight: FloatArray
     part: IntArray
+
+    @property
+    def velocity(self) -> float:
+        """Measured velocity at the begin [rad/s]."""
+        n = min(STARTING, len(self.y))
+        return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def thinned(self, every: int) -> Stretch:
         """Every so many samples, with set-points only there."""
@@ -175,7 +185,7 @@ class Problem:
         for s in self.stretches:
             c = s.command
             offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
-            begins += [offset, float(s.y[0] - offset), float(c.pieces[1, 1])][: self.b]
+            begins += [offset, float(s.y[0] - offset), s.velocity][: self.b]
         return np.clip(np.concatenate([own, begins]), self.low, self.high)
 
     def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
@@ -194,12 +204,12 @@ class Problem:
         servo, found = self.servo(x[: self.m]), []
         for i, s in enumerate(self.stretches):
             offset, q0, dq0 = self._begin(x, i)
-            q = follow(s.command, servo, q0, dq0, self.cycle)
+            q = follow(s.command, servo, float(q0), float(dq0), self.cycle)
             found.append((q + offset - s.y)[s.use])
         return np.nan_to_num(np.clip(np.concatenate(found) * MRAD, -MOST, MOST), nan=MOST)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """Derivatives of the residuals by the unknowns."""
+    def linearize(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals [mrad] and their derivatives by the unknowns, (n,) and (n, unknowns)."""
         m, b = self.m, self.b
         rows = 1 + m + max(b - 1, 0)
         own = np.tile(x[:m], (rows, 1))
@@ -215,38 +225,54 @@ class Problem:
             begins = np.zeros((b * len(self.stretches), q.shape[1]))
             begins[i * b] = 1.0
             begins[i * b + 1 : (i + 1) * b] = (q[m + 1 :] - q[0]) / steps[m + 1 :, None]
-            found.append(np.concatenate([own_columns, begins]))
-        return np.nan_to_num(np.concatenate(found, axis=1).T * MRAD)
+            off = q[:1] + begin[0, 0] - s.y[s.use]
+            found.append(np.concatenate([off, own_columns, begins]))
+        every = np.nan_to_num(np.concatenate(found, axis=1) * MRAD)
+        return every[0], every[1:].T
 
     def solve(self, start: FloatArray, most: int) -> Any:
-        """Solve the problem from a start, with at most so many evaluations."""
+        """Solve the problem from a start, with at most so many evaluations.
+
+        An orthogonal transformation makes the residuals one number and zeros: the solver then needs
+        no decompositions of long matrices, in which threads of a library wait for each other.
+        """
         from scipy.optimize import least_squares
 
-        inner = np.clip(start, self.low, self.high)
+        def size(x: FloatArray) -> FloatArray:
+            found = np.zeros(len(x) + 1)
+            found[0] = np.sqrt(np.sum(self.residuals(x) ** 2))
+            return found
+
+        def slopes(x: FloatArray) -> FloatArray:
+            residuals, jacobian = self.linearize(x)
+            both = np.concatenate([residuals[:, None], jacobian * self.scale], axis=1)
+            values, vectors = np.linalg.eigh(np.einsum("ki,kj->ij", both, both))
+            upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]
+            return np.asarray(upper[:, 1:] / self.scale * (1.0 if upper[0, 0] >= 0 else -1.0))
+
         return least_squares(
-            self.residuals, inner, self.jacobian, bounds=(self.low, self.high),
-            x_scale=self.scale, max_nfev=most, ftol=1e-7, xtol=1e-10, gtol=1e-12,
+            size, np.clip(start, self.low, self.high), slopes, bounds=(self.low, self.high),
+            x_scale="jac", max_nfev=most, ftol=1e-9, xtol=1e-10, gtol=1e-12,
         )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A solved problem: unknowns x, residuals [mrad] and their derivatives."""
+    """A solved problem, and its unknowns."""
 
     problem: Problem
     x: FloatArray
-    residuals: FloatArray
-    jacobian: FloatArray
 
     @property
     def servo(self) -> JointServo:
         """The servo, with plain numbers."""
-        return JointServo(*(float(x) for x in self.problem.servo(self.x[: self.problem.m])))
+        values = self.problem.servo(self.x[: self.problem.m])
+        return JointServo(*(float(x) if x > ROUNDING else 0.0 for x in values))
 
     @property
     def noise(self) -> float:
         """Noise of the residuals [rad]: what changes from sample to sample."""
-        return noise_of(self.residuals) / MRAD
+        return noise_of(self.problem.residuals(self.x)) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
         """Parameters at their lower bounds, and at their upper ones."""
@@ -262,7 +288,7 @@ def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
     found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
     if len(starts) > 1 and found.status == 0:
         found = problem.solve(found.x, most)
-    return Fit(problem=problem, x=found.x, residuals=found.fun, jacobian=found.jac)
+    return Fit(problem=problem, x=found.x)
 
 
 def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
@@ -270,29 +296,33 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
     """
-    s, c = stretch, stretch.command
-    if order == "delay" or order == "unknown":
-        q = follow(c, servo, 0.0, 0.0)
-        return np.asarray(q + np.mean((s.y - q)[s.use]))
-    b = BEGINS[order]
-    x = np.array([0.0, s.y[0], c.pieces[1, 1]])
-    steps = np.eye(3)[:b] * BEGIN_SCALES * (1.0 if np.isinf(servo.acceleration_limit) else STEP)
+    s, b = stretch, BEGINS[order]
+    free = np.isinf(servo.acceleration_limit)
+    scale = BEGIN_SCALES[:b]
+    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
     steps[0] = 0.0
-    # Without saturation the motion depends linearly on its begin.
-    for _ in range(1 if np.isinf(servo.acceleration_limit) else 8):
-        begins = x + steps
-        q = follow(c, servo, begins[:, 1], begins[:, 2], cycle)
+
+    def simulate(begins: FloatArray) -> FloatArray:
+        return follow(s.command, servo, begins[:, 1], begins[:, 2], cycle) + begins[:, :1]
+
+    x = np.array([0.0, s.y[0], s.velocity])
+    q = simulate(x + steps)
+    # Without saturation the motion depends linearly on its begin, and one step is enough.
+    for _ in range(1 if free else 8):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
-        scaled = slopes[:, s.use].T * BEGIN_SCALES[:b]
-        off = s.y - q[0] - x[0]
-        change = np.linalg.lstsq(scaled, off[s.use], rcond=1e-8)[0] * BEGIN_SCALES[:b]
-        x[:b] += change
-        if (np.abs(change) < 1e-6 * BEGIN_SCALES[:b]).all():
+        both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
+        square = np.einsum("ik,jk->ij", both, both)
+        step = np.zeros(3)
+        step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
+        for share in (1.0, 0.3, 0.1, 0.01):
+            trial = simulate(x + share * step + steps)
+            if np.sum((s.y - trial[0])[s.use] ** 2) <= square[b, b]:
+                x, q = x + share * step, trial
+                break
+        else:
             break
-    if np.isinf(servo.acceleration_limit):
-        return np.asarray(q[0] + x[0] - change[0] + change @ slopes)
-    return np.asarray(follow(c, servo, x[1], x[2], cycle) + x[0])
+    return np.asarray(q[0])
 
 
 def noise_of(y: npt.ArrayLike) -> float:

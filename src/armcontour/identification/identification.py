@@ -174,9 +174,7 @@ def _identify_servo(
     for j, name in enumerate(logs[0].joint_names):
         tell(Step((name,)))
         joints.append(identify_joint(logs, j, orders, interpolation, search))
-    return Identification(
-        logs=logs, interpolation=interpolation, cycle=cycle, joints=tuple(joints)
-    )
+    return Identification(logs=logs, interpolation=interpolation, cycle=cycle, joints=tuple(joints))
 
 
 def _changes_velocity(log: Log) -> bool:

@@ -25,11 +25,12 @@ def estimate_parameters(found: Fit) -> dict[str, Estimate]:
     low, high = found.at_bounds()
     n = len(found.x)
     active = [k for k in range(n) if k >= p.m or names[k] not in low | high]
-    scaled = found.jacobian[:, active] * p.scale[active]
-    freedom = max(len(found.residuals) - len(active), 1)
-    variance = float(np.sum(found.residuals**2)) / freedom * correlation_length(found.residuals)
+    residuals, jacobian = p.linearize(found.x)
+    scaled = jacobian[:, active] * p.scale[active]
+    freedom = max(len(residuals) - len(active), 1)
+    variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
     sd = np.full(n, math.nan)
-    inverse = np.linalg.pinv(scaled.T @ scaled, hermitian=True)
+    inverse = np.linalg.pinv(np.einsum("ki,kj->ij", scaled, scaled), hermitian=True)
     sd[active] = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance) * p.scale[active]
     servo = found.servo._asdict()
     return {x: _estimate(x, servo[x], float(sd[k]), p.model.order) for k, x in enumerate(names)}

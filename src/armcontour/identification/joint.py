@@ -48,54 +48,61 @@ def identify_joint(
     stretches = split_logs(logs, j, interpolation, 0.0)
     why = _why_none(stretches)
     if why:
-        return JointIdentification(name=name, order="unknown", note=f"{name}: {why}")
+        return _without_model(name, f"{name} has no model: {why}", stretches)
     stretches = split_logs(logs, j, interpolation, find_lag(stretches, search.longest))
     found = select(stretches, search, orders)
     if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
         for log in logs:
             refuse_misread(log, search.longest, j)
-    tracking, weighted = _rms([s.y - s.command.at(s.command.t) for s in stretches], stretches)
     if found is None:
-        note = f"{name}: no model fits, as gains and feed-forward end at the bounds of the search."
-        return JointIdentification(name=name, order="unknown", tracking_rms=tracking, note=note)
+        note = f"{name} has no model: gains or feed-forward end at the bounds of their ranges."
+        return _without_model(name, note, stretches)
+    tracking, weighted = _rms([s.y - s.command.at(s.command.t) for s in stretches], stretches)
     servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
     file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
-    off = np.concatenate([(s.y - q)[s.use] for s, q in _pairs(found)])
     rms, own = _rms(file, stretches, centred=False)
     worst = max(found.rms, own)
-    note = ""
-    if not (worst <= SHARE * weighted or worst <= NOISES * noise):
+    judged: dict[str, Any] = {
+        "parameters": estimate_parameters(found.fit),
+        "unseen_rms": found.rms,
+        "share": found.rms / max(weighted, 1e-300),
+        "noise": noise,
+        **_curves(found),
+    }
+    if worst > max(SHARE * weighted, NOISES * noise):
         note = (
             f"{name} has no model: the best one errs by {worst / weighted:.0%} of the tracking "
             f"error where it was not fitted ({worst * 1e3:.3g} of {weighted * 1e3:.3g} mrad RMS), "
             f"more than {SHARE:.0%}."
         )
-        order, servo = "unknown", JointServo(np.inf)
-        file = [s.y - predict(s, servo, order, 0.0) for s in stretches]
-        rms = _rms(file, stretches, centred=False)[0]
-        off = np.concatenate([x[s.use] for x, s in zip(file, stretches, strict=True)])
-    largest = max(float(np.abs(x[s.use]).max()) for x, s in zip(file, stretches, strict=True))
+        return _without_model(name, note, stretches, **judged)
+    unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     return JointIdentification(
         name=name,
         order=order,
-        parameters=estimate_parameters(found.fit),
         servo=servo,
         tracking_rms=tracking,
         rms=rms,
-        largest=largest,
-        unseen_rms=found.rms,
-        share=found.rms / max(weighted, 1e-300),
-        unexplained=float(np.abs(off).max()),
-        noise=noise,
-        note=note,
-        **_curves(found),
+        largest=_largest(file, stretches),
+        unexplained=_largest(unseen, found.stretches),
+        **judged,
     )
 
 
-def _pairs(found: Selected) -> list[tuple[Stretch, FloatArray]]:
-    """Stretches and the positions that are predicted for them."""
-    return list(zip(found.stretches, found.unseen, strict=True))
+def _without_model(
+    name: str, note: str, stretches: Sequence[Stretch], **judged: Any
+) -> JointIdentification:
+    """A joint of order "unknown", whose error is its tracking error about the mean."""
+    off = [s.y - s.command.u - np.mean((s.y - s.command.u)[s.use]) for s in stretches]
+    rms, most = (_rms(off, stretches)[0], _largest(off, stretches)) if off else (np.nan, np.pi)
+    judged |= {"tracking_rms": rms, "rms": rms, "largest": most, "unexplained": most}
+    return JointIdentification(name=name, order="unknown", note=note, **judged)
+
+
+def _largest(values: Sequence[FloatArray], stretches: Sequence[Stretch]) -> float:
+    """Largest size of values over the samples that count."""
+    return max(float(np.abs(x[s.use]).max()) for x, s in zip(values, stretches, strict=True))
 
 
 def _rms(
@@ -112,9 +119,9 @@ def _rms(
 
 def _curves(found: Selected) -> dict[str, Any]:
     """Times, measured and predicted positions for the report, one stretch after the other."""
-    curves, end = [], 0.0
-    for s, q in _pairs(found):
-        gap = [[np.nan], [np.nan], [np.nan]]
+    curves: list[FloatArray] = []
+    gap, end = np.full((3, 1), np.nan), 0.0
+    for s, q in zip(found.stretches, found.unseen, strict=True):
         curves += [np.stack([s.command.t + end, s.y, np.where(s.use, q, np.nan)]), gap]
         end += float(s.command.t[-1]) + APART
     t, measured, unseen = np.concatenate(curves[:-1], axis=1)

@@ -45,8 +45,11 @@ REFITTED = 15
 COARSE = 4e-3
 # and the rest is less than this share of the noise of the encoder.
 THIN = 0.3
-# Time over which an acceleration is measured [s], and its percentile.
-ACCELERATING, FAST = 8e-3, 99
+# Longest first dead time of a joint that saturates [s].
+USUAL_DELAY = 0.01
+# Times over which accelerations are measured [s], short for fast motion and long for small motion
+# in noise, and their percentile.
+ACCELERATING, FAST = (8e-3, 40e-3), 99
 # First values of loops, times the lag for the dead time, without and with feed-forward.
 PLAIN_STARTS = ((1.0, 200.0, 0.05), (1.5, 60.0, 0.3), (4.0, 100.0, 0.7))
 FED_STARTS = (
@@ -91,7 +94,9 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 
     def left(lag: float) -> float:
         off = [s.y - s.command.at(s.command.t - lag) for s in stretches]
-        return sum(float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True))
+        return sum(
+            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True)
+        )
 
     return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=left))
 
@@ -149,7 +154,9 @@ def is_implausible(found: Fit) -> bool:
     low, high = found.at_bounds()
     servo = found.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
-    return bool(ringing or high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & {KV, LIMIT})
+    lead = {FEED} if ACCELERATION in found.problem.model.free else set()
+    at = high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & ({KV, LIMIT} | lead)
+    return bool(ringing or at)
 
 
 def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
@@ -188,10 +195,11 @@ def _starts(
     if LIMIT not in new:
         first = {FRICTION: 1e-4, ACCELERATION: 0.1 if order == "second" else 5e-3}
         return [problem.guess({**known, **{x: first[x] for x in new}}, lag)]
-    # The fit without a limit is of no use where the joint saturates much.
-    top = max(_acceleration(s) for s in problem.stretches)
-    limits = (top, 3 * top)
-    return [problem.guess({**x, LIMIT: a}, lag) for x in (known, *loops[2:4]) for a in limits]
+    # Where a joint saturates much, the fit without a limit and its lag are of no use.
+    tops = [max(_acceleration(s, x) for s in problem.stretches) for x in ACCELERATING]
+    limits = (*tops, 3 * max(tops))
+    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
+    return [problem.guess({**x, LIMIT: a}, lag) for x in (known, *loops) for a in limits]
 
 
 def _sampled_starts(
@@ -209,11 +217,11 @@ def _sampled_starts(
     return starts
 
 
-def _acceleration(s: Stretch) -> float:
-    """Largest measured acceleration but for outliers [rad/s²]."""
+def _acceleration(s: Stretch, time: float) -> float:
+    """Largest measured acceleration over some time but for outliers [rad/s²]."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
-    k = max(int(round(ACCELERATING / interval)), 1)
+    k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
     second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
     return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
 

@@ -1,61 +1,61 @@
-"""Write identified servo parameters as keys of a job file, and as JSON."""
+"""Write identified servo parameters as the key `servo` of a job file, and as JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from armcontour._version import __version__
 from armcontour.identification import Estimate, Identification, Prediction
 from armcontour.io.json_text import to_json
+from armcontour.servo import ServoModel
 
-# Attributes of an estimate and of a joint in the JSON file.
+# Attributes of an estimate, of a joint and of a prediction in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined".split()
 OF_JOINT = (
-    "determined rms r_squared largest_demand saturated_time "
-    "tracking_rms predicted_rms explained notes"
+    "determined tracking_rms rms largest unseen_rms share unexplained noise written note"
 ).split()
-OF_PREDICTION = "tracking_rms rms explained".split()
+OF_PREDICTION = "tracking_rms rms largest".split()
+ONE_PROGRAM = "Judged on one program only: the error on other programs may be larger."
+# Parameters with one value per joint in a servo file, with their units.
+LISTS = {
+    "kp": "1/s",
+    "kv": "1/s",
+    "velocity_feedforward": "",
+    "acceleration_feedforward": "",
+    "friction": "rad",
+    "dead_time": "s",
+    "acceleration_limit": "rad/s^2; none: it never saturates",
+    "unexplained": "rad, largest error on motion that was not fitted",
+}
 
 
 def servo_yaml(found: Identification) -> str:
-    """The keys `servo` and `limits` of a job file, with identified values.
+    """The key `servo` of a job file, with identified values.
 
     Raises:
-        InvalidInput: The log does not determine the servo.
+        InvalidInput: The logs determine the servo of no joint.
     """
     servo = found.servo_model()
     lines = [
-        f"# Identified from {found.log.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {joint.name}: {_ranges(joint.estimates)}" for joint in found.joints),
-        "# Not explained by the model, RMS, in parts of the log that were predicted from others:",
-        f"#   {_list([1e3 * x.predicted_rms for x in found.joints])} mrad",
-        "servo:",
-        f"  order: {servo.order}",
-        f"  kp: {_list(servo.kp)}    # 1/s",
+        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
+        *(f"# {joint.name}: {joint.note or _ranges(joint.estimates)}" for joint in found.joints),
+        *([] if len(found.logs) > 1 else [f"# {ONE_PROGRAM}"]),
+        *servo_lines(servo, len(found.joints)),
     ]
-    if servo.kv is not None:
-        lines.append(f"  kv: {_list(servo.kv)}    # 1/s")
-    lines += [
-        f"  dead_time: {_list(servo.dead_time)}    # s",
-        *(
-            f"  {name}: {_list(getattr(servo, name))}"
-            for name in ("velocity_feedforward", "acceleration_feedforward")
-            if getattr(servo, name).any()
-        ),
-        f"  interpolation: {servo.interpolation}",
-    ]
-    limits = [x.acceleration for x in found.joints]
-    if all(x.determined for x in limits):
-        lines += [
-            "limits:",
-            f"  joint_acceleration: {_list([x.value for x in limits])}    # rad/s^2",
-        ]
-    else:
-        lines.append("# Not every acceleration limit is determined, so none is given.")
     return "\n".join(lines) + "\n"
+
+
+def servo_lines(servo: ServoModel, dof: int) -> list[str]:
+    """The key `servo` with one value per joint, as lines of YAML."""
+    orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
+    lines = ["servo:", f"  order: [{', '.join(orders)}]"]
+    for name, unit in LISTS.items():
+        values = getattr(servo, name)
+        if values is not None:
+            lines.append(f"  {name}: {_list(values)}{f'    # {unit}' if unit else ''}")
+    return [*lines, f"  cycle: {servo.cycle:.6g}    # s", f"  interpolation: {servo.interpolation}"]
 
 
 def identification_json(
@@ -70,7 +70,7 @@ def identification_json(
     """
     joints = [
         {
-            **{x: getattr(joint, x) for x in ("name", "order", "start")},
+            **{x: getattr(joint, x) for x in ("name", "order")},
             "parameters": [{x: getattr(y, x) for x in OF_PARAMETER} for y in joint.estimates],
             **{x: getattr(joint, x) for x in OF_JOINT},
         }
@@ -78,9 +78,10 @@ def identification_json(
     ]
     page: dict[str, Any] = {
         "version": __version__,
-        "log": found.log.source,
-        "samples": len(found.log.t),
+        "logs": [x.source for x in found.logs],
+        "samples": sum(len(x.t) for x in found.logs),
         "interpolation": found.interpolation,
+        "cycle": found.cycle,
         "determined": found.determined,
         "joints": joints,
     }
@@ -89,7 +90,6 @@ def identification_json(
             {
                 "log": x.log.source,
                 **{name: getattr(x, name).tolist() for name in OF_PREDICTION},
-                "largest": np.abs(x.errors).max(axis=0).tolist(),
             }
             for x in predictions
         ]
@@ -99,8 +99,8 @@ def identification_json(
 
 
 def _list(values: Any) -> str:
-    """Numbers as a list in YAML."""
-    return "[" + ", ".join(f"{float(x):.6g}" for x in values) + "]"
+    """Numbers as a list in YAML; `none` is infinity."""
+    return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
 
 
 def _ranges(estimates: Sequence[Estimate]) -> str:
@@ -110,8 +110,9 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
 
 def _range(x: Estimate) -> str:
     """An estimate with its range and unit, for a comment."""
-    scale, unit = (1e3, "ms") if x.name == "dead_time" else (1.0, x.unit)
+    scale, unit = x.shown
     name = x.name.replace("_", " ")
     if not x.determined:
         return f"{name} not determined"
-    return f"{name} {x.value * scale:.5g} [{x.low * scale:.5g}, {x.high * scale:.5g}] {unit}"
+    ends = f"{x.value * scale:.5g} [{x.low * scale:.5g}, {x.high * scale:.5g}]"
+    return f"{name} {ends} {unit}".rstrip()

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour._describing import digits
 from armcontour.identification import (
     Estimate,
@@ -19,7 +18,6 @@ from armcontour.report.figure import Figure, render_page
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
-    PATH_COLOUR,
     PLANNED_COLOUR,
     finish,
     line,
@@ -31,7 +29,9 @@ SYMBOLS = {
     "kv": "K_v",
     "dead_time": "dead time",
     "velocity_feedforward": "velocity feed-forward",
-    "acceleration": "acceleration limit",
+    "acceleration_feedforward": "acceleration feed-forward",
+    "acceleration_limit": "acceleration limit",
+    "friction": "friction",
     "viscous": "viscous friction",
     "coulomb": "Coulomb friction",
     "payload_mass": "payload, mass",
@@ -48,9 +48,9 @@ def render_identification(found: Identification) -> str:
         {
             "joint": joint,
             "rows": [_row(x) for x in joint.estimates],
-            "figures": _figures(found, j),
+            "figures": _figures(joint),
         }
-        for j, joint in enumerate(found.joints)
+        for joint in found.joints
     ]
     return render_page("identification.html", found=found, joints=joints)
 
@@ -112,36 +112,24 @@ def _row(x: Estimate) -> tuple[str, ...]:
     )
 
 
-def _figures(found: Identification, j: int) -> list[Any]:
-    """The figures of one joint."""
-    joint, log = found.joints[j], found.log
-    return [
-        _motion(joint, log.t, log.command[:, j], log.measured[:, j]),
-        _residuals(joint),
-    ]
-
-
-def _motion(
-    joint: JointIdentification, t: FloatArray, command: FloatArray, measured: FloatArray
-) -> Any:
-    """Figure of command, measured and simulated position of a joint."""
-    figure = Figure()
+def _figures(joint: JointIdentification) -> list[Any]:
+    """Figures of a joint: measured and predicted position, and residual, where not fitted."""
+    if not len(joint.t):
+        return []
+    motion, residual = Figure(), Figure()
     for curve, name, colour in (
-        ((t, command), "command", PATH_COLOUR),
-        ((t, measured), "measured", EXECUTED_COLOUR),
-        ((joint.t, joint.simulated), "simulated", PLANNED_COLOUR),
+        (joint.measured, "measured", EXECUTED_COLOUR),
+        (joint.unseen, "predicted from the other parts", PLANNED_COLOUR),
     ):
-        x, y = thin(*curve)
-        figure.add_trace(line(x, y, name, colour, width=1.5))
-    figure.update_xaxes(title="t [s]")
-    figure.update_yaxes(title="position [rad]")
-    return finish(figure, title=f"{joint.name}: command, measured and simulated")
-
-
-def _residuals(joint: JointIdentification) -> Any:
-    """Figure of the residuals of a joint."""
-    x, y = thin(joint.t, joint.residuals * 1e3)
-    figure = Figure(line(x, y, "measured less simulated", EXECUTED_COLOUR, width=1))
-    figure.update_xaxes(title="t [s]")
-    figure.update_yaxes(title="residual [mrad]")
-    return finish(figure, title=f"{joint.name}: residuals", height=320)
+        t, y = thin(joint.t, curve)
+        motion.add_trace(line(t, y, name, colour, width=1.5))
+    off = (joint.measured - joint.unseen) * 1e3
+    t, off = thin(joint.t, off)
+    residual.add_trace(line(t, off, "residual", LIMIT_COLOUR, width=1))
+    for figure, unit in ((motion, "position [rad]"), (residual, "residual [mrad]")):
+        figure.update_xaxes(title="t [s]")
+        figure.update_yaxes(title=unit)
+    return [
+        finish(motion, title=f"{joint.name}: measured and predicted where not fitted"),
+        finish(residual, title=f"{joint.name}: residuals where not fitted", height=320),
+    ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, evaluate, shift
+from armcontour.servo._command import Cubic, shift
 from armcontour.servo._response import (
     LARGEST_STEP,
     Motion,
