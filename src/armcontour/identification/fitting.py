@@ -186,7 +186,7 @@ class Problem:
             c = s.command
             offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
             begins += [offset, float(s.y[0] - offset), s.velocity][: self.b]
-        return np.clip(np.concatenate([own, begins]), self.low, self.high)
+        return np.asarray(np.clip(np.concatenate([own, begins]), self.low, self.high))
 
     def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
         """The unknowns of a problem with some of the stretches."""

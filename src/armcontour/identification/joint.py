@@ -85,7 +85,7 @@ def identify_joint(
         tracking_rms=tracking,
         rms=rms,
         largest=_largest(file, stretches),
-        unexplained=_largest(unseen, found.stretches),
+        unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
         **judged,
     )
 

@@ -84,7 +84,7 @@ class JointIdentification:
         largest: Their largest error [rad].
         unseen_rms: RMS error on parts that were not fitted, weighted by motion [rad].
         share: `unseen_rms`, divided by the tracking error that is weighted in the same way.
-        unexplained: Largest error on parts that were not fitted [rad].
+        unexplained: Largest error, also on parts that were not fitted [rad].
         noise: Noise of the encoder [rad].
         note: Why the joint is not written, or empty.
         t: Times of the predictions [s]; logs follow each other, with nan between them, (n,).
