@@ -213,7 +213,7 @@ class ServoModel(Value):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            shown = _per_joint([f"{x:g}" for x in np.atleast_1d(values * scale)])
+            shown = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
             found.append(f"{words} {shown} {unit}".rstrip())
         return ", ".join(found)
 
@@ -402,6 +402,11 @@ class ServoModel(Value):
 def sliding(rate: FloatArray) -> FloatArray:
     """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
+
+
+def _or_none(value: float) -> str:
+    """A value as text, as in a job file."""
+    return f"{value:g}" if np.isfinite(value) else "none"
 
 
 def _per_joint(shown: str | Sequence[str]) -> str:
