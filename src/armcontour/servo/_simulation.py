@@ -9,9 +9,9 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, shift
 from armcontour.servo._response import (
     LARGEST_STEP,
+    Cubic,
     Motion,
     Servo,
     Step,
@@ -19,6 +19,7 @@ from armcontour.servo._response import (
     fastest_rate,
     progresses,
     respond,
+    shift,
     transition,
 )
 
