@@ -34,6 +34,7 @@ from armcontour.robustness._monte_carlo import (
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
 from armcontour.servo.command import command_and_rates, polynomials
+from armcontour.servo.model import GAINS
 from armcontour.servo.simulation import CUBIC, STRAIGHT
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
@@ -474,7 +475,8 @@ class _Model:
             kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
             loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
             found = np.where(np.isfinite(kv), loop, found)
-        return float(max(found.max(), 1 / self.taught.period))
+        # Joints that only delay have no time constant.
+        return float(max(found.max(), GAINS[0]))
 
     def _lag(self) -> float:
         """Largest time by which the tool can lag behind the plan [s]."""

@@ -12,7 +12,6 @@ import math
 from typing import NamedTuple
 
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, shift
 
 # Largest length of a free motion, in shortest time constants of the servo: the slope of the demand
 # then has at most one extremum, and the series below converge to rounding errors.
@@ -44,6 +43,23 @@ MOST_PHASES = 100_000
 
 
 # Functions that run in every step are inlined: a call takes as long as they do.
+
+
+class Cubic(NamedTuple):
+    """Coefficients of a command that is a cubic in time [rad, rad/s, rad/s², rad/s³]."""
+
+    value: float
+    rate: float
+    second: float
+    third: float
+
+
+@compiled(inner=True, fastmath=FUSED)
+def shift(u: Cubic, t: float) -> Cubic:
+    """The same command, with time counted from t."""
+    value = u.value + t * (u.rate + t * (u.second + t * u.third))
+    rate = u.rate + t * (2 * u.second + t * 3 * u.third)
+    return Cubic(value, rate, u.second + 3 * u.third * t, u.third)
 
 
 class Servo(NamedTuple):

@@ -9,9 +9,9 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, shift
 from armcontour.servo._response import (
     LARGEST_STEP,
+    Cubic,
     Motion,
     Servo,
     Step,
@@ -19,6 +19,7 @@ from armcontour.servo._response import (
     fastest_rate,
     progresses,
     respond,
+    shift,
     transition,
 )
 
@@ -93,7 +94,7 @@ def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArra
 def stop_before(starts: FloatArray, at: int, until: float) -> float:
     """The time `until`, or that at which the next piece begins, if it does before [s]."""
     if at < len(starts) and starts[at] < until - NEAR:
-        return starts[at]
+        return float(starts[at])
     return until
 
 

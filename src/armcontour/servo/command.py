@@ -58,7 +58,7 @@ def cycle_commands(
         Commands, (dof, count).
     """
     raw = command_and_rates(q, period, servo.interpolation)[0]
-    times = (first + np.arange(-2, count)) * servo.cycle
+    times = np.asarray((first + np.arange(-2, count)) * servo.cycle, np.float64)
     u = sample_command(raw, period, servo.dead_time, times).T
     return cycle_feedforward(u, servo.cycle, servo)
 

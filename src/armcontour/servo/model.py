@@ -213,7 +213,7 @@ class ServoModel(Value):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            shown = _per_joint([f"{x:g}" for x in np.atleast_1d(values * scale)])
+            shown = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
             found.append(f"{words} {shown} {unit}".rstrip())
         return ", ".join(found)
 
@@ -300,7 +300,7 @@ class ServoModel(Value):
         return float(min(rate.min(), alone))
 
     def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds of the joints [rad/s²], (dof,) each; infinite without a velocity loop.
+        """Acceleration bounds of the joints [rad/s²], (dof,) each; none without a velocity loop.
 
         Args:
             lower: Lower bounds of the robot [rad/s²], (dof,); they hold without acceleration_limit.
@@ -337,7 +337,11 @@ class ServoModel(Value):
             InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self.kv)):
-            largest = 0.0 if values is None else float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            largest = (
+                0.0
+                if values is None
+                else float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            )
             if largest * period > MOST_TIME_CONSTANTS:
                 more = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
@@ -368,7 +372,7 @@ class ServoModel(Value):
         at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
         found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
         # A velocity that is held for a cycle is late by half of it.
-        bend = (1 / self._of_second(np.inf) + self.cycle / 2 * np.isinf(self._of_second(np.inf)))
+        bend = 1 / self._of_second(np.inf) + self.cycle / 2 * np.isinf(self._of_second(np.inf))
         bend = np.asarray(bend / self.kp)
         if not bend.any():
             return found
@@ -398,6 +402,11 @@ class ServoModel(Value):
 def sliding(rate: FloatArray) -> FloatArray:
     """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
+
+
+def _or_none(value: float) -> str:
+    """A value as text, as in a job file."""
+    return f"{value:g}" if np.isfinite(value) else "none"
 
 
 def _per_joint(shown: str | Sequence[str]) -> str:

@@ -78,8 +78,8 @@ class Simulation:
         Raises:
             ExecutionError: The motion cannot be computed.
         """
-        times = np.arange(begin * self.steps, end * self.steps + 1) * (self.period / self.steps)
-        return self.run_at(times, q, dq, bounds, held)
+        results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
+        return self.run_at(results * (self.period / self.steps), q, dq, bounds, held)
 
     def run_at(
         self,
@@ -130,7 +130,7 @@ class Simulation:
         first = int(np.floor(begin / cycle + SNAP))
         count = max(int(np.ceil(end / cycle - SNAP)) - first, 1)
         held = cycle_commands(self.q, self.period, self.servo, first, count)
-        return hold(held, first * cycle + np.arange(count) * cycle)
+        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle)
 
     def _refuse_stuck(self, j: int) -> None:
         """Raise ExecutionError for joint j."""
