@@ -204,7 +204,11 @@ def respond_within(
 
 
 def follow(
-    command: LoggedCommand, servo: JointServo, q0: float, dq0: float, cycle: float = 0.0
+    command: LoggedCommand,
+    servo: JointServo,
+    q0: float | FloatArray,
+    dq0: float | FloatArray,
+    cycle: float = 0.0,
 ) -> FloatArray:
     """Positions of a joint over its log, exact between the kinks of its command.
 
