@@ -28,6 +28,7 @@ SHOWN = {
     "velocity_feedforward": "f",
     "acceleration_feedforward": "g",
     "dead_time": "dead time",
+    "friction": "friction",
     "acceleration_limit": "limit",
 }
 
@@ -242,14 +243,14 @@ def _print(found: Identification, predictions: list[Prediction], out: FilePath |
             f"{x.name} ({x.share:.0%})" if math.isfinite(x.share) else x.name for x in refused
         )
         console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
+    shown = [x for x in SHOWN if any(x in y.parameters for y in found.joints)]
     rows = []
     for x in found.joints:
         errors = [f"{y * 1e3:.3g}" for y in (x.tracking_rms, x.unseen_rms, x.rms)]
         own = errors if x.parameters else ["", "", ""]
-        values = (getattr(x, name) for name in SHOWN)
-        rows.append([x.name, x.order, *own, *(_value(y) for y in values)])
+        rows.append([x.name, x.order, *own, *(_value(getattr(x, y)) for y in shown)])
     title = "RMS errors [mrad]; parameters in parentheses are not determined"
-    columns = [*("joint", "order", "tracking", "not fitted", "file"), *SHOWN.values()]
+    columns = ["joint", "order", "tracking", "not fitted", "file", *(SHOWN[x] for x in shown)]
     console.show_table(columns, rows, title=title)
     for y in predictions:
         every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.largest, strict=True)
