@@ -82,8 +82,9 @@ class JointIdentification:
         tracking_rms: RMS of command less measured position, about its mean [rad].
         rms: RMS error of the values that are written, on the logs that were fitted [rad].
         largest: Their largest error [rad].
-        unseen_rms: RMS error on parts that were not fitted, weighted by motion [rad].
-        share: `unseen_rms`, divided by the tracking error that is weighted in the same way.
+        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
+            worst log, with one log weighted by motion.
+        share: `unseen_rms`, divided by the tracking error of the same kind.
         unexplained: Largest error, also on parts that were not fitted [rad].
         noise: Noise of the encoder [rad].
         note: Why the joint is not written, or empty.
