@@ -16,6 +16,8 @@ from armcontour.motion import Log
 STEP = 1e-3
 # Share of the second differences of samples that lines cut off bends in the middle of samples.
 BENT = 1 / 8
+# Smallest noise of an encoder [rad]: less is rounding.
+LEAST_NOISE = 1e-7
 # Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
 CUT = 15.0
 
@@ -76,6 +78,12 @@ class Gridded:
     def speed(self) -> FloatArray:
         """Joint velocities at the start [rad/s], (dof,)."""
         return np.asarray((self.near[1] - self.near[0]) / self.step)
+
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviation of each joint's encoder, from third differences [rad], (dof,)."""
+        third = np.diff(self.log.measured, n=3, axis=0)
+        return np.asarray(np.maximum(np.sqrt(np.mean(third**2, axis=0) / 20), LEAST_NOISE))
 
     def command(self, delay: float) -> FloatArray:
         """The command on the grid after a dead time [rad], (n, dof)."""
