@@ -24,11 +24,13 @@ class Quantity:
         example: Text that users may write.
         sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
             at most WHOLE_TURN either way.
+        endless: Whether the text "none" stands for infinity.
     """
 
     unit: str
     example: str
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
+    endless: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,10 @@ ViscousFrictions = Annotated[FloatArray, VISCOUS]
 CoulombFrictions = Annotated[FloatArray, COULOMB]
 JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
 JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
-Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive")]
+Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True)]
+OwnAccelerations = Annotated[
+    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
+]
+AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", "not negative")]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", "not negative")]
 DeadTimes = Annotated[FloatArray, DEAD_TIME]

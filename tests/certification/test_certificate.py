@@ -266,7 +266,7 @@ def test_the_summary_repeats_it(certified):
     servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
     taught = ac.compensate(again, servo, method=repeat["compensation"], period=repeat["period"])
     np.testing.assert_array_equal(taught.q, certified.taught.q)
-    assert data["goal"]["servo"] == 2e-6 and "kp 25 1/s and kv 150 1/s" in data["model"]
+    assert data["goal"]["servo"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
     assert data["duration"] == certified.duration == again.duration
 
 

@@ -199,7 +199,6 @@ def test_what_is_not_given_and_one_gain_for_all_joints():
 
 def test_refusals(refuses):
     both = {"kp": 25.0, "kv": 150.0}
-    first = {"kp": 25.0, "order": "first"}
     for values, *words in (
         ({"kp": 25.0}, "kv"),
         (both | {"order": "first"}, "kv"),
@@ -208,9 +207,15 @@ def test_refusals(refuses):
         *((both | {"kp": x}, "kp") for x in (0.0, [25.0, 0.0], [], [[25.0]], np.nan, "high")),
         (both | {"kv": -1.0}, "kv", "-1.0"),
         *((both | {k: x}, k) for k in both for x in (1e300, 1e15, 1e9, 1e-12, 5e-324)),
-        *((both | {"velocity_feedforward": x}, "velocity_feed") for x in (2.5, [1.0, -0.1])),
+        *((both | {"velocity_feedforward": x}, "velocity_feed") for x in (3.5, [1.0, -0.1])),
         (both | {"acceleration_feedforward": 1.0}, "give velocity_feedforward"),
-        (first | {"acceleration_feedforward": 1.0}, "order first"),
+        (
+            both | {"order": ("second", "delay"), "kv": [150.0, np.inf], "kp": np.inf},
+            "kp is missing",
+        ),
+        (both | {"friction": -1e-3}, "friction"),
+        (both | {"cycle": 1.0}, "cycle"),
+        (both | {"acceleration_limit": [1.0, 0.0]}, "acceleration_limit"),
         (both | {"interpolation": "step", "acceleration_feedforward": 1.0}, "held set-points"),
         (both | {"interpolation": "quintic"}, "interpolation"),
     ):

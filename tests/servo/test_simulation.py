@@ -1,14 +1,11 @@
 """Ranges of the demand over all time, and time steps that make no progress."""
 
-import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.servo._response import Servo
-from armcontour.servo._sensitivity import move_limited
 from armcontour.servo.simulation import Simulation
 
 
@@ -23,19 +20,12 @@ def test_a_joint_that_cannot_be_simulated_is_named():
                 dead_time=np.zeros(2),
                 interpolation=interpolation,
                 has_feedforward=False,
+                friction=np.zeros(2),
+                cycle=0.0,
             )
+            run = Simulation(q, 4e-3, servo)
             with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
-                Simulation(q, 4e-3, servo)
-
-
-def test_joints_of_a_log_that_cannot_be_simulated_or_are_not_numbers_end_too():
-    for value, servo in (
-        (0.0, Servo(1e300, 1e300, -1e30, 1e30)),
-        (math.nan, Servo(25.0, 150.0, -1.0, 1.0)),
-    ):
-        state, scratch, seen = np.full((2, 1), value), np.zeros((3, 4)), np.zeros(2)
-        move_limited(state, scratch, servo, 0.0, 1.0, np.zeros(8), 1.0, seen)
-        assert math.isnan(state[0, 0]) and (value or math.isnan(seen[0])), servo
+                run.run(0, 3, q[0], np.zeros(2))
 
 
 PERIOD, BOUND = 1e-3, 3.0

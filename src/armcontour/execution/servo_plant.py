@@ -47,14 +47,15 @@ class ServoPlant(Locked, Plant):
         limits: Limits with the joint accelerations or torques that saturate; the arm's own by
             default.
         saturation: Which limit saturates a servo of second order. "acceleration" is (7):
-            joint_acceleration, and joint_deceleration in the negative direction if it is given.
+            acceleration_limit of the servo, or without one joint_acceleration, and
+            joint_deceleration in the negative direction if it is given.
             "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
             state at the start of each command interval, where T is joint_torque and b is the torque
             of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints
             are neglected. "none" never saturates. The default is "acceleration" if there are such
             limits; else "torque" if there are such limits and the arm has masses; else "none". A
-            servo of first order has no limited acceleration: it allows only "none", and its demands
-            are its accelerations.
+            joint of another order than "second" has no limited acceleration, and its demands are
+            its accelerations.
 
     Once made, a plant does not change.
 
@@ -81,12 +82,12 @@ class ServoPlant(Locked, Plant):
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         own = choose_limits("A ServoPlant", arm, limits)
-        self.saturation = _saturation(saturation, servo.order, own, arm)
+        self.saturation = _saturation(saturation, self.servo, own, arm)
         self.torque_limit: FloatArray | None = None
         self.acceleration: FloatArray = np.full(arm.dof, np.inf)
         self.lower: FloatArray = -self.acceleration
         if self.saturation == "acceleration":
-            self.lower, self.acceleration = own.acceleration_bounds(arm.dof)
+            self.lower, self.acceleration = self.servo.saturate(*own.acceleration_bounds(arm.dof))
         if self.saturation == "torque":
             if own.joint_torque is None:
                 raise InvalidInput(
@@ -154,7 +155,10 @@ class ServoPlant(Locked, Plant):
                 limits = TorqueBounds(self.arm, self.torque_limit, taught)
                 bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
             at = (phase + np.arange(PARTS + 1) / PARTS) * width
-            own = self.servo, bounds, k, at, (x.q[i], x.dq[i])
+            held = np.clip(x.demand[i], *bounds)
+            if self.servo.cycle and self.servo.kv is None:
+                held = x.dq[i]
+            own = self.servo, bounds, k, at, (x.q[i], x.dq[i], held)
             t, *states = respond_within(taught.q, taught.period, *own)
             parts.append((t - at[0] + x.t[i], *states))
         columns = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -169,8 +173,10 @@ class ServoPlant(Locked, Plant):
             width: Time between two of them [s].
         """
         servo = self.servo
-        jumps = servo.interpolation == "step" or servo.has_feedforward
-        if servo.kv is None or jumps or self.torque_limit is not None:
+        jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
+        if servo.order != "second" or servo.kv is None or jumps or servo.cycle:
+            return False
+        if self.torque_limit is not None:
             return False
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
@@ -233,21 +239,25 @@ class ServoPlant(Locked, Plant):
         return ServoRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
-def _saturation(asked: str | None, order: str, limits: Limits, arm: Arm) -> str:
+def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
     """The given saturation, or the default one for None.
 
     Raises:
-        InvalidInput: The saturation is unknown, or the servo is of first order and cannot saturate.
+        InvalidInput: The saturation is unknown, or no joint is of second order and can saturate.
     """
+    second = servo.kv is not None
     if asked is None:
-        if order == "second" and limits.joint_acceleration is not None:
+        if servo.acceleration_limit is not None:
+            limited = second and np.isfinite(servo.acceleration_limit).any()
+            return "acceleration" if limited else "none"
+        if second and limits.joint_acceleration is not None:
             return "acceleration"
-        torque = order == "second" and limits.joint_torque is not None and arm.has_bodies
+        torque = second and limits.joint_torque is not None and arm.has_bodies
         return "torque" if torque else "none"
     _checks.choice("saturation", asked, SATURATIONS)
-    if order == "first" and asked != "none":
+    if not second and asked != "none":
         raise InvalidInput(
-            f"A servo of order first has no acceleration that its {asked} could limit: leave "
-            "saturation out, or take a servo of order second."
+            f"A servo of order {servo.order} has no acceleration that its {asked} could limit: "
+            "leave saturation out, or take a servo of order second."
         )
     return asked

@@ -122,6 +122,7 @@ class ServoRun:
         lower, upper = (np.array(x) for x in accelerations)
         self.bounds, self.torque = (lower, upper), torque
         self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
+        self.held: FloatArray | None = None
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
         """Simulate some command intervals.
@@ -152,7 +153,8 @@ class ServoRun:
         bounds: tuple[FloatArray, FloatArray],
     ) -> Part:
         """Simulate some command intervals with constant acceleration bounds."""
-        run = self.simulation.run(begin, begin + count, q, dq, bounds)
+        run = self.simulation.run(begin, begin + count, q, dq, bounds, self.held)
+        self.held = run.held
         position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
         ddq = np.clip(demand, *bounds)
         extremes = np.stack([run.lowest, run.highest])

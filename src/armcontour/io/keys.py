@@ -259,6 +259,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
         return number if of is float else number | list[number]  # type: ignore[valid-type]
     if isinstance(mark, Choice):
         known: Any = Literal[mark.known]
+        if of is not str:
+            return known | list[known]
         return Annotated[(known, *marks[1:])] if marks[1:] else known
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least)]

@@ -144,6 +144,8 @@ def read_quantity(value: Any, kind: Quantity) -> float:
     Raises:
         ValueError: No quantity of this unit, or out of range.
     """
+    if kind.endless and value == "none":
+        return math.inf
     found = read_plain(value, kind)
     outside, words = {
         "any": (False, ""),

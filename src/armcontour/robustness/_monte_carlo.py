@@ -1,7 +1,4 @@
-"""Compiled executions of many robots, each with its contour error.
-
-The joints respond as in `execution`, by the functions of `servo/_response.py`.
-"""
+"""Compiled executions of many robots, each with its contour error; joints respond by `march`."""
 
 from __future__ import annotations
 
@@ -14,9 +11,8 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.arms._tool_point import Robot, tool_in_plane, tool_in_space, tool_point
 from armcontour.robustness._nearest_place import find_nearest
-from armcontour.servo._command import SNAP, Cubic, shift
-from armcontour.servo._response import Motion, Servo, respond, transition
-from armcontour.servo._simulation import Parts, divide, prepare, run_joint
+from armcontour.servo._response import Motion, Servo
+from armcontour.servo._simulation import march
 
 # Number of command intervals simulated at a time: their results fit in the processor's cache.
 CHUNK = 64
@@ -28,6 +24,8 @@ STILL_SPEED = 1e-9
 # evaluated at this many finer steps. A vertex with a smaller turn than CORNER [rad] is no corner.
 FINER = 16
 CORNER = 1e-3
+# Times that differ by less than this many intervals between results are equal.
+SNAP = 1e-9
 # Status at the end of an execution.
 SETTLED, RESTLESS, STUCK = 0, 1, 2
 
@@ -73,9 +71,10 @@ class Drive(NamedTuple):
 
     Attributes:
         commands: Polynomials of the commands, (dof, n + 1, 4).
-        rates, bends: What feed-forward adds to them, times `kp` and `kp kv`; (dof, 0, 4) without.
+        rates, bends: What feed-forward adds to them, times `kp` and `kp kv` (`kp` for a servo of
+            first order); (dof, 0, 4) without.
         inertia: Inertia of 1 kg at the tool over each joint's own, (dof, n) [1/kg].
-        straight: Whether the commands are linear or constant between set-points.
+        kind: Kind of the commands, as in `march`.
         lower, upper: Acceleration bounds [rad/s²], (dof,).
     """
 
@@ -83,7 +82,7 @@ class Drive(NamedTuple):
     rates: FloatArray
     bends: FloatArray
     inertia: FloatArray
-    straight: bool
+    kind: int
     lower: FloatArray
     upper: FloatArray
 
@@ -192,21 +191,35 @@ def _load_servo(servo: Servo, load: float, inertia: FloatArray, k: int) -> Servo
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _fed_forward(drive: Drive, kp: FloatArray, kv: FloatArray) -> Drive:
-    """The commands with what feed-forward adds at the gains of a robot [1/s], (dof,) each."""
+def _commands_of(
+    drive: Drive, clock: Clock, kp: FloatArray, kv: FloatArray, dead: FloatArray, late: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The commands of a robot, (dof, n + 1, 4), and the times of set-points at it, (dof, n) [s].
+
+    Args:
+        drive: What all robots share.
+        clock: The times.
+        kp: Position gains [1/s], (dof,).
+        kv: Velocity gains [1/s], (dof,).
+        dead: Dead times [s], (dof,).
+        late: Delays of the set-points [s], (n,), or (0,) without jitter. The controller
+            interpolates between two set-points over the time between their arrivals.
+    """
     commands = drive.commands.copy()
-    for j in range(len(commands)):
-        a, b = 1 / kp[j], 1 / (kp[j] * kv[j]) if kv[j] > 0.0 else 0.0
-        commands[j] += a * drive.rates[j] + b * drive.bends[j]
-    return Drive(
-        commands,
-        drive.rates,
-        drive.bends,
-        drive.inertia,
-        drive.straight,
-        drive.lower,
-        drive.upper,
-    )
+    dof, n = len(commands), commands.shape[1] - 1
+    starts = np.empty((dof, n))
+    for j in range(dof):
+        if drive.rates.shape[1]:
+            a = 1 / kp[j]
+            commands[j] += a * drive.rates[j] + (a / kv[j] if kv[j] > 0.0 else a) * drive.bends[j]
+        for k in range(n):
+            starts[j, k] = k * clock.period + dead[j] + (late[k] if len(late) else 0.0)
+            if len(late) and k > 0:
+                rate = clock.period / (starts[j, k] - starts[j, k - 1])
+                commands[j, k, 1] *= rate
+                commands[j, k, 2] *= rate**2
+                commands[j, k, 3] *= rate**3
+    return commands, starts
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -214,7 +227,7 @@ def _motion(states: States, j: int, servo: Servo) -> Motion:
     """The motion of a joint so far; its range of demands is plus and minus the largest so far."""
     limit = min(-servo.lower, servo.upper)
     most = states.ratio[j] * limit if limit < math.inf else math.inf
-    return Motion(states.q[j], states.w[j], states.saturated[j], -most, most)
+    return Motion(states.q[j], states.w[j], 0.0, states.saturated[j], -most, most)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -224,125 +237,6 @@ def _keep(m: Motion, servo: Servo, states: States, j: int) -> bool:
     states.q[j], states.w[j], states.saturated[j] = m.q, m.w, m.saturated
     states.ratio[j] = max(-m.lowest, m.highest) / limit if limit < math.inf else 0.0
     return math.isfinite(m.q + m.w)
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _run_evenly(
-    servo: Servo,
-    drive: Drive,
-    parts: Parts,
-    load: float,
-    j: int,
-    begin: int,
-    end: int,
-    states: States,
-    out: FloatArray,
-) -> bool:
-    """Simulate a joint over command intervals without jitter.
-
-    Args:
-        servo: The servo of the joint without payload.
-        drive: Commands and properties that all robots share.
-        parts: Division of the command interval, as `divide` makes it.
-        load: Additional mass at the tool [kg].
-        j: Index of the joint.
-        begin: First command interval.
-        end: The interval after the last one.
-        states: States of all joints, updated.
-        out: Output: results of the joint, as `run_joint` writes them.
-
-    Returns:
-        Whether the motion could be computed.
-    """
-    command, inertia = drive.commands[j], drive.inertia[j]
-    if load == 0.0:
-        m = run_joint(servo, command, parts, j, begin, end, _motion(states, j, servo), out)
-        return _keep(m, servo, states, j)
-    steps = parts.width.shape[1] - 1
-    for k in range(begin, end):
-        loaded = _load_servo(servo, load, inertia, k)
-        if not prepare(loaded, drive.straight, parts, j):
-            return False
-        rows = out[(k - begin) * steps : (k - begin + 1) * steps]
-        m = run_joint(loaded, command, parts, j, k, k + 1, _motion(states, j, loaded), rows)
-        if not _keep(m, loaded, states, j):
-            return False
-    return True
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _play(command: FloatArray, i: int, rate: float, t: float) -> Cubic:
-    """The cubic of interval i, executed faster by a factor `rate`, from its time t [s] on."""
-    b, c, d = command[i, 1] * rate, command[i, 2] * rate**2, command[i, 3] * rate**3
-    return shift(Cubic(command[i, 0], b, c, d), t)
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _run_unevenly(
-    servo: Servo,
-    drive: Drive,
-    clock: Clock,
-    dead: float,
-    late: FloatArray,
-    load: float,
-    j: int,
-    begin: int,
-    end: int,
-    states: States,
-    out: FloatArray,
-) -> bool:
-    """Simulate a joint over command intervals with jitter.
-
-    Set-point k arrives `dead + late[k]` after its time. The controller interpolates between two
-    set-points over the time between their arrivals.
-
-    Args:
-        servo: The servo of the joint without payload.
-        drive: Commands and properties that all robots share.
-        clock: The times.
-        dead: Dead time [s].
-        late: Delays of the set-points [s], (n,).
-        load: Additional mass at the tool [kg].
-        j: Index of the joint.
-        begin: First command interval.
-        end: The interval after the last one.
-        states: States of all joints, updated.
-        out: Output: positions of the joint in column 0.
-
-    Returns:
-        Whether the motion is finite.
-    """
-    command, inertia = drive.commands[j], drive.inertia[j]
-    period, steps = clock.period, clock.steps
-    last = len(command) - 1
-    now = begin * period
-    # Index of the command's interval at the time `now`; it starts with set-point `at - 1`.
-    at = min(max(begin - int((dead + late[0]) / period) - 2, 0), last)
-    loaded = servo
-    m = _motion(states, j, servo)
-    for row in range((end - begin) * steps):
-        until = begin * period + (row + 1) * (period / steps)
-        if load != 0.0:
-            _keep(m, loaded, states, j)
-            loaded = _load_servo(servo, load, inertia, begin + row // steps)
-            m = _motion(states, j, loaded)
-        while until - now > SNAP * period:
-            come = at * period + dead + late[at] if at < last else math.inf
-            if come - now <= SNAP * period:
-                at += 1
-                continue
-            stop = min(until, come)
-            if 0 < at < last:
-                came = (at - 1) * period + dead + late[at - 1]
-                u = _play(command, at, period / (come - came), now - came)
-            else:
-                u = Cubic(command[at, 0], 0.0, 0.0, 0.0)
-            step = transition(loaded.kp, loaded.kv, stop - now, drive.straight)
-            m = respond(loaded, step, u, m)
-            now = stop
-        now = until
-        out[row, 0] = m.q
-    return _keep(m, loaded, states, j)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -505,35 +399,55 @@ def _bound_speed(kp: FloatArray, kv: FloatArray, goal: FloatArray, states: State
     for j in range(len(goal)):
         e, w = states.q[j] - goal[j], states.w[j]
         # The energy of a joint decreases, whether the joint is saturated or not.
-        total += kp[j] * abs(e) if kv[j] == 0.0 else math.sqrt(w * w + kp[j] * kv[j] * e * e)
+        if kv[j] > 0.0:
+            total += math.sqrt(w * w + kp[j] * kv[j] * e * e)
+        elif e != 0.0:
+            total += kp[j] * abs(e)
     return total
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True, allocates=True, fastmath=FUSED)
 def _advance_joints(
-    i: int,
     clock: Clock,
     drive: Drive,
-    samples: Samples,
-    parts: Parts,
+    gains: tuple[FloatArray, FloatArray, float],
+    commands: FloatArray,
+    starts: FloatArray,
     begin: int,
     end: int,
     states: States,
     places: FloatArray,
 ) -> bool:
-    """Simulate all joints of a sample over command intervals; returns whether it was possible."""
-    s, load = samples, samples.payload[i]
-    for j in range(len(drive.commands)):
-        servo = Servo(s.kp[i, j], s.kv[i, j], drive.lower[j], drive.upper[j])
-        if s.jitter.shape[1]:
-            dead, own = s.dead_time[i, j], s.jitter[i]
-            done = _run_unevenly(
-                servo, drive, clock, dead, own, load, j, begin, end, states, places[j]
-            )
-        else:
-            done = _run_evenly(servo, drive, parts, load, j, begin, end, states, places[j])
-        if not done:
-            return False
+    """Simulate all joints of a robot over command intervals; returns whether it was possible.
+
+    Args:
+        clock: The times.
+        drive: What all robots share.
+        gains: Gains kp and kv [1/s], (dof,) each, and additional mass at the tool [kg].
+        commands: The commands of the robot.
+        starts: The times of its set-points.
+        begin: First command interval.
+        end: The interval after the last one.
+        states: States of all joints, updated.
+        places: Output: results of all joints.
+    """
+    kp, kv, load = gains
+    steps = clock.steps
+    times = np.empty((end - begin) * steps + 1)
+    for i in range(len(times)):
+        times[i] = begin * clock.period + i * (clock.period / steps)
+    # A payload changes gain and limits in every interval.
+    chunk = end - begin if load == 0.0 else 1
+    for j in range(len(commands)):
+        servo = Servo(kp[j], kv[j], drive.lower[j], drive.upper[j])
+        for k in range(begin, end, chunk):
+            own = servo if load == 0.0 else _load_servo(servo, load, drive.inertia[j], k)
+            first, last = (k - begin) * steps, (k - begin + chunk) * steps
+            m = _motion(states, j, own)
+            some = times[first : last + 1]
+            m = march(own, drive.kind, commands[j], starts[j], some, m, places[j, first:last])
+            if not _keep(m, own, states, j):
+                return False
     return True
 
 
@@ -556,23 +470,16 @@ def _execute(
     """
     period = clock.period
     kp, kv, dead = samples.kp[i], samples.kv[i], samples.dead_time[i]
-    if drive.rates.shape[1]:
-        drive = _fed_forward(drive, kp, kv)
-    commands = drive.commands
+    commands, starts = _commands_of(drive, clock, kp, kv, dead, samples.jitter[i])
     dof, knots = len(commands), commands.shape[1] - 1
-    parts = divide(period, clock.steps, dead)
+    gains = kp, kv, samples.payload[i]
     places = np.empty((dof, CHUNK * clock.steps, 3))
-    ready = True
     for j in range(dof):
-        servo = Servo(kp[j], kv[j], drive.lower[j], drive.upper[j])
-        ready = prepare(servo, drive.straight, parts, j) and ready
         states.q[j] = places[j, 0, 0] = commands[j, 0, 0]
         states.w[j] = states.saturated[j] = states.ratio[j] = 0.0
     x, y, z = tool_point(robot, places[:, 0, 0], anchors)
     d2, segment = find_nearest(x, y, z, line.table, line.around, 0, line.low[0], line.high[0])
     e = Errors(0.0, d2, d2, x, y, z, 0.0, 0.0, 0.0, clock.finish, 0.0, 0.0)
-    if not ready:
-        return e, STUCK
     # From this interval on all commands are constant.
     quiet = knots + int(math.ceil(dead.max() / period)) + 1
     fixed = int(math.ceil((clock.finish - clock.start) / period))
@@ -580,7 +487,7 @@ def _execute(
     done = 0
     while True:
         end = min(done + CHUNK, stop)
-        if not _advance_joints(i, clock, drive, samples, parts, done, end, states, places):
+        if not _advance_joints(clock, drive, gains, commands, starts, done, end, states, places):
             return e, STUCK
         segment, e = _measure(robot, line, clock, done, end, segment, places, anchors, e)
         done = end

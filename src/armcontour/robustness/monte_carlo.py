@@ -33,7 +33,9 @@ from armcontour.robustness._monte_carlo import (
 )
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
-from armcontour.servo.command import command_and_rates
+from armcontour.servo.command import command_and_rates, polynomials
+from armcontour.servo.model import GAINS
+from armcontour.servo.simulation import CUBIC, STRAIGHT
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -295,7 +297,7 @@ class _Model:
         until: float | None,
     ) -> None:
         dof = arm.dof
-        self.taught, self.box, self.dof, self.second = taught, box, dof, servo.order == "second"
+        self.taught, self.box, self.dof, self.second = taught, box, dof, servo.kv is not None
         self.servo = servo.for_joints(dof)
         self.spans = spans_of(box, self.servo, arm, taught.period)
         # In the middle of its range the payload may be another one than the arm's.
@@ -312,9 +314,7 @@ class _Model:
                 f"{dof}."
             )
         own = (arm.limits if limits is None else limits).for_joints(dof)
-        lower, upper = (np.array(x) for x in own.acceleration_bounds(dof))
-        if not self.second:
-            lower, upper = np.full(dof, -np.inf), np.array(upper)
+        lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
         duration = taught.trajectory.duration
         end = duration if until is None else _checks.positive("until", until, "s")
         patience = max(PATIENCE, PATIENCE_IN_DURATIONS * len(taught.q) * taught.period)
@@ -329,16 +329,15 @@ class _Model:
         self.clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed)
         self.rest = Rest(reach, last + patience)
         self.line = _line(path, taught, arm, self._lag())
-        straight = servo.interpolation != "cubic"
-        command, first, second = command_and_rates(taught.q, taught.period, servo.interpolation)
+        kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
+        own_servo = self.servo
+        _, first, second = command_and_rates(taught.q, taught.period, servo.interpolation)
+        command = polynomials(taught.q, taught.period, own_servo.without_feedforward())
         rates = bends = np.zeros((dof, 0, 4))
         if servo.has_feedforward:
-            each = servo.for_joints(dof)
-            rates = each.velocity_feedforward[:, None, None] * first
-            bends = each.acceleration_feedforward[:, None, None] * second
-        self.drive = Drive(
-            command, rates, bends, _inertia(arm, taught, box), straight, lower, upper
-        )
+            rates = own_servo.velocity_feedforward[:, None, None] * first
+            bends = own_servo.acceleration_feedforward[:, None, None] * second
+        self.drive = Drive(command, rates, bends, _inertia(arm, taught, box), kind, lower, upper)
 
     def span(self, signs: FloatArray) -> FloatArray:
         """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
@@ -364,7 +363,10 @@ class _Model:
         errors[-1] = 0.0
         dof, servo = self.dof, self.servo
         kp = servo.kp * (1 + errors[:, :dof])
-        kv = np.zeros_like(kp) if servo.kv is None else servo.kv * (1 + errors[:, dof : 2 * dof])
+        kv = np.zeros_like(kp)
+        if servo.kv is not None:
+            loop = np.isfinite(servo.kv)
+            kv[:, loop] = (servo.kv * (1 + errors[:, dof : 2 * dof]))[:, loop]
         # Below zero by rounding only; larger errors have been refused.
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
@@ -377,7 +379,7 @@ class _Model:
             saturated=found.saturated[:-1],
             demand_ratio=found.demand_ratio[:-1],
             kp=kp[:-1],
-            kv=kv[:-1] if self.second else None,
+            kv=np.where(kv[:-1] > 0, kv[:-1], np.inf) if self.second else None,
             dead_time=late[:-1],
             payload=payload[:-1],
             seed=seed,
@@ -468,10 +470,13 @@ class _Model:
     def _fastest(self) -> float:
         """Rate of the fastest servo in the box: the inverse of its time constant [1/s]."""
         kp = self.servo.kp * (1 + self.spans[: self.dof])
-        if self.servo.kv is None:
-            return float(kp.max())
-        kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
-        return float(np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv)).max())
+        found = np.where(np.isfinite(kp), kp, 0.0)
+        if self.servo.kv is not None:
+            kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
+            loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
+            found = np.where(np.isfinite(kv), loop, found)
+        # Joints that only delay have no time constant.
+        return float(max(found.max(), GAINS[0]))
 
     def _lag(self) -> float:
         """Largest time by which the tool can lag behind the plan [s]."""
@@ -577,6 +582,11 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
         raise InvalidInput(
             f"A jitter of {box.jitter:g} s is not below half the command interval of "
             f"{period:g} s, so that set-points could come in another order."
+        )
+    if servo.cycle:
+        raise InvalidInput(
+            "Robots with uncertain parameters are simulated with continuous loops only: leave "
+            "cycle out of the servo, or set it to 0."
         )
     if box.jitter and servo.has_feedforward:
         raise InvalidInput(

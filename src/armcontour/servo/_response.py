@@ -12,7 +12,6 @@ import math
 from typing import NamedTuple
 
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, shift
 
 # Largest length of a free motion, in shortest time constants of the servo: the slope of the demand
 # then has at most one extremum, and the series below converge to rounding errors.
@@ -46,6 +45,23 @@ MOST_PHASES = 100_000
 # Functions that run in every step are inlined: a call takes as long as they do.
 
 
+class Cubic(NamedTuple):
+    """Coefficients of a command that is a cubic in time [rad, rad/s, rad/s², rad/s³]."""
+
+    value: float
+    rate: float
+    second: float
+    third: float
+
+
+@compiled(inner=True, fastmath=FUSED)
+def shift(u: Cubic, t: float) -> Cubic:
+    """The same command, with time counted from t."""
+    value = u.value + t * (u.rate + t * (u.second + t * u.third))
+    rate = u.rate + t * (2 * u.second + t * 3 * u.third)
+    return Cubic(value, rate, u.second + 3 * u.third * t, u.third)
+
+
 class Servo(NamedTuple):
     """Gains [1/s] and acceleration bounds [rad/s²] of one joint; kv = 0 means first order."""
 
@@ -58,12 +74,14 @@ class Servo(NamedTuple):
 class Motion(NamedTuple):
     """State of a joint, and accumulated results.
 
-    They are position q [rad] and velocity w [rad/s]; time in saturation [s], and lowest and highest
-    demand [rad/s²] up to now.
+    They are position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a
+    drive with a cycle holds; time in saturation [s], and lowest and highest demand [rad/s²] up to
+    now.
     """
 
     q: float
     w: float
+    held: float
     saturated: float
     lowest: float
     highest: float
@@ -516,14 +534,14 @@ def progresses(kp: float, kv: float, span: float) -> bool:
 @compiled(inner=True, fastmath=FUSED)
 def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint of second order over a step, event by event."""
-    q, w, saturated, lowest, highest = m
+    q, w, _, saturated, lowest, highest = m
     now = side = 0.0
     span = step.time
     phases = 0
     while now < span:
         phases += 1
         if phases > MOST_PHASES:
-            return Motion(math.nan, math.nan, saturated, lowest, highest)
+            return Motion(math.nan, math.nan, 0.0, saturated, lowest, highest)
         left = span - now
         p = next_phase(servo, shift(u, now), q, w, side, left, span, step)
         q, w, side = p.q, p.w, p.following
@@ -531,7 +549,7 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
         if p.side != 0.0:
             saturated += p.time
         now = now + p.time if p.time < left else span
-    return Motion(q, w, saturated, lowest, highest)
+    return Motion(q, w, 0.0, saturated, lowest, highest)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -610,7 +628,7 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
         if 0.0 < turn < t:
             most = line + rate * turn + rate / kp
             lowest, highest = min(lowest, most), max(highest, most)
-    return Motion(q, w, 0.0, lowest, highest)
+    return Motion(q, w, 0.0, 0.0, lowest, highest)
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
@@ -640,10 +658,10 @@ def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     bottom, top = _bound_demand(servo, u, z, dz, last, dlast, t)
     # Most steps return here: no saturation, and no new extreme of the demand.
     if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
-        return Motion(q, w, m.saturated, low, high)
+        return Motion(q, w, 0.0, m.saturated, low, high)
     if dz * dlast < 0.0:
         most = _demand_extremum(servo, u, z, dz, last, dlast, t)
         low, high = min(low, most), max(high, most)
         if servo.lower <= min(last, most) and max(last, most) <= servo.upper:
-            return Motion(q, w, m.saturated, low, high)
+            return Motion(q, w, 0.0, m.saturated, low, high)
     return _respond_by_events(servo, step, u, m)

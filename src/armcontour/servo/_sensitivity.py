@@ -13,11 +13,11 @@ import math
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import compiled
-from armcontour.servo._command import Cubic
 from armcontour.servo._response import (
     LARGEST_STEP,
     MOST_PHASES,
     SERIES,
+    Cubic,
     Servo,
     fastest_rate,
     modes,

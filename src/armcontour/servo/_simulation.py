@@ -1,4 +1,4 @@
-"""Compiled simulation of joints over command intervals."""
+"""Compiled simulation of joints from command to command: the one march of a joint's servo."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._command import Cubic, divide_interval, shift
 from armcontour.servo._response import (
     LARGEST_STEP,
+    Cubic,
     Motion,
     Servo,
     Step,
@@ -19,15 +19,20 @@ from armcontour.servo._response import (
     fastest_rate,
     progresses,
     respond,
+    shift,
     transition,
 )
 
 # Steps may exceed their largest length by rounding errors.
 SLACK = 1 - 1e-9
+# Times and time spans [s] that differ by less than this are equal; rounding of times is less.
+NEAR = 4e-12
+# Time spans whose free motions are kept, and columns of one: span, repeats and the step.
+KEPT, COLUMNS = 4, 13
 
 
 class Joints(NamedTuple):
-    """Gains and acceleration bounds of all joints, (dof,) each, as in `Servo`."""
+    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`."""
 
     kp: FloatArray
     kv: FloatArray
@@ -35,185 +40,211 @@ class Joints(NamedTuple):
     upper: FloatArray
 
 
-class Parts(NamedTuple):
-    """Parts of a command interval of each joint.
-
-    `number` is the number of parts, (dof,); `width, local, late, due` are as in `divide_interval`,
-    (dof, parts); each part is simulated in `repeats` equal steps, (dof, parts), with the free
-    motions `steps`, (dof, parts, 11).
-    """
-
-    number: IntArray
-    width: FloatArray
-    local: FloatArray
-    late: IntArray
-    due: IntArray
-    repeats: IntArray
-    steps: FloatArray
-
-
 class Run(NamedTuple):
     """Simulated motion of all joints.
 
-    `states` are position, velocity and demand at n results, (dof, n, 3); the others are time in
-    saturation, lowest and highest demand, and True if the motion could not be computed, (dof,).
+    `states` are position, velocity and demand at n results, (rows, n, 3); the others are time in
+    saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
+    holds at the end, and True if the motion could not be computed, (rows,).
     """
 
     states: FloatArray
     saturated: FloatArray
     lowest: FloatArray
     highest: FloatArray
+    held: FloatArray
     stuck: BoolArray
 
 
-@compiled(fastmath=FUSED)
-def divide(period: float, steps: int, dead_time: FloatArray) -> Parts:
-    """The parts of a command interval, with room for repeats and free motions.
-
-    Args:
-        period: Command interval [s].
-        steps: Number of results per interval.
-        dead_time: Dead time of each joint [s], (dof,).
-    """
-    dof, most = len(dead_time), steps + 1
-    width, local = np.empty((dof, most)), np.empty((dof, most))
-    late, due = np.empty((dof, most), np.intp), np.empty((dof, most), np.intp)
-    number, repeats = np.empty(dof, np.intp), np.empty((dof, most), np.intp)
-    for j in range(dof):
-        number[j] = divide_interval(
-            period, steps, dead_time[j], width[j], local[j], late[j], due[j]
-        )
-    return Parts(number, width, local, late, due, repeats, np.empty((dof, most, 11)))
+@compiled(inner=True, fastmath=FUSED)
+def find_piece(starts: FloatArray, now: float) -> int:
+    """Number of pieces of the command that have begun at time `now` [s]."""
+    low, high = 0, len(starts)
+    while low < high:
+        middle = (low + high) // 2
+        if starts[middle] - now <= NEAR:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @compiled(inner=True, fastmath=FUSED)
-def prepare(servo: Servo, straight: bool, parts: Parts, j: int) -> bool:
-    """Compute the free motions of the parts of one joint.
+def piece_at(pieces: FloatArray, starts: FloatArray, at: int, now: float) -> Cubic:
+    """The command from time `now` [s] on, in its piece `at`."""
+    u = Cubic(pieces[at, 0], pieces[at, 1], pieces[at, 2], pieces[at, 3])
+    # The command is constant before the first set-point and after the last one.
+    return shift(u, now - starts[at - 1]) if 0 < at < len(starts) else u
 
-    Args:
-        servo: Gains of the joint.
-        straight: Whether the command is a straight line in every interval.
-        parts: Parts from `divide`; `repeats` and `steps` are written.
-        j: Index of the joint, from 0.
 
-    Returns:
-        False if the gains are too large to simulate.
-    """
-    fast = fastest_rate(servo.kp, servo.kv)
-    for i in range(parts.number[j]):
-        width = parts.width[j, i]
-        if not progresses(servo.kp, servo.kv, width):
-            return False
-        repeats = max(int(math.ceil(width * fast / LARGEST_STEP * SLACK)), 1)
-        parts.repeats[j, i] = repeats
-        write_step(transition(servo.kp, servo.kv, width / repeats, straight), parts.steps[j, i])
+@compiled(inner=True, fastmath=FUSED)
+def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArray) -> bool:
+    """Write the free motion over a time span into an array, (COLUMNS,); False if it is too long."""
+    if not progresses(kp, kv, span):
+        return False
+    repeats = max(int(math.ceil(span * fastest_rate(kp, kv) / LARGEST_STEP * SLACK)), 1)
+    s = transition(kp, kv, span / repeats, straight)
+    row[0], row[1] = span, repeats
+    row[2], row[3], row[4], row[5], row[6], row[7] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
+    row[8], row[9], row[10], row[11], row[12] = s.q2, s.q3, s.w1, s.w2, s.w3
     return True
 
 
 @compiled(inner=True, fastmath=FUSED)
-def write_step(s: Step, row: FloatArray) -> None:
-    """Write a free motion into an array, (11,)."""
-    row[0], row[1], row[2], row[3], row[4], row[5] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
-    row[6], row[7], row[8], row[9], row[10] = s.q2, s.q3, s.w1, s.w2, s.w3
+def stop_before(starts: FloatArray, at: int, until: float) -> float:
+    """The time `until`, or that at which the next piece begins, if it does before [s]."""
+    if at < len(starts) and starts[at] < until - NEAR:
+        return float(starts[at])
+    return until
 
 
 @compiled(inner=True, fastmath=FUSED)
-def run_joint(
+def follow_delayed(
+    pieces: FloatArray, starts: FloatArray, times: FloatArray, m: Motion, out: FloatArray
+) -> Motion:
+    """Simulate a joint that follows its command exactly; arguments as in `march`."""
+    q, w = m.q, m.w
+    at, last = find_piece(starts, times[0]), len(starts)
+    for row in range(1, len(times)):
+        while at < last and starts[at] < times[row] - NEAR:
+            at += 1
+        u = piece_at(pieces, starts, at, times[row])
+        q, w = u.value, u.rate
+        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, 2 * u.second
+    return Motion(q, w, 0.0, m.saturated, min(m.lowest, 0.0), max(m.highest, 0.0))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def march_held(
     servo: Servo,
-    command: FloatArray,
-    parts: Parts,
-    j: int,
-    begin: int,
-    end: int,
+    pieces: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    m: Motion,
+    out: FloatArray,
+) -> Motion:
+    """Simulate a joint whose acceleration or velocity is held for a piece; as `march`."""
+    q, w, held, saturated, lowest, highest = m
+    first = servo.kv == 0.0
+    at, last, now = find_piece(starts, times[0]), len(starts), times[0]
+    if 0 < at and starts[at - 1] > now - NEAR:
+        at -= 1
+    z = held
+    for row in range(1, len(times)):
+        until = times[row]
+        while until - now > NEAR:
+            if at < last and starts[at] - now <= NEAR:
+                at += 1
+                if first:
+                    held, z = servo.kp * (pieces[at, 0] - q), 0.0
+                else:
+                    z = servo.kv * (servo.kp * (pieces[at, 0] - q) - w)
+                    held = min(max(z, servo.lower), servo.upper)
+                lowest, highest = min(lowest, z), max(highest, z)
+                continue
+            stop = stop_before(starts, at, until)
+            h = stop - now
+            if first:
+                q, w = q + h * held, held
+            else:
+                q, w = q + h * (w + h / 2 * held), w + h * held
+                saturated += h if z != held else 0.0
+            now = stop
+        now = until
+        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, z
+    return Motion(q, w, held, saturated, lowest, highest)
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def march(
+    servo: Servo,
+    kind: int,
+    pieces: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint over command intervals.
+    """Simulate one joint from times[0] on.
 
     Args:
-        servo: Gains and acceleration bounds of the joint.
-        command: Command of the joint from `servo.command.polynomials`, (n + 1, 4).
-        parts: Parts from `prepare`.
-        j: Index of the joint, from 0.
-        begin: Index of the first interval; 0 starts at the first set-point.
-        end: Index after that of the last interval.
+        servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
+        kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
+            piece.
+        pieces: Coefficients of the command in the time since the begin of each piece; the first
+            and the last one are constant, (n + 1, 4).
+        starts: Times at which all pieces but the first reach the joint [s], (n,).
+        times: Time of the start, and those of the results [s], (m + 1,).
         motion: State at the start.
-        out: Output: position, velocity and demand at the results, (n, 3).
+        out: Output: position, velocity and demand at the results, (m, 3).
 
     Returns:
-        State at the end.
+        State at the end; not finite if time steps as short as the servo needs make no progress.
     """
+    if math.isinf(servo.kp):
+        return follow_delayed(pieces, starts, times, motion, out)
+    if kind == 2:
+        return march_held(servo, pieces, starts, times, motion, out)
     m = motion
-    row = 0
-    # numba counts references to arrays in tuples and function arguments at every use, which would
-    # double the time: the loop has neither.
-    number, _, local, late, due, repeats, x = parts
-    last = len(command) - 1
-    for k in range(begin, end):
-        for i in range(number[j]):
-            # The command is constant before the first set-point and after the last one.
-            n = min(max(k - late[j, i] + 1, 0), last)
-            t = local[j, i] if 0 < n < last else 0.0
-            u = shift(Cubic(command[n, 0], command[n, 1], command[n, 2], command[n, 3]), t)
-            of_state = x[j, i, 0], x[j, i, 1], x[j, i, 2], x[j, i, 3], x[j, i, 4]
-            of_command = x[j, i, 5], x[j, i, 6], x[j, i, 7], x[j, i, 8], x[j, i, 9], x[j, i, 10]
-            step = Step(*of_state, *of_command)
-            for _ in range(repeats[j, i]):
+    kept = np.full((KEPT, COLUMNS), -1.0)
+    oldest = 0
+    at, last, now = find_piece(starts, times[0]), len(starts), times[0]
+    for row in range(1, len(times)):
+        until = times[row]
+        u = piece_at(pieces, starts, at, now)
+        while until - now > NEAR:
+            if at < last and starts[at] - now <= NEAR:
+                at += 1
+                u = piece_at(pieces, starts, at, now)
+                continue
+            stop = stop_before(starts, at, until)
+            span, slot = stop - now, -1
+            for i in range(KEPT):
+                if abs(kept[i, 0] - span) <= NEAR:
+                    slot = i
+            if slot < 0:
+                slot, oldest = oldest, (oldest + 1) % KEPT
+                if not write_step(servo.kp, servo.kv, span, kind == 0, kept[slot]):
+                    return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
+            x = kept[slot]
+            step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
+            for _ in range(int(x[1])):
                 m = respond(servo, step, u, m)
                 u = shift(u, step.time)
-            if due[j, i] == 1:
-                out[row, 0], out[row, 1], out[row, 2] = m.q, m.w, demand(servo, u, m.q, m.w)
-                row += 1
+            now = stop
+        now, z = until, demand(servo, u, m.q, m.w)
+        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = m.q, m.w, z
+        m = Motion(m.q, m.w, 0.0, m.saturated, min(m.lowest, z), max(m.highest, z))
     return m
 
 
 @compiled(fastmath=FUSED)
 def run_joints(
     joints: Joints,
+    kind: int,
     commands: FloatArray,
-    parts: Parts,
-    steps: int,
-    begin: int,
-    end: int,
-    q: FloatArray,
-    dq: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    states: FloatArray,
 ) -> Run:
-    """Simulate all joints over command intervals.
+    """Simulate all joints, or one joint with different parameters, row by row.
 
     Args:
         joints: Gains and acceleration bounds.
-        commands: Commands from `servo.command.polynomials`, (dof, n + 1, 4).
-        parts: Parts from `prepare_joints`.
-        steps: Number of results per interval.
-        begin: Index of the first interval; 0 starts at the first set-point.
-        end: Index after that of the last interval.
-        q: Positions at the start [rad], (dof,).
-        dq: Velocities at the start [rad/s], (dof,).
+        kind: As in `march`.
+        commands: Pieces of the commands, (rows, n + 1, 4).
+        starts: Times at which they reach the joints [s], (rows, n).
+        times: Time of the start, and those of the results [s], (m + 1,).
+        states: Position [rad], velocity [rad/s] and what a drive holds at the start, (3, rows).
     """
-    dof = len(q)
-    states = np.empty((dof, (end - begin) * steps, 3))
-    saturated, lowest, highest = np.empty(dof), np.empty(dof), np.empty(dof)
-    stuck = np.empty(dof, np.bool_)
-    for j in range(dof):
+    rows = len(joints.kp)
+    out = np.empty((rows, len(times) - 1, 3))
+    saturated, lowest, highest, held = np.empty((4, rows))
+    stuck = np.empty(rows, np.bool_)
+    for j in range(rows):
         servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
-        m = Motion(q[j], dq[j], 0.0, 0.0, 0.0)
-        m = run_joint(servo, commands[j], parts, j, begin, end, m, states[j])
-        saturated[j], lowest[j], highest[j] = m.saturated, m.lowest, m.highest
+        m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
+        m = march(servo, kind, commands[j], starts[j], times, m, out[j])
+        saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
         stuck[j] = not math.isfinite(m.q + m.w)
-    return Run(states, saturated, lowest, highest, stuck)
-
-
-@compiled(fastmath=FUSED)
-def prepare_joints(joints: Joints, straight: bool, parts: Parts) -> int:
-    """Compute the free motions of all joints; returns the first joint that fails, or -1.
-
-    Args:
-        joints: Gains and acceleration bounds.
-        straight: Whether the command is a straight line in every interval.
-        parts: Parts from `divide`; `repeats` and `steps` are written.
-    """
-    for j in range(len(joints.kp)):
-        servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
-        if not prepare(servo, straight, parts, j):
-            return j
-    return -1
+    return Run(out, saturated, lowest, highest, held, stuck)

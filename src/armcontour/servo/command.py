@@ -5,10 +5,12 @@ The dead time shifts the command in continuous time.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.servo.model import ServoModel
+from armcontour.servo.model import ServoModel, sliding
 
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
@@ -17,14 +19,14 @@ SNAP = 1e-9
 def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
     """The command in each interval, as a cubic in the time since the interval's start.
 
-    It is the command to which a servo without feed-forward responds in the same way: what
-    feed-forward adds is a part of it. Interval k lies between set-points k - 1 and k. The first
+    It is the command to which a servo without feed-forward and friction responds in the same way:
+    what these add is a part of it. Interval k lies between set-points k - 1 and k. The first
     interval is before all set-points and the last after them; the command is constant there.
 
     Args:
         q: Set-points [rad], (n, dof).
         period: Command interval [s].
-        servo: Servo model; its interpolation and its feed-forward count.
+        servo: Servo model; its interpolation, feed-forward and friction count, but no cycle.
 
     Returns:
         Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
@@ -33,7 +35,105 @@ def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
     if servo.has_feedforward:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
         command += a * first + b * second
+    if servo.friction.any():
+        command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(
+            np.diff(q, axis=0).T / period
+        )
     return command
+
+
+def cycle_commands(
+    q: FloatArray, period: float, servo: ServoModel, first: int, count: int
+) -> FloatArray:
+    """The commands that drives with a cycle hold [rad], with feed-forward and friction.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model with values per joint and a cycle.
+        first: The first cycle; cycle 0 begins at the first set-point.
+        count: Number of cycles.
+
+    Returns:
+        Commands, (dof, count).
+    """
+    raw = command_and_rates(q, period, servo.interpolation)[0]
+    times = np.asarray((first + np.arange(-2, count)) * servo.cycle, np.float64)
+    u = sample_command(raw, period, servo.dead_time, times).T
+    return cycle_feedforward(u, servo.cycle, servo)
+
+
+def cycle_feedforward(u: FloatArray, cycle: float, servo: ServoModel | JointServo) -> FloatArray:
+    """Commands of cycles with feed-forward and friction, from those of two more before.
+
+    Args:
+        u: Commands [rad], (rows, count + 2).
+        cycle: Cycle [s].
+        servo: Parameters of all rows.
+
+    Returns:
+        Commands [rad], (rows, count).
+    """
+    kp, kv = (np.inf if x is None else x for x in (servo.kp, servo.kv))
+    du, ddu = np.diff(u, axis=1)[:, 1:] / cycle, np.diff(u, 2, axis=1) / cycle**2
+    a = servo.velocity_feedforward / kp
+    b = servo.acceleration_feedforward / (kp * np.where(np.isinf(kv), 1.0, kv))
+    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (a, b, servo.friction))
+    return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
+
+
+class JointServo(NamedTuple):
+    """Parameters of the servo of one joint, as in `ServoModel`; numbers, or arrays (rows,)."""
+
+    kp: Any
+    kv: Any = np.inf
+    velocity_feedforward: Any = 0.0
+    acceleration_feedforward: Any = 0.0
+    dead_time: Any = 0.0
+    acceleration_limit: Any = np.inf
+    friction: Any = 0.0
+
+
+class LoggedCommand:
+    """The command of one joint in a log, at any times.
+
+    Args:
+        t: Times of the set-points [s], increasing, (n,).
+        u: Set-points [rad], (n,).
+        interpolation: "linear" or "step".
+    """
+
+    def __init__(self, t: FloatArray, u: FloatArray, interpolation: str = "linear") -> None:
+        self.t, self.u, self.linear = np.array(t), np.array(u), interpolation == "linear"
+        width = np.diff(t)
+        chord = np.diff(u) / width
+        self.pieces = np.zeros((len(t) + 1, 4))
+        self.pieces[:, 0] = np.append(u[0], u)
+        self.rate, self.bend = np.zeros((2, len(t) + 1))
+        if self.linear:
+            self.pieces[1:-1, 1] = self.rate[1:-1] = chord
+            self.bend[2:-1] = np.diff(chord) / width[1:]
+        else:
+            self.rate[2:] = chord
+        self.slide = sliding(self.rate)
+
+    def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
+        """Pieces with feed-forward and friction of some servos, (rows, n + 1, 4)."""
+        a = servo.velocity_feedforward / servo.kp
+        b = servo.acceleration_feedforward / (
+            servo.kp * np.where(np.isinf(servo.kv), 1.0, servo.kv)
+        )
+        found = np.tile(self.pieces, (rows, 1, 1))
+        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (a, b, servo.friction))
+        found[:, :, 0] += a * self.rate + b * self.bend - c * self.slide
+        return found
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """The command at some times [rad]."""
+        if self.linear:
+            return np.interp(t, self.t, self.u)
+        k = np.searchsorted(self.t, t + SNAP * 1e-3, side="right") - 1
+        return np.asarray(self.u[np.maximum(k, 0)])
 
 
 def command_and_rates(

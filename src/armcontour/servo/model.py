@@ -1,7 +1,8 @@
-"""Model of a joint servo: the paper's two loops (5)-(7) or a first-order lag, with dead time."""
+"""Model of joint servos: the paper's two loops (5)-(7), a first-order lag or a delay."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
@@ -9,36 +10,63 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Value
-from armcontour._quantities import Choice, DeadTimes, FeedForwards, Gains, JointInertias
+from armcontour._checks import BoolArray, FloatArray, Value
+from armcontour._quantities import (
+    AngularErrors,
+    Choice,
+    DeadTimes,
+    Duration,
+    FeedForwards,
+    Gains,
+    JointInertias,
+    OwnAccelerations,
+)
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
-ORDERS = ("second", "first")
+ORDERS = ("second", "first", "delay", "unknown")
 # Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour: no
 # robot joint is faster or slower, and no result overflows.
 GAINS = (1e-3, 1e6)
 # Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
 INERTIAS = (1e-10, 1e6)
-# Largest feed-forward: no drive asks for twice the velocity of its command.
-MOST_FEEDFORWARD = 2.0
+# Largest feed-forward: no drive asks for three times the velocity of its command.
+MOST_FEEDFORWARD = 3.0
+# Longest cycle of a drive's loop [s].
+LONGEST_CYCLE = 0.02
+# Largest dry friction, as a position error [rad], and the command velocity at which it has 71 % of
+# its size [rad/s].
+MOST_FRICTION = 0.1
+SLIDING = 5e-3
+FEEDS = (0.0, MOST_FEEDFORWARD)
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
 # set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
+# Names in messages.
+NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
+# Parameters with one value for all joints, or one per joint.
+PER_JOINT = (
+    *("kp", "kv", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
+    *("friction", "acceleration_limit", "unexplained"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel(Value):
-    """The joint servo: response of a joint to its command u, with dead time `tau`.
+    """The joint servos: response of each joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
       position loop; with f = g = 0 it is (6) of the paper;
-    - order "first": `dq = K_p (u - q) + f du`, a first-order lag, for a very fast velocity loop.
+    - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
+      loop;
+    - order "delay": `q = u`;
+    - order "unknown": no model of the joint. Compensation leaves the plan as its set-points, and
+      simulations let it follow these exactly.
 
-    All of u, du and ddu are delayed by tau. Between two set-points the command is, by
-    interpolation,
+    All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`. Between two
+    set-points the command is, by interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -54,16 +82,22 @@ class ServoModel(Value):
       ddu;
     - "cubic": the derivatives of the cubic.
 
+    With a cycle, the loop is computed once per cycle, from command and state at its begin: the
+    acceleration (order "second") or velocity ("first") is constant for the cycle, and du and ddu
+    are differences of u over cycles.
+
     The command passes each set-point at its time. A controller needs the next set-point for
     a line, and the one after it for the cubic; its wait for them is part of the dead time.
 
     Args:
-        kp: Position loop gain [1/s], one for all joints or one per joint.
-        kv: Velocity loop gain [1/s], one for all joints or one per joint; None for order "first".
+        kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
+            order "delay" or "unknown".
+        kv: Velocity loop gain [1/s], one for all joints or one per joint; infinite for joints of
+            another order than "second", and None if all are.
         interpolation: Interpolation between set-points: "linear", "step" or "cubic".
         dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
             joints or one per joint; need not be a multiple of the command interval.
-        order: "second" or "first".
+        order: "second", "first", "delay" or "unknown", one for all joints or one per joint.
         inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
             joints or one per joint: its torque is `J (K_v (K_p (u - q) + f du - dq) + g ddu)`. Only
             for rigid bodies and for servos of order "second". None is the arm's own nominal
@@ -72,89 +106,116 @@ class ServoModel(Value):
             loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
             drives of industrial robots.
         acceleration_feedforward: Share g of the acceleration of the command that is added to the
-            demand, one for all joints or one per joint; above 0 only with velocity feed-forward,
-            order "second", and not for interpolation "step".
+            demand, one for all joints or one per joint; a time [s] for order "first". Above 0 only
+            with velocity feed-forward, and not for interpolation "step".
+        friction: Position error c by which dry friction holds a joint back [rad], one for all
+            joints or one per joint.
+        acceleration_limit: Acceleration at which a joint of order "second" saturates [rad/s²], one
+            for all joints or one per joint; infinite for a joint that never does. None is the
+            limit joint_acceleration of the robot.
+        cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
+        unexplained: Largest error of this model on measured motion to which it was not fitted
+            [rad], one for all joints or one per joint; None if it is not known.
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
             negative or above LONGEST_DEAD_TIME; a feed-forward is negative, above MOST_FEEDFORWARD
-            or not possible; the interpolation or order is unknown.
+            or not possible; friction, acceleration limit or cycle are out of range; the
+            interpolation or order is unknown.
     """
 
     kp: Gains
     kv: Gains | None
-    order: Annotated[str, Choice(ORDERS)]
+    order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: DeadTimes
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]
     inertia: JointInertias | None
     velocity_feedforward: FeedForwards
     acceleration_feedforward: FeedForwards
+    friction: AngularErrors
+    acceleration_limit: OwnAccelerations | None
+    cycle: Duration
+    unexplained: AngularErrors | None
 
     def __init__(
         self,
         *,
-        kp: npt.ArrayLike,
+        kp: npt.ArrayLike = np.inf,
         kv: npt.ArrayLike | None = None,
         interpolation: str = "linear",
         dead_time: npt.ArrayLike = 0.0,
-        order: str = "second",
+        order: str | Sequence[str] = "second",
         inertia: npt.ArrayLike | None = None,
         velocity_feedforward: npt.ArrayLike = 0.0,
         acceleration_feedforward: npt.ArrayLike = 0.0,
+        friction: npt.ArrayLike = 0.0,
+        acceleration_limit: npt.ArrayLike | None = None,
+        cycle: float = 0.0,
+        unexplained: npt.ArrayLike | None = None,
     ) -> None:
-        _checks.choice("order", order, ORDERS)
-        if (kv is None) == (order == "second"):
+        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
+        orders = (order,) if isinstance(order, str) else tuple(order)
+        for x in orders:
+            _checks.choice("order", x, ORDERS)
+        same = len(set(orders)) == 1
+        given: dict[str, Any] = {"interpolation": interpolation}
+        given["order"] = orders[0] if same else orders
+        second = np.array([x == "second" for x in orders])
+        lagged = second | np.array([x == "first" for x in orders])
+        given["kp"] = _check_gain("kp", kp, lagged, same)
+        if (kv is None) == bool(second.any()):
             raise InvalidInput(
                 "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
                 if kv is None
-                else "A servo of order first has no velocity loop: leave its gain kv out."
+                else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
-        object.__setattr__(self, "kp", _check_gain("kp", kp))
-        object.__setattr__(self, "kv", None if kv is None else _check_gain("kv", kv))
-        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
-        object.__setattr__(self, "interpolation", interpolation)
-        delay = _checks.numbers("dead_time", dead_time, "s")
-        if delay.ndim > 1 or delay.size == 0 or (delay < 0).any():
+        given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
+        delay = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
+        given["dead_time"] = delay
+        given["inertia"] = _check_inertia(inertia, orders)
+        velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
+        feed = _check_range("acceleration_feedforward", acceleration_feedforward, "", *FEEDS)
+        if feed.any() and interpolation == "step":
             raise InvalidInput(
-                "dead_time must not be negative, one for all joints or one per joint, but is "
-                f"{delay.tolist()} s."
-            )
-        if (delay > LONGEST_DEAD_TIME).any():
-            raise InvalidInput(
-                f"dead_time must be at most {LONGEST_DEAD_TIME:g} s, for which the robot waits "
-                f"before it moves, but is {float(delay.max()):g} s."
-            )
-        object.__setattr__(self, "dead_time", _checks.lock_floats(delay))
-        object.__setattr__(self, "order", order)
-        object.__setattr__(self, "inertia", _check_inertia(inertia, order))
-        velocity = _check_feedforward("velocity_feedforward", velocity_feedforward)
-        second = _check_feedforward("acceleration_feedforward", acceleration_feedforward)
-        if second.any() and (order == "first" or interpolation == "step"):
-            which = "of order first" if order == "first" else "with held set-points"
-            raise InvalidInput(
-                f"A servo {which} has no acceleration of the command: leave "
+                "A servo with held set-points has no acceleration of the command: leave "
                 "acceleration_feedforward out."
             )
-        if ((second > 0) & (velocity == 0)).any():
+        if ((feed > 0) & (velocity == 0)).any():
             raise InvalidInput(
                 "acceleration_feedforward without velocity_feedforward would swing for a long "
                 "time: give velocity_feedforward, too, such as 1."
             )
-        object.__setattr__(self, "velocity_feedforward", velocity)
-        object.__setattr__(self, "acceleration_feedforward", second)
+        given["velocity_feedforward"], given["acceleration_feedforward"] = velocity, feed
+        given["friction"] = _check_range("friction", friction, "rad", 0.0, MOST_FRICTION)
+        given["acceleration_limit"] = None
+        if acceleration_limit is not None:
+            limit = _finite_ones("acceleration_limit", acceleration_limit, "rad/s²")
+            if (limit <= 0).any():
+                raise InvalidInput(
+                    f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
+                )
+            given["acceleration_limit"] = _checks.lock_floats(limit)
+        given["cycle"] = _checks.between("cycle of the drives", cycle, 0.0, LONGEST_CYCLE, "s")
+        given["unexplained"] = None
+        if unexplained is not None:
+            given["unexplained"] = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s and kv 150 1/s"."""
-        found = f"kp {_per_joint(self.kp)} 1/s"
-        if self.kv is not None:
-            found += f" and kv {_per_joint(self.kv)} 1/s"
-        if self.dead_time.any():
-            found += f", dead time {_per_joint(self.dead_time * 1e3)} ms"
-        for name in ("velocity", "acceleration"):
-            values = getattr(self, f"{name}_feedforward")
-            if values.any():
-                found += f", {name} feed-forward {_per_joint(values)}"
-        return found
+        found = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
+        rows = [("kp", "1/s", 1.0), ("kv", "1/s", 1.0), ("dead_time", "ms", 1e3)]
+        rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
+        rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
+        for name, unit, scale in [*rows, ("cycle", "ms", 1e3)]:
+            values = getattr(self, name)
+            if values is None or not np.any(np.isfinite(values) & (values > 0)):
+                continue
+            words = name.replace("_", " ").replace("feedforward", "feed-forward")
+            shown = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
+            found.append(f"{words} {shown} {unit}".rstrip())
+        return ", ".join(found)
 
     def for_joints(self, dof: int) -> ServoModel:
         """The same servo with one gain, dead time and feed-forward per joint.
@@ -165,18 +226,23 @@ class ServoModel(Value):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
-        inertia = self.inertia
-        velocity, second = self.velocity_feedforward, self.acceleration_feedforward
-        return self.replace(
-            velocity_feedforward=_checks.per_joint("velocity_feedforward", velocity, dof, ""),
-            acceleration_feedforward=_checks.per_joint("acceleration_feedforward", second, dof, ""),
-            kp=_checks.per_joint("servo gain kp", self.kp, dof, "1/s"),
-            kv=None if self.kv is None else _checks.per_joint("servo gain kv", self.kv, dof, "1/s"),
-            dead_time=_checks.per_joint("dead_time", self.dead_time, dof, "s"),
-            inertia=None
-            if inertia is None
-            else _checks.per_joint("servo inertia", inertia, dof, "kg m²"),
-        )
+        given: dict[str, Any] = {}
+        for x in PER_JOINT:
+            value = getattr(self, x)
+            if value is not None:
+                shape = np.shape(value)
+                if shape not in ((), (1,), (dof,)):
+                    raise InvalidInput(
+                        f"{NAMES.get(x, x)} has {value.size} values, but the arm has {dof} joints: "
+                        f"give one value for all joints or {dof}."
+                    )
+                given[x] = np.broadcast_to(value, (dof,))
+        if not isinstance(self.order, str) and len(self.order) != dof:
+            raise InvalidInput(
+                f"order of the servo has {len(self.order)} values, but the arm has {dof} joints: "
+                f"give one for all joints or {dof}."
+            )
+        return self.replace(**given)
 
     def replace(self, **changes: Any) -> ServoModel:
         """The same servo with other values of some parameters.
@@ -198,27 +264,68 @@ class ServoModel(Value):
         """Whether any joint has feed-forward."""
         return bool(self.velocity_feedforward.any())
 
+    def without_feedforward(self) -> ServoModel:
+        """The same servo without velocity and acceleration feed-forward."""
+        return self.replace(velocity_feedforward=0.0, acceleration_feedforward=0.0)
+
     @property
     def lead(self) -> tuple[FloatArray, FloatArray]:
         """Factors a [s] and b [s²] by which feed-forward changes the command, (dof,) each.
 
         The servo responds to u as one without feed-forward to `u + a du + b ddu`.
         """
-        velocity = np.asarray(self.velocity_feedforward / self.kp)
+        a = np.asarray(self.velocity_feedforward / self.kp)
+        b = np.asarray(self.acceleration_feedforward / (self.kp * self._of_second(1.0)))
+        # Differences over a cycle are half a cycle late.
+        return a, b - a * self.cycle / 2
+
+    def _of_second(self, other: float) -> FloatArray:
+        """Velocity loop gains [1/s], and `other` for joints without a velocity loop."""
         if self.kv is None:
-            return velocity, np.zeros_like(velocity)
-        return velocity, np.asarray(self.acceleration_feedforward / (self.kp * self.kv))
+            return np.full_like(self.kp, other)
+        return np.where(np.isinf(self.kv), other, self.kv)
 
     @property
     def slowest(self) -> float:
-        """Smallest decay rate of any joint [1/s]."""
-        if self.kv is None:
-            return float(self.kp.min())
+        """Smallest decay rate of any joint [1/s]; infinite where all joints only delay."""
+        kp, kv = np.broadcast_arrays(self.kp, self._of_second(np.inf))
         # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
         # sum of the rates is kv and their product kp kv.
-        root = np.sqrt(np.maximum(self.kv * self.kv / 4 - self.kp * self.kv, 0.0))
-        fast = self.kv / 2 + root
-        return float(np.where(root > 0, self.kp * self.kv / fast, self.kv / 2).min())
+        loop = np.isfinite(kv)
+        if not loop.any():
+            return float(kp.min())
+        kp, kv, alone = kp[loop], kv[loop], np.min(kp[~loop], initial=np.inf)
+        root = np.sqrt(np.maximum(kv * kv / 4 - kp * kv, 0.0))
+        rate = np.where(root > 0, kp * kv / (kv / 2 + root), kv / 2)
+        return float(min(rate.min(), alone))
+
+    def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Acceleration bounds of the joints [rad/s²], (dof,) each; none without a velocity loop.
+
+        Args:
+            lower: Lower bounds of the robot [rad/s²], (dof,); they hold without acceleration_limit.
+            upper: Its upper bounds [rad/s²], (dof,).
+        """
+        if self.acceleration_limit is not None:
+            upper = np.broadcast_to(self.acceleration_limit, upper.shape)
+            lower = -upper
+        loop = np.isfinite(self._of_second(np.inf))
+        return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
+
+    def refuse_mixed(self, who: str) -> None:
+        """Refuse joints of another order than "second", friction and a drive's cycle.
+
+        Args:
+            who: What cannot use them, as the begin of the message.
+
+        Raises:
+            InvalidInput: The servo has them.
+        """
+        if self.order != "second" or self.friction.any() or self.cycle:
+            raise InvalidInput(
+                f"{who} needs joint servos of order second without friction and cycle, but the "
+                f"servo has {self}: take the compensation inverse and independent joints."
+            )
 
     def refuse_too_fast(self, period: float) -> None:
         """Refuse gains that are too large for a command interval.
@@ -230,7 +337,11 @@ class ServoModel(Value):
             InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self.kv)):
-            largest = 0.0 if values is None else float(values.max())
+            largest = (
+                0.0
+                if values is None
+                else float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            )
             if largest * period > MOST_TIME_CONSTANTS:
                 more = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
@@ -246,25 +357,28 @@ class ServoModel(Value):
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
         """The command that makes the unsaturated servo without dead time follow q [rad], (n, dof).
 
-        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. With
-        feed-forward, it is `u + a du + b ddu` with the factors of `lead`, from which `compensate`
-        gets set-points.
+        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
+        friction adds `c sign(dq)`. With feed-forward, it is `u + a du + b ddu` with the factors of
+        `lead`, from which `compensate` gets set-points.
 
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof); not needed for first order.
+            ddq: Joint accelerations [rad/s²], (n, dof); needed for second order only.
 
         Raises:
             InvalidInput: The accelerations are missing.
         """
         at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
-        if self.kv is None:
-            return np.asarray(at + rate / self.kp)
+        found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
+        # A velocity that is held for a cycle is late by half of it.
+        bend = 1 / self._of_second(np.inf) + self.cycle / 2 * np.isinf(self._of_second(np.inf))
+        bend = np.asarray(bend / self.kp)
+        if not bend.any():
+            return found
         if ddq is None:
             raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
-        second = _checks.floats("ddq", ddq, "rad/s²")
-        return np.asarray(at + rate / self.kp + second / (self.kp * self.kv))
+        return found + bend * _checks.floats("ddq", ddq, "rad/s²")
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).
@@ -277,75 +391,101 @@ class ServoModel(Value):
             s: Complex frequencies [rad/s], (n,).
         """
         at = np.atleast_1d(np.asarray(s))[:, None]
-        kp, delay = np.atleast_1d(self.kp), np.exp(-at * np.atleast_1d(self.dead_time))
         a, b = self.lead
-        delay = delay * (1 + at * a + at**2 * b)
-        if self.kv is None:
-            return np.asarray(delay * kp / (at + kp))
-        kv = np.atleast_1d(self.kv)
-        return np.asarray(delay * (kp * kv / (at**2 + kv * at + kp * kv)))
+        found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + at**2 * b)
+        slow = 1 + at / np.atleast_1d(self.kp)
+        if self.kv is not None:
+            slow = slow + at**2 / np.atleast_1d(self.kp * self.kv)
+        return np.asarray(found / slow)
 
 
-def _per_joint(values: FloatArray) -> str:
-    """Values of all joints in words: one number where they are equal."""
-    shown = [f"{x:g}" for x in np.atleast_1d(values)]
+def sliding(rate: FloatArray) -> FloatArray:
+    """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
+    return np.asarray(rate / np.hypot(rate, SLIDING))
+
+
+def _or_none(value: float) -> str:
+    """A value as text, as in a job file."""
+    return f"{value:g}" if np.isfinite(value) else "none"
+
+
+def _per_joint(shown: str | Sequence[str]) -> str:
+    """Texts of all joints: one where they are equal."""
+    if isinstance(shown, str):
+        return shown
     return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
 
 
-def _check_gain(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Gains as a locked array, one for all joints or one per joint.
+def _finite_ones(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
+    """Values of which some may be infinite, one for all joints or one per joint."""
+    array = np.array(_checks.floats(name, values, unit))
+    endless = np.isposinf(array)
+    found = _checks.numbers(name, np.where(endless, 1.0, array), unit)
+    found[endless] = np.inf
+    if found.ndim > 1 or found.size == 0:
+        raise InvalidInput(f"{name} must be one value for all joints or one per joint.")
+    return found
+
+
+def _check_gain(name: str, values: npt.ArrayLike, needed: BoolArray, same: bool) -> FloatArray:
+    """Gains as a locked array, one for all joints or one per joint; infinite where not needed.
 
     Raises:
-        InvalidInput: A gain is not a number, not above zero, or outside GAINS.
+        InvalidInput: A gain is not a number, missing, not above zero, or outside GAINS.
     """
-    array = _checks.numbers(f"servo gain {name}", values, "1/s")
-    if array.ndim > 1 or array.size == 0 or (array <= 0).any():
+    full = f"servo gain {name}"
+    array = _finite_ones(full, values, "1/s")
+    if (array <= 0).any():
         raise InvalidInput(
-            f"servo gain {name} must be above zero, one for all joints or one per joint, "
-            f"but is {array.tolist()} 1/s."
+            f"{full} must be above zero, one for all joints or one per joint, but is "
+            f"{array.tolist()} 1/s."
         )
+    if not same:
+        array = np.array(np.broadcast_to(array, needed.shape))
+    used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]
+    if (np.isinf(array) & used).any():
+        raise InvalidInput(f"{full} is missing: give one for all joints or one per joint.")
+    array = np.where(used, array, np.inf)
     low, high = GAINS
-    outside = (array < low) | (array > high)
+    outside = np.isfinite(array) & ((array < low) | (array > high))
     if outside.any():
         raise InvalidInput(
-            f"servo gain {name} must be from {low:g} to {high:g} 1/s, but is "
+            f"{full} must be from {low:g} to {high:g} 1/s, but is "
             f"{float(array[outside].flat[0]):g} 1/s."
         )
     return _checks.lock_floats(array)
 
 
-def _check_feedforward(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Feed-forward as a locked array, one for all joints or one per joint.
+def _check_range(
+    name: str, values: npt.ArrayLike, unit: str, low: float, high: float
+) -> FloatArray:
+    """Values in a range as a locked array, one for all joints or one per joint.
 
     Raises:
-        InvalidInput: One is not a number, or outside 0 to MOST_FEEDFORWARD.
+        InvalidInput: One is not a number, or outside the range.
     """
-    array = _checks.numbers(name, values, "")
-    if array.ndim > 1 or array.size == 0 or not ((array >= 0) & (array <= MOST_FEEDFORWARD)).all():
+    array = _checks.numbers(name, values, unit)
+    if array.ndim > 1 or array.size == 0 or not ((array >= low) & (array <= high)).all():
+        more = f" {unit}" if unit else ""
         raise InvalidInput(
-            f"{name} must be from 0 to {MOST_FEEDFORWARD:g}, one for all joints or one per joint, "
-            f"but is {array.tolist()}."
+            f"{name} must be from {low:g} to {high:g}{more}, one for all joints or one per joint, "
+            f"but is {array.tolist()}{more}."
         )
     return _checks.lock_floats(array)
 
 
-def _check_inertia(values: npt.ArrayLike | None, order: str) -> FloatArray | None:
+def _check_inertia(values: npt.ArrayLike | None, orders: tuple[str, ...]) -> FloatArray | None:
     """Inertias as a locked array, one for all joints or one per joint; None stays None.
 
     Raises:
-        InvalidInput: An inertia is not a number or outside INERTIAS, or the servo has no velocity
+        InvalidInput: An inertia is not a number or outside INERTIAS, or a joint has no velocity
             loop.
     """
     if values is None:
         return None
-    if order == "first":
-        raise InvalidInput("A servo of order first has no velocity loop: leave its inertia out.")
-    array = _checks.numbers("servo inertia", values, "kg m²")
-    low, high = INERTIAS
-    outside = ~((array >= low) & (array <= high))
-    if array.ndim > 1 or array.size == 0 or outside.any():
-        raise InvalidInput(
-            f"servo inertia must be from {low:g} to {high:g} kg m², one for all joints or one per "
-            f"joint, but is {array.tolist()} kg m²."
-        )
-    return _checks.lock_floats(array)
+    for order in orders:
+        if order != "second":
+            raise InvalidInput(
+                f"A servo of order {order} has no velocity loop: leave its inertia out."
+            )
+    return _check_range("servo inertia", values, "kg m²", *INERTIAS)

@@ -1,4 +1,4 @@
-"""Simulation of the servos of all joints over command intervals."""
+"""Simulation of the servos of joints: over command intervals, at any times, and over logs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,19 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ExecutionError
-from armcontour.servo._simulation import Joints, Parts, Run, divide, prepare_joints, run_joints
-from armcontour.servo.command import SNAP, polynomials
+from armcontour.servo._simulation import Joints, Run, run_joints
+from armcontour.servo.command import (
+    SNAP,
+    JointServo,
+    LoggedCommand,
+    cycle_commands,
+    cycle_feedforward,
+    polynomials,
+)
 from armcontour.servo.model import ServoModel
+
+# Kinds of commands, as in `march`.
+STRAIGHT, CUBIC, HELD = range(3)
 
 
 class Simulation:
@@ -21,10 +31,6 @@ class Simulation:
         lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
         upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
         steps: Number of results per interval.
-        parts: Parts of an interval, if they are not `steps` equal ones.
-
-    Raises:
-        ExecutionError: The gains are too large to simulate.
     """
 
     def __init__(
@@ -36,17 +42,17 @@ class Simulation:
         upper: FloatArray | None = None,
         *,
         steps: int = 1,
-        parts: Parts | None = None,
     ) -> None:
-        self.period, self.servo, self.steps = period, servo, steps
+        self.q, self.period, self.servo, self.steps = q, period, servo, steps
         free = np.full(len(servo.kp), np.inf)
-        kv = np.zeros_like(servo.kp) if servo.kv is None else servo.kv
         bounds = -free if lower is None else lower, free if upper is None else upper
-        self.joints = Joints(*(np.array(x, dtype=np.float64) for x in (servo.kp, kv, *bounds)))
+        self.joints = Joints(*(np.array(x) for x in (servo.kp, _loops(servo.kv, free), *bounds)))
+        self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
+        if servo.cycle:
+            self.kind = HELD
+            return
         self.commands = polynomials(q, period, servo)
-        self.parts = parts or divide(period, steps, np.array(servo.dead_time))
-        straight = servo.interpolation != "cubic"
-        self._refuse_stuck(prepare_joints(self.joints, straight, self.parts))
+        self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
 
     def run(
         self,
@@ -55,6 +61,7 @@ class Simulation:
         q: FloatArray,
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray] | None = None,
+        held: FloatArray | None = None,
     ) -> Run:
         """Simulate all joints over command intervals.
 
@@ -65,24 +72,68 @@ class Simulation:
             dq: Velocities at the start [rad/s], (dof,).
             bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
                 default those of the simulation.
+            held: Accelerations [rad/s²] that drives with a cycle hold at the start, for order
+                "first" velocities, (dof,).
 
         Raises:
             ExecutionError: The motion cannot be computed.
         """
+        results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
+        return self.run_at(results * (self.period / self.steps), q, dq, bounds, held)
+
+    def run_at(
+        self,
+        times: FloatArray,
+        q: FloatArray,
+        dq: FloatArray,
+        bounds: tuple[FloatArray, FloatArray] | None = None,
+        held: FloatArray | None = None,
+    ) -> Run:
+        """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
         joints = self.joints
         if bounds is not None:
-            joints = joints._replace(lower=bounds[0], upper=bounds[1])
-        # Copies: functions are compiled again for arrays that are read-only.
-        q, dq = np.array(q), np.array(dq)
-        run = run_joints(joints, self.commands, self.parts, self.steps, begin, end, q, dq)
+            joints = joints._replace(lower=np.array(bounds[0]), upper=np.array(bounds[1]))
+        states = np.stack([q, dq, np.zeros_like(q) if held is None else held])
+        if self.servo.cycle:
+            commands, starts = self._cycles(times[0], times[-1])
+        else:
+            commands, starts = self.commands, self.starts
+        run = run_joints(joints, self.kind, commands, starts, times, states)
         if run.stuck.any():
             self._refuse_stuck(int(np.argmax(run.stuck)))
         return run
 
+    def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
+        """Velocities of joints without a velocity loop just after some times [rad/s], (m, dof).
+
+        Args:
+            t: Times [s], (m,).
+            q: Positions then [rad], (m, dof).
+
+        Returns:
+            Velocities; nan for joints of order "second".
+        """
+        found = np.full(q.shape, np.nan)
+        for j in np.flatnonzero(self.joints.kv == 0):
+            k = np.searchsorted(self.starts[j], t + SNAP * self.period, side="right")
+            moves = (k > 0) & (k < len(self.q))
+            x = np.where(moves, t - self.starts[j, k - 1], 0.0)
+            a, b, c, d = self.commands[j, k].T
+            found[:, j] = b + x * (2 * c + x * 3 * d)
+            if np.isfinite(self.joints.kp[j]):
+                found[:, j] = self.joints.kp[j] * (a + x * (b + x * (c + x * d)) - q[:, j])
+        return found
+
+    def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
+        """What the drives hold in each cycle between two times, and when the cycles begin."""
+        cycle = self.servo.cycle
+        first = int(np.floor(begin / cycle + SNAP))
+        count = max(int(np.ceil(end / cycle - SNAP)) - first, 1)
+        held = cycle_commands(self.q, self.period, self.servo, first, count)
+        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle)
+
     def _refuse_stuck(self, j: int) -> None:
-        """Raise ExecutionError for joint j, unless j is -1."""
-        if j < 0:
-            return
+        """Raise ExecutionError for joint j."""
         kp, kv = self.servo.kp[j], self.servo.kv
         gains = f"kp = {kp:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
         raise ExecutionError(
@@ -93,6 +144,20 @@ class Simulation:
         )
 
 
+def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
+    """Velocity loop gains [1/s], 0 for joints without a velocity loop."""
+    if kv is None:
+        return np.zeros_like(like)
+    return np.where(np.isinf(kv), 0.0, kv)
+
+
+def hold(values: FloatArray, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pieces of commands that are held, and their starts, of `march`."""
+    pieces = np.zeros((len(values), values.shape[1] + 1, 4))
+    pieces[:, 1:, 0] = values
+    return pieces, np.tile(starts, (len(values), 1))
+
+
 def respond_within(
     q: FloatArray,
     period: float,
@@ -100,7 +165,7 @@ def respond_within(
     bounds: tuple[FloatArray, FloatArray],
     k: int,
     at: FloatArray,
-    state: tuple[FloatArray, FloatArray],
+    state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Response of all joints at any times within one command interval, by the same formulas.
 
@@ -111,7 +176,8 @@ def respond_within(
         bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
         k: Index of the interval; 0 starts at the first set-point.
         at: Times since the start of the interval, increasing, at least two [s].
-        state: Positions [rad] and velocities [rad/s] at the first of these times, (dof,) each.
+        state: Positions [rad], velocities [rad/s] and what drives with a cycle hold at the first of
+            these times, (dof,) each.
 
     Returns:
         The times and those between them at which a set-point reaches a joint [s], (m,); there,
@@ -120,35 +186,58 @@ def respond_within(
     Raises:
         ExecutionError: The motion cannot be computed.
     """
-    late = np.floor(servo.dead_time / period + SNAP).astype(np.intp)
-    rest = np.maximum(servo.dead_time - late * period, 0.0)
+    rest = servo.dead_time % period
     near = SNAP * period
     at = np.union1d(at, rest[(rest > at[0] + near) & (rest < at[-1] - near)])
-    # The set-points that can be active then, and those next to them, which shape cubics.
-    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0)
+    # The set-points that can be active then, and those next to them, which shape their commands.
+    late = np.floor(servo.dead_time / period + SNAP).astype(np.intp)
+    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0) if not servo.cycle else 0
     own = q[first : max(k - int(late.min()) + 4, first + 4)]
-    before = at[:-1] < (rest - near)[:, None]
-    local = np.where(before, at[:-1] + period - rest[:, None], at[:-1] - rest[:, None])
-    dof, count = before.shape
-    parts = Parts(
-        number=np.full(dof, count, np.intp),
-        width=np.tile(np.diff(at), (dof, 1)),
-        local=np.maximum(local, 0.0),
-        late=late[:, None] + before,
-        due=np.ones((dof, count), np.intp),
-        repeats=np.empty((dof, count), np.intp),
-        steps=np.empty((dof, count, 11)),
-    )
-    active = Simulation(own, period, servo, *bounds, steps=count, parts=parts)
-    run = active.run(k - first, k - first + 1, *state)
-    position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state))
+    active = Simulation(own, period, servo, *bounds)
+    run = active.run_at((k - first) * period + at, *state[:2], held=state[2])
+    position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
-    if servo.kv is None:
-        # The velocity of a servo of first order jumps with its command.
-        last = active.commands.shape[1] - 1
-        n = np.clip(k - first - parts.late + 1, 0, last)
-        x = np.where((n > 0) & (n < last), parts.local, 0.0)
-        a = active.commands[np.arange(dof)[:, None], n]
-        u = a[..., 0] + x * (a[..., 1] + x * (a[..., 2] + x * a[..., 3]))
-        after[:-1] = servo.kp * (u.T - position[:-1])
+    if not servo.cycle:
+        jump = active.velocities_after((k - first) * period + at[:-1], position[:-1])
+        after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
     return at, position, velocity, after
+
+
+def follow(
+    command: LoggedCommand, servo: JointServo, q0: float, dq0: float, cycle: float = 0.0
+) -> FloatArray:
+    """Positions of a joint over its log, exact between the kinks of its command.
+
+    Args:
+        command: The command.
+        servo: The servo; its values may be arrays (rows,), for servos that are simulated one after
+            the other.
+        q0: Position at the first time [rad], a number or (rows,).
+        dq0: Velocity at the first time [rad/s], a number or (rows,).
+        cycle: Cycle of the drive [s], which begins at the first time; 0 for a continuous servo.
+
+    Returns:
+        Positions at the times of the log [rad], (n,) or (rows, n); not finite where steps as short
+        as the servo needs make no progress.
+    """
+    shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0)))
+    rows = int(np.prod(shape))
+    each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
+    limit = each.acceleration_limit
+    joints = Joints(each.kp, np.where(np.isinf(each.kv), 0.0, each.kv), -limit, limit)
+    kind = STRAIGHT
+    if cycle:
+        kind = HELD
+        count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP))
+        starts = command.t[0] + np.arange(-2, count) * cycle
+        u = np.stack([command.at(starts - late) for late in each.dead_time])
+        pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:])
+    else:
+        pieces = command.for_servo(each, rows)
+        starts = command.t + each.dead_time[:, None]
+    states = np.zeros((3, rows))
+    states[0], states[1] = q0, dq0
+    run = run_joints(joints, kind, pieces, starts, command.t, states)
+    begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
+    found = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
+    return np.asarray(found.reshape(*shape, -1))
