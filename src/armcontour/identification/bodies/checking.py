@@ -71,15 +71,15 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
         duration = float(log.t[-1] - log.t[0])
         if duration < SHORTEST:
             raise InvalidInput(
-                f"{log.source} covers {duration:.3g} s, but a robot can be told only from "
+                f"{log.source} covers {duration:.3g} s, but a robot is identified only from "
                 f"{SHORTEST:g} s or more: record more.",
                 needed=SHORTEST,
                 allowed=duration,
             )
         if log.interval > COARSEST * (1 + 1e-6):
             raise InvalidInput(
-                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but a robot can be "
-                f"told only from samples every {COARSEST * 1e3:g} ms or less: record faster.",
+                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but a robot is "
+                f"identified only from samples every {COARSEST * 1e3:g} ms or less: record faster.",
                 needed=log.interval,
                 allowed=COARSEST,
             )
@@ -101,26 +101,27 @@ def _check_range(log: Log, arm: Arm) -> None:
     Raises:
         InvalidInput: A joint is outside its range.
     """
+    ranges = np.stack(arm.limits.joint_range(arm.dof))
     for name in ("command", "measured"):
         values: FloatArray = getattr(log, name)
-        for j, (low, high) in enumerate(np.stack(arm.limits.joint_range(arm.dof), axis=1)):
-            own = values[:, j]
-            i = int(np.argmax(np.maximum(low - own, own - high)))
-            if low - BEYOND <= own[i] <= high + BEYOND:
-                continue
-            scaled = np.degrees([low, high]) if math.isfinite(high - low) else [-360.0, 360.0]
-            hint = (
-                "its unit seems to be degrees, so give the column its unit, such as [deg]"
-                if scaled[0] <= own[i] <= scaled[1]
-                else "mend the number, or give the arm of the log"
-            )
-            raise InvalidInput(
-                f"{log.source}: the {name} position of {log.joint_names[j]} is {own[i]:.4g} rad at "
-                f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
-                f"{high:.4g} rad: {hint}.",
-                t=float(log.t[i]),
-                joint=j + 1,
-            )
+        beyond = np.maximum(ranges[0] - values, values - ranges[1])
+        i, j = np.unravel_index(np.argmax(beyond), beyond.shape)
+        if beyond[i, j] <= BEYOND:
+            continue
+        value, (low, high) = float(values[i, j]), ranges[:, j]
+        scaled = np.degrees([low, high]) if math.isfinite(high - low) else [-360.0, 360.0]
+        hint = (
+            "its unit seems to be degrees, so give the column its unit, such as [deg]"
+            if scaled[0] <= value <= scaled[1]
+            else "correct the number, or give the arm of the log"
+        )
+        raise InvalidInput(
+            f"{log.source}: the {name} position of {log.joint_names[j]} is {value:.4g} rad at "
+            f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
+            f"{high:.4g} rad: {hint}.",
+            t=float(log.t[i]),
+            joint=int(j) + 1,
+        )
 
 
 def _refuse_misread(log: Log) -> None:

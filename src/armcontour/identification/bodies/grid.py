@@ -124,6 +124,11 @@ class Gridded:
         return self.log.measured[self.rows]
 
 
+def noise_of(grids: list[Gridded]) -> FloatArray:
+    """Largest standard deviation of each joint's encoder in several logs [rad], (dof,)."""
+    return np.asarray(np.max([x.noise for x in grids], axis=0))
+
+
 def _around(place: FloatArray, n: int) -> tuple[IntArray, FloatArray]:
     """Four indices around places between 0 and n - 1, and the weights of cubic interpolation."""
     near = np.round(place)

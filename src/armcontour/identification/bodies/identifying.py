@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,20 +12,17 @@ from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.checking import check_logs
 from armcontour.identification.bodies.describing import describe, refuse_misfit
-from armcontour.identification.bodies.fitting import BodyFit, fit
-from armcontour.identification.bodies.grid import Gridded
+from armcontour.identification.bodies.fitting import BodyFit, Trial, fit
+from armcontour.identification.bodies.grid import Gridded, noise_of
 from armcontour.identification.bodies.model import GRAVITIES, Model
 from armcontour.identification.bodies.precision import (
     Precision,
     allowed,
     determined,
     seen,
-    unsettled,
     with_mass,
-    worst,
 )
 from armcontour.identification.bodies.results import RobotIdentification
-from armcontour.identification.bodies.starting import start
 from armcontour.motion import Log
 from armcontour.servo import ServoModel
 
@@ -37,7 +32,7 @@ KP, KV = 25.0, 150.0
 FORGOTTEN = 10.0
 # and in no less than this time [s].
 SETTLED = 0.3
-# Step of the simulations of the first search, and of the choice of the gravity feed-forward [s],
+# Step of the simulations of the first search, which chooses the gravity feed-forward [s],
 COARSE = 5e-3
 # and the share of the sum of squares below which a reduction ends these searches.
 COARSE_NEAR = 1e-3
@@ -46,9 +41,9 @@ COARSE_NEAR = 1e-3
 SURELY = 0.05
 # Errors below this many times the noise leave nothing to be explained.
 ALL_NOISE = 2.0
-# A search that does not converge goes on without one unknown, after so many rounds without all that
-# do not converge.
-FEW_LEFT_OUT = 8
+# A search has converged in an unknown if its next step is at most this share of a standard
+# deviation; otherwise the unknown stays nominal.
+REST = 0.5
 
 
 def identify_robot(
@@ -81,58 +76,49 @@ def identify_robot(
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
     check_logs(logs, arm)
-    model = Model(
-        arm=arm,
-        servo=guess,
-        keep_kv=servo is not None,
-        gravity=gravity or "nominal",
-        lag=drive_cycle / 2,
-    )
     settled = max(FORGOTTEN / float(guess.kp.min()), SETTLED)
-    tell(Step(("start",)))
-    grids = [Gridded.of(x, interpolation, settled) for x in logs]
-    values = start(model, grids, delays)
     coarse = [Gridded.of(x, interpolation, settled, step=COARSE) for x in logs]
-    noise = np.max([x.noise for x in grids], axis=0)
+    models = [
+        Model(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=drive_cycle / 2)
+        for x in (GRAVITIES if gravity is None else [gravity])
+    ]
     try:
-        if gravity is None:
-            tell(Step(("gravity",)))
-            model, values = _choose_gravity(model, coarse, values, noise)
-        tell(Step(("coarse fit",)))
-        free = seen(model, coarse, values, noise)
-        near = fit(model, coarse, values, free, COARSE_NEAR).trial
+        tell(Step(("gravity",)))
+        model, near = _choose_model(models, coarse)
         refuse_misfit(coarse, near)
         tell(Step(("fit",)))
-        found, restless = _fit(model, grids, near.values, noise)
+        grids = [Gridded.of(x, interpolation, settled) for x in logs]
+        found, restless = _fit(model, grids, near.values)
     except ExecutionError as error:
         raise InvalidInput(f"The log does not fit the arm and its servo: {error}") from None
     return describe(model, grids, found, restless, delays, gains_known=servo is not None)
 
 
-def _choose_gravity(
-    model: Model, grids: list[Gridded], values: FloatArray, noise: FloatArray
-) -> tuple[Model, FloatArray]:
-    """The model whose gravity feed-forward leaves the smallest errors, and its values."""
-    best, least, scatter = (model, values), np.inf, np.ones(model.arm.dof)
-    for name in GRAVITIES:
-        trial = replace(model, gravity=name)
+def _choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Trial]:
+    """The model whose gravity feed-forward leaves the smallest errors, and its motion.
+
+    Raises:
+        ExecutionError: The robot cannot be simulated with any of them.
+    """
+    best, why = None, ExecutionError("it cannot be simulated.")
+    for model in models:
+        start = np.array(model.nominal)
         try:
-            free = seen(trial, grids, values, noise)
-            found = fit(trial, grids, values, free, COARSE_NEAR).trial
-        except ExecutionError:
+            found = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
+        except ExecutionError as error:
+            why = error
             continue
-        if (found.scatter < ALL_NOISE * noise).all():
-            return trial, found.values
-        scatter = found.scatter if np.isinf(least) else scatter
-        cost = found.cost(scatter)
-        if cost < (1 - SURELY) * least:
-            best, least = (trial, found.values), cost
+        if (found.scatter < ALL_NOISE * noise_of(grids)).all():
+            return model, found
+        scatter = found.scatter if best is None else best[1].scatter
+        if best is None or found.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
+            best = model, found
+    if best is None:
+        raise why
     return best
 
 
-def _fit(
-    model: Model, grids: list[Gridded], values: FloatArray, noise: FloatArray
-) -> tuple[BodyFit, BoolArray]:
+def _fit(model: Model, grids: list[Gridded], values: FloatArray) -> tuple[BodyFit, BoolArray]:
     """The fit of the unknowns that the logs determine; the others stay nominal.
 
     Returns:
@@ -141,21 +127,16 @@ def _fit(
     Raises:
         ExecutionError: The robot cannot be simulated.
     """
-    free = seen(model, grids, values, noise)
-    settled = np.ones(len(values), dtype=bool)
-    for k in itertools.count():
+    free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
+    while True:
         found = fit(model, grids, np.where(free, values, model.nominal), free)
         values = found.trial.values
         precision = Precision.of(found.jacobian, found.residuals)
         known = determined(model, precision, free, allowed(model, values))
         if (known == free).all():
-            moves = unsettled(found)
-            if moves.max() <= 1.0:
-                return found, ~settled
-            if k < FEW_LEFT_OUT:
-                settled[worst(model, moves)] = False
-            else:
-                settled &= moves <= 1.0
-            known = free & settled
+            sd = np.maximum(precision.sd(free), 1e-300)
+            known = free & ~(np.abs(found.left) > REST * sd)
+            restless |= free & ~known
+            if (known == free).all():
+                return found, restless
         free = known & with_mass(model, known)
-    raise AssertionError

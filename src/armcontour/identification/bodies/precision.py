@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.identification.bodies.fitting import BodyFit, attempt, derivatives
-from armcontour.identification.bodies.grid import Gridded
+from armcontour.identification.bodies.grid import Gridded, noise_of
 from armcontour.identification.bodies.model import LEAST_MASS, LOGARITHMIC, SHIFT, Model
 
 # Standard deviations up to which an unknown is determined: this share of a gain, a friction, the
@@ -25,8 +25,6 @@ DELAY = 0.5e-3
 # Of unknowns that are only determined together, a gain keeps its nominal value rather than a load
 # or friction, if its standard deviation over the allowed one is the largest after this factor.
 TRUSTED = 2.0
-# A search has converged if its next step is at most this share of a standard deviation.
-REST = 0.5
 # Lowest lines of the spectrum of the scores, and samples for each line (Müller, Econometrica 2007).
 LINES, PER_LINE = 24, 4
 OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
@@ -134,19 +132,19 @@ def moved(model: Model, grids: list[Gridded]) -> BoolArray:
     return np.array([j < 0 or ranges[j] > MOVES for j in own])
 
 
-def seen(model: Model, grids: list[Gridded], values: FloatArray, noise: FloatArray) -> BoolArray:
+def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would determine if there were only the noise of the encoders.
 
     Args:
         model: The robot.
         grids: The logs.
         values: Values of the unknowns; they may be far from the true ones.
-        noise: Standard deviation of each joint's encoder [rad], (dof,).
 
     Raises:
         ExecutionError: A joint runs away.
     """
-    known = Precision.of(derivatives(model, grids, attempt(model, grids, values)) / noise[:, None])
+    jacobian = derivatives(model, grids, attempt(model, grids, values))
+    known = Precision.of(jacobian / noise_of(grids)[:, None])
     # A load that is not known yet counts as 1 kg.
     bold = np.array(values)
     mass = [x.name == "payload_mass" for x in model.unknowns]
@@ -166,26 +164,16 @@ def determined(model: Model, known: Precision, free: BoolArray, limit: FloatArra
         limit: Largest standard deviations, (unknowns,).
     """
     free = free.copy()
+    trust = [TRUSTED if x.name in LOGARITHMIC else 1.0 for x in model.unknowns]
     while free.any():
         with np.errstate(invalid="ignore", divide="ignore"):
             worse = np.where(free, known.sd(free) / limit, 0.0)
         worse[np.isnan(worse)] = math.inf
         if worse.max() <= 1.0:
             break
-        free[worst(model, worse)] = False
+        free[np.argmax(trust * worse)] = False
         free &= with_mass(model, free)
     return free
-
-
-def worst(model: Model, worse: FloatArray) -> int:
-    """The unknown that should keep its nominal value.
-
-    Args:
-        model: The robot.
-        worse: Standard deviations over the allowed ones, (unknowns,).
-    """
-    gains = np.array([x.name in LOGARITHMIC for x in model.unknowns])
-    return int(np.argmax(np.where(gains, TRUSTED * worse, worse)))
 
 
 def with_mass(model: Model, free: BoolArray) -> BoolArray:
@@ -193,12 +181,6 @@ def with_mass(model: Model, free: BoolArray) -> BoolArray:
     names = [x.name for x in model.unknowns]
     mass = free[names.index("payload_mass")] or model.load.mass > LEAST_MASS
     return np.array([bool(mass) or x != "payload_center" for x in names])
-
-
-def unsettled(found: BodyFit) -> FloatArray:
-    """The next step of a fit over the largest one of a converged search, (unknowns,)."""
-    sd = Precision.of(found.jacobian, found.residuals).sd(found.free)
-    return np.asarray(np.where(found.free, np.abs(found.left) / np.maximum(REST * sd, 1e-300), 0.0))
 
 
 def doubts(model: Model, grids: list[Gridded], found: BodyFit) -> FloatArray:
