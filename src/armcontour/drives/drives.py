@@ -73,7 +73,7 @@ class Drives:
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The command u with which the drives make a motion [rad], (n, dof).
 
-        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque beside gravity feed-forward.
+        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -84,7 +84,7 @@ class Drives:
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """The torque of the loops for a motion, beside the gravity that is fed forward [N m].
+        """The torque of the loops for a motion, without gravity feed-forward [N m].
 
         It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
         gravity that the controller does not feed forward. Coulomb friction is `coulomb sign(dq)`

@@ -101,7 +101,10 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
     row_starts = np.append(0, 1 + 3 * np.arange(n))
     found = bsr_array((values, np.append(0, columns), row_starts), shape=(n * dof, n * dof))
-    return found.tocsc()
+    found = found.tocsc()
+    found.sum_duplicates()
+    found.eliminate_zeros()
+    return found
 
 
 def regular_times(start: float, end: float, longest: float) -> FloatArray:

@@ -21,7 +21,7 @@ CORRECTIONS = 40
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
 # hardly change between them.
 APART = 10e-3
-# A joint that is this far from where it was looked for [rad] runs away.
+# A joint that a correction moves by more than this [rad] runs away.
 AWAY = 1e3
 
 
@@ -88,7 +88,7 @@ def simulate(
         drives: The nominal robot. Friction is that of its arm.
         command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
         t: Regular times [s], (n,).
-        near: A motion near that which is looked for [rad], (n, dof); its first row is where the
+        near: A motion near the solution [rad], (n, dof); its first row is where the
             joints start.
         speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
         viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
