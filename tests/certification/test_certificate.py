@@ -226,6 +226,22 @@ def test_what_binds_is_said(refuses):
         refuses(call, ac.NotRealizable, *words, **data)
 
 
+def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
+    this = job(SHORT, servo=", unexplained: 0.1 mrad")
+    found = ac.certify(this, goal=Goal(servo=0.2e-3))
+    budget, result = found.budget, judged(found)
+    expected = ac.evaluate(found.execution, found.path.path).unexplained[1]
+    assert budget.unexplained == pytest.approx(expected, rel=1e-4) and expected > 3e-5
+    assert result.contour_error.max + budget.unexplained <= 0.2e-3
+    assert budget.executed == budget.servo + budget.sampling + budget.unexplained
+    assert budget.left == 0.2e-3 - budget.executed >= 0
+    more = ac.certify(job(SHORT), goal=Goal(servo=0.2e-3 - budget.unexplained))
+    assert more.duration == pytest.approx(found.duration, rel=1e-3)
+    call = partial(ac.certify, this, goal=Goal(servo=2e-5))
+    words = "The servo model does not explain errors of up to", "allow more"
+    refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)
+
+
 def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
     this = parse_job(LINE)
     two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation.compensator import default_method
 from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
@@ -152,3 +153,28 @@ def test_refused_options(refuses):
         (three, {}, "kp has 3 values"),
     ):
         refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)
+
+
+def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
+    servo = ac.ServoModel(
+        kp=[25.0, np.inf], kv=[150.0, np.inf], order=("second", "delay"), dead_time=[0.0, 8e-3]
+    )
+    arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
+    plan = smooth()
+    taught = ac.compensate(plan, servo)
+    assert taught.method == "inverse"
+    off = {}
+    for method in ("inverse", "none"):
+        done = ac.execute(ac.compensate(plan, servo, method=method), ac.ServoPlant(arm, servo))
+        off[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
+    assert (off["inverse"] < 0.02 * off["none"]).all()
+    call = partial(ac.compensate, plan, servo, method="pole_placement")
+    refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")
+    # A joint without a model keeps its plan; bodies take no other loops.
+    unknown = ac.ServoModel(order="unknown")
+    kept = ac.compensate(plan, unknown)
+    np.testing.assert_allclose(kept.q, plan(np.clip(kept.t, 0, plan.duration)), atol=1e-5)
+    ur5e = ac.load_arm("ur5e")
+    assert default_method(servo, ur5e) == default_method(unknown, ur5e) == "inverse"
+    assert default_method(UNEVEN.replace(friction=1e-4), ur5e) == "inverse"
+    assert default_method(UNEVEN, ur5e) == "inverse_dynamics"

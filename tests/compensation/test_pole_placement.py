@@ -280,7 +280,7 @@ def test_refused(mac, arm, refuses):
         partial(pole_behaviour, first, [-1, -1, -1]),
         partial(ac.compensate, mac, first, method="pole_placement"),
     ):
-        refuses(call, ac.CompensationError, "order second")
+        refuses(call, ac.InvalidInput, "order second", "take the compensation inverse")
 
 
 DURATION = 0.6

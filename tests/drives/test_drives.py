@@ -83,7 +83,7 @@ def test_the_response_is_that_of_the_plant(arm, gravity):
     at = regular_times(0.0, first.t[n - 1], 1e-3)
     response = respond_along(swing, at, arm, SERVO, gravity_feedforward=gravity)
     command = command_at(CHANGE, at)
-    expected = response.to_command(command)
+    expected = response.to_torque(command * response.gain)
     assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
     left, right = response.equations()
     torque = (command * response.gain).ravel()
@@ -103,21 +103,29 @@ def test_a_payload_that_the_controller_does_not_know(arm):
     found = moved.q[:n] - done.q[:n]
     at = regular_times(0.0, done.t[n - 1], 1e-3)
     response = respond_along(swing, at, loaded, SERVO, known=arm)
-    expected = response.to_command(command_at(CHANGE, at))
+    expected = response.to_torque(command_at(CHANGE, at) * response.gain)
     rows = np.searchsorted(done.t[:n], at)
     assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
 
 
-@pytest.mark.parametrize("options", [{"kv": 150.0}, {"order": "first"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"kp": 25.0, "kv": 150.0},
+        {"kp": 25.0, "order": "first"},
+        {"order": "delay"},
+        {"kp": [25.0, np.inf], "kv": [150.0, np.inf], "order": ("second", "delay")},
+    ],
+)
 def test_without_masses_the_response_is_that_of_the_servo(options):
-    arm, servo = rods(), ac.ServoModel(kp=25.0, **options)
+    arm, servo = rods(), ac.ServoModel(**options)
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
     data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
     done = ac.execute(data, ac.ServoPlant(arm, servo))
     at = regular_times(0.0, done.t[-1], 1e-3)
     response = respond_along(lambda t, order: 0 * t, at, arm, servo)
-    found = response.to_command(command_at(change, at, servo))
+    found = response.to_torque(command_at(change, at, servo) * response.gain)
     np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
 
 
@@ -136,8 +144,13 @@ def test_weights_of_set_points_give_the_command():
 
 
 def test_drives_need_a_velocity_loop_and_masses(arm):
-    with pytest.raises(ac.InvalidInput, match="order second"):
-        Drives(arm=arm, servo=ac.ServoModel(kp=25.0, order="first"))
+    for servo in (
+        ac.ServoModel(kp=25.0, order="first"),
+        SERVO.replace(friction=1e-3),
+        SERVO.replace(cycle=1e-3),
+    ):
+        with pytest.raises(ac.InvalidInput, match="order second"):
+            Drives(arm=arm, servo=servo)
     with pytest.raises(ac.InvalidInput, match="masses"):
         Drives(arm=rods(), servo=SERVO)
 

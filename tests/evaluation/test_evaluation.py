@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -58,6 +59,54 @@ def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm
     assert found.tracking_error.max == pytest.approx(0.01, rel=1e-9)
     expected = np.sqrt(np.trapezoid(np.minimum(0.1 * T / 2, 0.01) ** 2, T) / 2)
     assert found.tracking_error.rms == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm):
+    limits = ac.Limits(joint_acceleration=2.0, speed=0.1)
+    bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
+    plan = ac.plan(bent, arm, limits)
+    taught = ac.compensate(plan, ac.ServoModel(order="delay"), method="none")
+    for delays in ([0.05, 0.05], [0.05, 0.054]):
+        servo = ac.ServoModel(order="delay", dead_time=delays)
+        found = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), bent)
+        assert found.tracking_error.max > 4e-3
+        if delays[0] == delays[1]:
+            assert found.common_delay == pytest.approx(0.05, abs=1e-6)
+            assert found.undelayed_error.max < 1e-5
+        else:
+            assert 0.05 < found.common_delay < 0.054
+            # Differences of 4 ms at most, at 0.1 m/s; they are contour errors, too.
+            assert found.contour_error.rms <= found.undelayed_error.rms < 0.4e-3
+            assert found.undelayed_error.rms > 1e-5
+    still = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
+    assert still.common_delay == 0.0
+
+
+@pytest.mark.parametrize("in_space", [False, True])
+def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_across(arm, in_space):
+    path = LINE
+    if in_space:
+        arm = ac.load_arm("ur5e")
+        path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.5, 0.1, 0.4)]).pointing([0.0, 0.0, -1.0])
+    plan = ac.plan(path, arm, ac.Limits(joint_acceleration=2.0, speed=0.1))
+    unexplained = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
+    servo = ac.ServoModel(kp=25.0, order="first", unexplained=unexplained)
+    done = ac.execute(ac.compensate(plan, servo, method="inverse"), ac.ServoPlant(arm, servo))
+    found = ac.evaluate(done, path)
+    along, across = 0.0, 0.0
+    unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length
+    for signs in product((-1, 1), repeat=arm.dof):
+        moved = arm.forward(done.q + signs * unexplained) - done.tool
+        ahead = moved @ unit
+        along = max(along, np.abs(ahead).max())
+        across = max(across, np.linalg.norm(moved - ahead[:, None] * unit, axis=1).max())
+    # To first order, a joint at its worst can be reached along the path, and in the plane.
+    assert found.unexplained == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
+    assert found.unexplained[0] == pytest.approx(along, rel=2e-3)
+    assert found.unexplained[1] > across * (1 - 2e-3)
+    assert f"at most {found.unexplained[1] * 1e3:.3g}"[:12] in str(found)
+    plain = ac.execute(done.taught, ac.ServoPlant(arm, servo.replace(unexplained=None)))
+    assert ac.evaluate(plain, path).unexplained is None
 
 
 def test_errors_are_weighted_by_time_until_a_given_one(arm):

@@ -138,9 +138,12 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
 
 def test_held_set_points_cancel_feedforward_exactly(arm, plan):
     servos = servo_of("step", velocity_feedforward=0.0), servo_of("step")
-    one, other = (follow(plan, arm, x, None, "inverse")[1] for x in servos)
+    (_, one), (taught, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
     n = min(len(one.t), len(other.t))
-    np.testing.assert_allclose(one.q[:n], other.q[:n], atol=1e-9)
+    off = np.abs(one.q[:n] - other.q[:n])
+    # After the motion, the transient of feed-forward is cut off.
+    assert off[one.t[:n] < plan.duration - PERIOD].max() < 1e-9
+    assert (off.max(axis=0) < taught.cut_off + 1e-9).all()
 
 
 def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
@@ -226,3 +229,52 @@ def test_refusals(refuses):
     servo = ac.ServoModel(kp=25.0, kv=1e6)
     servo.refuse_too_fast(1e-3)
     refuses(lambda: servo.refuse_too_fast(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
+
+
+@pytest.mark.parametrize("kp", [5.0, 20.0, 60.0, 200.0])
+def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm, plan):
+    """Gains and dead times as those found for a KR C4, each joint with its own feed-forward."""
+    path = plan.laws[0].joint_path.tool_path
+    for f in ([0.8, 0.9], [1.1, 0.95], [1.0, 1.0]):
+        servo = ac.ServoModel(kp=kp, order="first", velocity_feedforward=f, dead_time=[4e-3, 7e-3])
+        errors = []
+        for method in ("inverse", "none"):
+            taught = ac.compensate(plan, servo, method=method, arm=arm)
+            done = ac.execute(taught, ac.ServoPlant(arm, servo))
+            errors.append(ac.evaluate(done, path).contour_error)
+        assert errors[0].rms < 0.1 * errors[1].rms
+        assert errors[0].max < 0.5 * errors[1].max
+
+
+SLOW = {
+    "first": {"kp": [0.05, 0.4], "order": "first"},
+    "lead": {"kp": [0.3, 0.4], "order": "first", "acceleration_feedforward": [0.02, 0.01]},
+    "second": {"kp": [0.3, 2.0], "kv": [40.0, 5.0]},
+    "swinging": {"kp": [5.0, 3.0], "kv": [4.0, 6.0]},
+    "rubbing": {"kp": [0.3, 1.0], "order": "first", "friction": 1e-4},
+    "held": {"kp": [0.3, 1.0], "order": "first", "interpolation": "step"},
+    "cubic": {"kp": [0.3, 1.0], "kv": 50.0, "interpolation": "cubic"},
+}
+
+
+@pytest.mark.parametrize("kind", SLOW)
+def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind, arm, plan):
+    servo = ac.ServoModel(**SLOW[kind], velocity_feedforward=[0.8, 1.2], acceleration_limit=np.inf)
+    taught = ac.compensate(plan, servo, method="inverse")
+    end = plan(plan.duration, side="left")
+    # A fifth of the motion, in the end at rest at the end of the plan.
+    assert taught.t[-1] < 1.2 * plan.duration + 2 * PERIOD
+    np.testing.assert_array_equal(taught.q[-1], end)
+    assert (np.abs(np.diff(taught.q, axis=0)[-3:]) < 1e-2 * np.ptp(taught.q, axis=0)).all()
+    done = ac.execute(taught, ac.ServoPlant(arm, servo), resolution=1e-3)
+    error = np.abs(done.q - end)[done.t > plan.duration + PERIOD].max(axis=0)
+    assert (error > 1e-5).all()
+    # The inverse has errors of its own, of interpolation.
+    own = 1e-5 if kind != "held" else 2e-4
+    assert (error < taught.cut_off + own).all() and (error > 0.5 * taught.cut_off - own).all()
+
+
+def test_short_transients_are_not_cut_off(arm, plan):
+    servo = servo_of("first order", kp=200.0)
+    assert ac.compensate(plan, servo, method="inverse").cut_off is None
+    assert ac.compensate(plan, servo, method="none").cut_off is None

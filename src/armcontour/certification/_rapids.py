@@ -141,9 +141,7 @@ def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float
 
 def _demand(robot: Robot, executed: Execution, servo: ServoModel, since: float | None) -> float:
     """Largest demand of any joint over its limit; it counts from the time `since` [s]."""
-    if servo.order == "first":
-        return 0.0
-    low, high = robot.limits.acceleration_bounds(robot.arm.dof)
+    low, high = robot.saturating()
     least, most = peak_demands(executed, servo, since)
     return float(np.maximum(least / low, most / high).max())
 

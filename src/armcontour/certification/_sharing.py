@@ -18,6 +18,7 @@ from armcontour.certification._bodies import rest_at_start
 from armcontour.certification._uses import Robot, work_on
 from armcontour.certification._whole import Assembly, Whole
 from armcontour.errors import InvalidInput, NotRealizable
+from armcontour.evaluation.unexplained import unexplained_errors
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
@@ -41,14 +42,20 @@ NEAR = 0.9
 KEPT_FOR_SERVO = (1.5, 6.0)
 # Paths are not rounded or shaped again for less than this share of the tolerance.
 LEAST_GAIN = 1e-3
+# Places at which errors that the servo model does not explain are bounded, beside the breaks.
+MOST_PLACES = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A program that keeps the goal, with its run and its budget for the servo [m]."""
+    """A program that keeps the goal, with its run and its budget for the servo [m].
+
+    `unexplained` is the part of the budget that the servo model does not explain [m].
+    """
 
     this: Run
     budget: float
+    unexplained: float
     whole: Whole
 
     @property
@@ -147,7 +154,7 @@ class Sharing:
             if best is not None and (found is None or found.duration >= best.duration):
                 break
             best = found
-            if best is not None and best.whole.worst < NEAR * budget:
+            if best is not None and best.whole.worst + best.unexplained < NEAR * budget:
                 break
         assert best is not None  # the search with the last share raises if it fails
         return self._give_rest_to_shape(best)
@@ -215,7 +222,7 @@ class Sharing:
     def _give_rest_to_shape(self, found: Found) -> Found:
         """Give the unused tolerance of the servo to the shape, if the plan gets faster."""
         for kept in KEPT_FOR_SERVO:
-            needed = kept * found.whole.worst
+            needed = kept * found.whole.worst + found.unexplained
             if needed > found.budget - LEAST_GAIN * self._tightest:
                 break
             better = self._try(needed)
@@ -240,20 +247,30 @@ class Sharing:
         Raises:
             NotRealizable: No plan keeps the goal.
         """
-        traced = None
         if this is None:
             this = self.with_shape_of(budget)
             objective, program = self._shape(this)
             self.progress(Step(("tracing",)))
+            traced = trace_run(self.job, this, program)
         else:
             assert self._programs is not None
             (objective, program), traced = self._programs, self._traced
         robot = robot_of(self.job, this, self.goal)
+        unexplained = unexplained_part(robot, traced)
+        if unexplained >= budget:
+            raise NotRealizable(
+                f"The servo model does not explain errors of up to {unexplained * 1e3:.4g} mm "
+                f"across the path, and {budget * 1e3:.4g} mm is allowed: allow more, or give the "
+                "servo a model with a smaller `unexplained`.",
+                limit="contour error",
+                needed=unexplained,
+                allowed=budget,
+            )
         assembly = Assembly(
             job=self.job,
             robot=robot,
             goal=self.goal,
-            budget=budget,
+            budget=budget - unexplained,
             objective=objective,
             program=program,
             progress=self.progress,
@@ -261,7 +278,7 @@ class Sharing:
             traced=traced,
         )
         try:
-            return Found(this, budget, assembly.whole())
+            return Found(this, budget, unexplained, assembly.whole())
         finally:
             self.trials += assembly.trials
 
@@ -327,6 +344,21 @@ def plan_fastest(robot: Robot, program: Program, traced: Tracing) -> Trajectory:
     options = {"intervals": intervals_of(program)}
     timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options)
     return time_program(traced, timing)
+
+
+def unexplained_part(robot: Robot, traced: Tracing) -> float:
+    """Largest tool error across the contours that the servo model does not explain [m]."""
+    unexplained, moves = robot.servo.unexplained, traced.program.moves
+    found = [0.0]
+    for x in traced.steps:
+        if unexplained is None or x.joint_path is None or x.move is None:
+            continue
+        path = x.joint_path.tool_path
+        if path is not None and isinstance(moves[x.move], Contour):
+            s = np.union1d(x.joint_path.breaks, np.linspace(0.0, path.length, MOST_PLACES))
+            own = unexplained_errors(robot.arm, x.joint_path(s), path(s, 1), unexplained)
+            found.append(float(own[1].max()))
+    return max(found)
 
 
 def shape_part(path: Path) -> float:

@@ -98,8 +98,12 @@ class Robot:
         """The robot, or one that never saturates."""
         if self.bodies:
             return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
-        saturation = "none" if ideal or self.servo.order == "first" else None
+        saturation = "none" if ideal else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
+
+    def saturating(self) -> tuple[FloatArray, FloatArray]:
+        """Accelerations at which the drives saturate [rad/s²], (dof,) each; infinite without."""
+        return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
 
     def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
         """Taught data of a plan, every `period` or command interval of the run [s]."""
@@ -313,11 +317,11 @@ def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
     """
     plan = taught.trajectory
     t = executed.t
-    low, high = setting.limits.acceleration_bounds(setting.arm.dof)
+    low, high = setting.saturating()
     s, planned, pace = planned_uses(setting, plan, t)
     groups = [] if setting.box is None else execute_over_box(setting, taught)
     joints, peak = planned, np.zeros(setting.arm.dof)
-    if not setting.saturated and setting.servo.order == "second":
+    if not setting.saturated:
         robots = [(setting.servo, executed)]
         robots += [x for group in groups for x in zip(group.servos, group.runs, strict=True)]
         for servo, x in robots:

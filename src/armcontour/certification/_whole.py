@@ -357,9 +357,9 @@ def _find_outside(whole: Whole, goal: Goal, budget: float) -> list[Outside]:
 def _demands(whole: Whole, moves: Sequence[Span]) -> list[tuple[float, str, float]]:
     """Time, name and use of the acceleration limit where moves exceed it; empty if allowed."""
     robot, executed = whole.robot, whole.execution
-    if robot.saturated or robot.bodies or robot.servo.order == "first":
+    if robot.saturated or robot.bodies:
         return []
-    low, high = robot.limits.acceleration_bounds(robot.arm.dof)
+    low, high = robot.saturating()
     least, most = executed.demand_range
     ratio = float(np.maximum(least / low, most / high).max())
     if ratio <= 1 + SAME:

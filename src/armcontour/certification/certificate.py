@@ -37,21 +37,24 @@ class Budget:
         servo: Largest contour error of the same plan with a nearly continuous command.
         sampling: Part that the command interval adds to `servo`; may be negative.
         box: Part that the worst robot of the box adds to both; 0 without a box.
+        unexplained: Bound of the part across the path that the servo model does not explain, to
+            first order; 0 if `unexplained` of the servo is not known.
         allowed: Tolerance for the sum of all parts; None without one.
-        servo_allowed: Largest sum of servo, sampling and box.
+        servo_allowed: Largest sum of servo, sampling, box and unexplained.
     """
 
     rounding: float
     servo: float
     sampling: float
     box: float
+    unexplained: float
     allowed: float | None
     servo_allowed: float
 
     @property
     def executed(self) -> float:
-        """Largest contour error of the execution, over the box if there is one [m]."""
-        return self.servo + self.sampling + self.box
+        """Bound of the contour error of the execution, over the box if there is one [m]."""
+        return self.servo + self.sampling + self.box + self.unexplained
 
     @property
     def total(self) -> float:
@@ -67,6 +70,7 @@ class Budget:
             ("of it servo", mm(self.servo)),
             ("  command interval", mm(self.sampling)),
             ("  robots of the box", mm(self.box) if self.box else ""),
+            ("  not explained", mm(self.unexplained) if self.unexplained else ""),
             ("rounding of corners", mm(self.rounding)),
             ("left", f"{mm(self.left)} of {mm(allowed)}"),
         ]

@@ -285,6 +285,7 @@ class _Certifying:
             servo=servo,
             sampling=nominal - servo,
             box=0.0 if setting.box is None else max(kept.worst - nominal, 0.0),
+            unexplained=found.unexplained,
             allowed=self.goal.tolerance,
             servo_allowed=found.budget,
         )
@@ -353,10 +354,10 @@ def model_of(robot: Robot) -> str:
     if robot.bodies:
         return _model_of_bodies(robot, held[servo.interpolation])
     parts = [
-        f"independent joint servos of order {servo.order} with {servo}",
+        f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
         f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
-    if servo.order == "second":
+    if np.isfinite(robot.saturating()).any():
         parts.append("accelerations that saturate at the joints' limits")
     if robot.box is not None:
         parts.append("and every such robot of the box that was executed")

@@ -145,6 +145,8 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     ]
     if found.corners is not None:
         rows.append(("worst robot of the box", f"{budget.box * 1e3:.5f} mm"))
+    if budget.unexplained:
+        rows.append(("not explained by the servo model", f"{budget.unexplained * 1e3:.5f} mm"))
     rows += _linear_rows(found)
     rows += [
         ("left", f"{budget.left * 1e3:.5f} mm"),

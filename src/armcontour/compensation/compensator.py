@@ -39,6 +39,10 @@ def compensate(
     Set-points have a time advance of the servo's dead time, plus half a command interval for
     interpolation "step". The taught data then starts before time 0, at the start of the plan.
 
+    Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
+    constant `f / kp`. After 1 s or 20 % of the motion it is cut off: set-points fade to the end of
+    the plan, and `TaughtData.cut_off` bounds the errors of the joints after it.
+
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model whose delay is compensated.
@@ -65,10 +69,9 @@ def compensate(
     Raises:
         InvalidInput: An argument has the wrong type, a method or option is unknown, gains do not
             fit the joints or the interval, the interval is longer than the motion, the set-points
-            are too many, or "inverse_dynamics" has no arm with masses or a servo of first
-            order.
-        CompensationError: Poles are not stable, the servo is of first order for pole placement, or
-            set-points exceed the limits.
+            are too many, "inverse_dynamics" has no arm with masses, or it or "pole_placement" has a
+            servo with joints of another order than "second", friction or a cycle.
+        CompensationError: Poles are not stable, or set-points exceed the limits.
     """
     _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
     _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
@@ -91,9 +94,14 @@ def compensate(
         count * trajectory.dof,
         "take a longer command interval or a higher speed",
     )
-    start, q = _set_points(trajectory, model, interval, method, arm, options)
+    start, q, cut_off = _set_points(trajectory, model, interval, method, arm, options)
     taught = TaughtData(
-        period=interval, q=q, trajectory=trajectory, method=method, start_time=start
+        period=interval,
+        q=q,
+        trajectory=trajectory,
+        method=method,
+        start_time=start,
+        cut_off=cut_off,
     )
     if limits is not None:
         refuse_commands(taught, limits.for_joints(trajectory.dof))
@@ -108,10 +116,11 @@ def default_method(servo: ServoModel, arm: Arm | None) -> str:
         arm: The arm whose bodies the drives move; None for joints that move as the servo model.
 
     Returns:
-        "inverse_dynamics" for bodies of known masses and a servo of second order, else "inverse".
+        "inverse_dynamics" for bodies of known masses and a servo of second order without friction
+        and cycle, else "inverse".
     """
-    bodies = arm is not None and arm.has_bodies and servo.kv is not None
-    return "inverse_dynamics" if bodies else "inverse"
+    plain = servo.order == "second" and not servo.friction.any() and not servo.cycle
+    return "inverse_dynamics" if plain and arm is not None and arm.has_bodies else "inverse"
 
 
 def _refuse_long_interval(period: float, duration: float) -> None:
@@ -141,16 +150,16 @@ def _set_points(
     method: str,
     arm: Arm | None,
     options: dict[str, Any],
-) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points, (n, dof) [rad]."""
+) -> tuple[float, FloatArray, FloatArray | None]:
+    """Time of the first set-point [s], set-points, (n, dof) [rad], and `TaughtData.cut_off`."""
     if method == "none":
-        return 0.0, _as_planned(trajectory, period)
+        return 0.0, _as_planned(trajectory, period), None
     start, q = _without_feedforward(trajectory, servo, period, method, arm, options)
     if not servo.has_feedforward:
-        return start, q
+        return start, q, None
     from armcontour.compensation.feedforward import for_feedforward
 
-    return start, for_feedforward(q, period, servo)
+    return start, *for_feedforward(q, period, servo, trajectory.duration)
 
 
 def _without_feedforward(
@@ -197,7 +206,7 @@ def set_point_count(
         if servo.has_feedforward:
             from armcontour.compensation.feedforward import tail_duration
 
-            total += tail_duration(servo)
+            total += tail_duration(servo, duration)
     if method == "pole_placement" and servo.kv is not None:
         from armcontour.compensation.pole_placement import check_poles
 

@@ -11,33 +11,43 @@ from armcontour._checks import FloatArray
 from armcontour.compensation.set_points import SETTLING
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials
+from armcontour.servo.simulation import Simulation
 
 # What a set-point leaves of the end of the motion after its tail [rad].
 SETTLED = 1e-10
+# Longest tail [s], and as a share of the motion; longer ones are cut off.
+LONGEST_TAIL = 1.0
+TAIL_SHARE = 0.2
 # Corrections of the first solution for cubics, of which each leaves a small share of the error, and
 # the error at which they end [rad].
 MOST_CORRECTIONS = 50
 EXACT = 1e-13
 
 
-def for_feedforward(plain: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+def for_feedforward(
+    plain: FloatArray, period: float, servo: ServoModel, duration: float
+) -> tuple[FloatArray, FloatArray | None]:
     """Set-points to which a servo responds as one without feed-forward responds to others.
 
     In every command interval the mean of the command with what feed-forward adds is that of the
     command without feed-forward. These equations are solved forward from rest, which is stable for
-    any feed-forward.
+    any feed-forward. The transient that remains after the motion is cut off if it is too long:
+    set-points then fade to the end of the plan.
 
     Args:
         plain: Set-points for the servo without feed-forward [rad], (n, dof); at rest before the
             first and after the last one.
         period: Command interval [s].
         servo: Servo model with values per joint.
+        duration: Duration of the motion [s].
 
     Returns:
         Set-points [rad], (m, dof), with m >= n: their difference to the last one decays with the
-        time constant `velocity_feedforward / kp`.
+        time constant `velocity_feedforward / kp`. And the largest error of each joint because the
+        transient is cut off [rad], (dof,); None if it is not.
     """
-    rows = int(np.ceil(_tail(servo, period)))
+    allowed = max(int(_longest_tail(duration) / period), 1)
+    rows = int(np.ceil(min(tail_duration(servo, duration) / period, allowed) + SETTLING))
     want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), period, _without(servo))
     start = plain[0]
     found = _solved(want - start, period, servo) + start
@@ -48,19 +58,47 @@ def for_feedforward(plain: FloatArray, period: float, servo: ServoModel) -> Floa
             if np.abs(error).max() <= EXACT:
                 break
     moves = np.flatnonzero((np.abs(found - plain[-1]) > SETTLED).any(axis=1))
-    found = found[: max(len(plain), moves[-1] + 2 if len(moves) else 0)]
+    length = max(len(plain), moves[-1] + 2 if len(moves) else 0)
+    if length > len(plain) + allowed:
+        found = found[: len(plain) + allowed]
+        return found, _fade(found[len(plain) :], plain[-1], period, servo)
+    found = found[:length]
     found[-1] = plain[-1]
-    return np.asarray(found)
+    return np.asarray(found), None
 
 
-def tail_duration(servo: ServoModel) -> float:
-    """Longest time for which set-points go on after the motion because of feed-forward [s]."""
-    return SETTLING * float(servo.lead[0].max())
+def tail_duration(servo: ServoModel, duration: float) -> float:
+    """Longest time for which set-points go on after a motion because of feed-forward [s].
+
+    Args:
+        servo: Servo model with values per joint.
+        duration: Duration of the motion [s].
+    """
+    return min(SETTLING * float(servo.lead[0].max()), _longest_tail(duration))
 
 
-def _tail(servo: ServoModel, period: float) -> float:
-    """Number of set-points after which the slowest transient has decayed."""
-    return tail_duration(servo) / period + SETTLING
+def _longest_tail(duration: float) -> float:
+    """Time after a motion at which its tail is cut off [s]."""
+    return min(LONGEST_TAIL, TAIL_SHARE * duration)
+
+
+def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+    """Fade set-points to the last one, in place; bounds of the errors of the joints [rad].
+
+    The exact tail moves no joint, so the error is the response to what is left out of it. After it
+    the set-points hold, so the error only decays.
+    """
+    share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
+    left_out = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
+    tail += left_out[1:]
+    still = np.zeros(tail.shape[1])
+    prompt = servo.replace(dead_time=still, friction=still)
+    q, dq, _ = np.abs(Simulation(left_out, period, prompt).run(0, len(tail), still, still).states).T
+    change = np.abs(np.diff(left_out, axis=0)).max(axis=0)
+    # Between results, after the last one, and as friction changes its sign.
+    between = dq.max(axis=0) * period / 2 + servo.velocity_feedforward * change
+    after = 0.0 if servo.kv is None else dq[-1] / servo.kv
+    return np.asarray(q.max(axis=0) + between + after + 2 * servo.friction)
 
 
 def _without(servo: ServoModel) -> ServoModel:

@@ -69,15 +69,11 @@ def pole_placement(
         Time of the first set-point [s], and set-points [rad], (n, dof).
 
     Raises:
-        CompensationError: The poles are not stable, or the servo is of first order.
+        CompensationError: The poles are not stable.
         InvalidInput: The poles have a wrong shape, are not conjugate, or are too fast for the
-            command interval.
+            command interval; or a joint is not of order "second", or has friction or a cycle.
     """
-    if servo.kv is None:
-        raise CompensationError(
-            "Pole placement, (26), is for a servo of order second: a servo of order first has no "
-            "velocity loop; take the method inverse."
-        )
+    servo.refuse_mixed("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     _refuse_too_fast(placed, period)
     return advance_set_points(

@@ -56,8 +56,9 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
         poles: m1, m2 and g [1/s], one triple or one per joint.
 
     Raises:
-        CompensationError: The poles are not stable, or the servo is of first order.
-        InvalidInput: The poles have a wrong shape, or are not conjugate.
+        CompensationError: The poles are not stable.
+        InvalidInput: The poles have a wrong shape, or are not conjugate, or the servo is not of
+            order "second".
     """
     kv = np.atleast_1d(_second_order(servo))
     placed = check_poles(poles, len(kv))
@@ -108,8 +109,9 @@ def fastest_poles(
 
     Raises:
         CompensationError: Even with the lag of the servo itself, `2 / p = 1 / K_p`, a joint would
-            saturate; or the servo is of first order.
-        InvalidInput: There is no limit of joint acceleration.
+            saturate.
+        InvalidInput: There is no limit of joint acceleration, or the servo is not of order
+            "second".
     """
     _checks.refuse_other("fastest_poles", servo, ServoModel)
     _checks.refuse_other("fastest_poles", trajectory, Trajectory, "as plan gives it")
@@ -190,13 +192,10 @@ def _second_order(servo: ServoModel) -> FloatArray:
     """Velocity loop gains of a servo of order "second" [1/s].
 
     Raises:
-        CompensationError: The servo is of first order.
+        InvalidInput: A joint is of another order, or has friction or a cycle.
     """
-    if servo.kv is None:
-        raise CompensationError(
-            "Poles are placed for a servo of order second: a servo of order first has no velocity "
-            "loop; take the method inverse."
-        )
+    servo.refuse_mixed("Pole placement, (26),")
+    assert servo.kv is not None
     return servo.kv
 
 

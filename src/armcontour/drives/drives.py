@@ -23,7 +23,7 @@ class Drives:
     """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
 
     u is the command after dead time and interpolation. g is the gravity torque that the controller
-    feeds forward: that of the arm as it knows it.
+    feeds forward: that of the arm as the controller knows it.
 
     Args:
         arm: The nominal arm, with masses.
@@ -52,11 +52,8 @@ class Drives:
 
     def __post_init__(self) -> None:
         servo = self.servo.for_joints(self.arm.dof)
-        if servo.kv is None:
-            raise InvalidInput(
-                "Drives that move rigid bodies have a velocity loop: give a servo of order second, "
-                "with the gain kv."
-            )
+        servo.refuse_mixed("The inverse dynamics of rigid bodies")
+        assert servo.kv is not None
         if self.known is not None and self.known.dof != self.arm.dof:
             raise InvalidInput(
                 f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
@@ -76,7 +73,7 @@ class Drives:
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The command u with which the drives make a motion [rad], (n, dof).
 
-        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque beside gravity feed-forward.
+        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -87,7 +84,7 @@ class Drives:
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """The torque of the loops for a motion, beside the gravity that is fed forward [N m].
+        """The torque of the loops for a motion, without gravity feed-forward [N m].
 
         It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
         gravity that the controller does not feed forward. Coulomb friction is `coulomb sign(dq)`
@@ -98,10 +95,38 @@ class Drives:
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
-        dynamics, chain = self.arm.dynamics, self.arm.dynamics.chain
-        found = dynamics.torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
+        chain = self.arm.dynamics.chain
+        found = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
         found += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
+        return found
+
+    def inertial_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """`moving_torque` without friction [N m], (n, dof)."""
+        found = self.arm.dynamics.torque(q, dq, ddq)
         return found - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else found
+
+    def linear(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mass, damping and stiffness of the closed loops around a motion, (n, dof, dof) each.
+
+        The damping includes viscous friction, and not Coulomb friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        # Gravity of the arm that the controller knows cancels.
+        fed, differs = self.gravity_feedforward, self.known is not None
+        stiffness, damping, mass = self.arm.dynamics.derivatives(
+            q, dq, ddq, gravity=differs or not fed
+        )
+        if fed and differs:
+            still = np.zeros_like(q)
+            stiffness = stiffness - self.as_known.dynamics.derivatives(q, still, still)[0]
+        viscous = np.asarray(self.arm.dynamics.chain.viscous)
+        return mass, damping + np.diag(self.damping + viscous), stiffness + np.diag(self.stiffness)
 
 
 def nominal_inertia(arm: Arm) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
@@ -68,58 +68,43 @@ class Response:
         found = spread(mass, damping, stiffness, self.step, means, free)
         return np.asarray(found.reshape(torque.shape))
 
-    def to_command(self, command: FloatArray) -> FloatArray:
-        """Deviations of the joints under another command [rad], same shape as `command`.
-
-        Args:
-            command: Deviation of the command at the times [rad], (n, dof) or (n, dof, cases).
-        """
-        gain = self.gain[:, None] if command.ndim == 3 else self.gain
-        return self.to_torque(command * gain)
-
     def equations(self) -> tuple[csc_array, csc_array]:
         """The matrices of `A x = S f` for deviations and torques as vectors, time first.
 
         A is lower triangular but for blocks of (dof, dof) on its diagonal. The first dof rows say
         that the joints start at rest.
         """
-        from scipy.sparse import csc_array
-
-        n, dof = len(self.t), len(self.gain)
         m, d, k = (
             self.mass[:-1] / self.step**2,
             self.damping[:-1] / (2 * self.step),
             self.stiffness[:-1] / 4,
         )
-        # Before the first time the joints are where they are at the first time.
-        earlier = np.maximum(np.arange(n - 1) - 1, 0)
-        ahead, here = np.arange(1, n), np.arange(n - 1)
-        left = _blocks([(m + d + k, ahead), (2 * k - 2 * m, here), (m - d + k, earlier)], n, dof)
-        unit = np.broadcast_to(np.eye(dof), (n - 1, dof, dof))
-        right = _blocks([(unit / 4, ahead), (unit / 2, here), (unit / 4, earlier)], n, dof)
-        rest = np.arange(dof)
-        first = csc_array((np.ones(dof), (rest, rest)), shape=(n * dof, n * dof))
-        return csc_array(left + first), right
+        unit = np.eye(len(self.gain))
+        left = _banded(unit, np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
+        means = np.multiply.outer([1 / 4, 1 / 2, 1 / 4], unit)
+        return left, _banded(0 * unit, np.broadcast_to(means, (len(self.t) - 1, *means.shape)))
 
 
-def _blocks(blocks: list[tuple[FloatArray, IntArray]], n: int, dof: int) -> csc_array:
-    """A sparse matrix of blocks (n - 1, dof, dof) in the block rows 1 to n - 1.
+def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
+    """The sparse matrix of one block in the first block row and three in each other one.
 
     Args:
-        blocks: Blocks, and their block columns, (n - 1,).
-        n: Number of times.
-        dof: Number of joints.
+        first: Block of the first row and column, (dof, dof).
+        blocks: Blocks by which a time depends on the two times before it and on itself,
+            (n - 1, 3, dof, dof).
     """
-    from scipy.sparse import csc_array
+    from scipy.sparse import bsr_array
 
-    inner = np.arange(dof)
-    down = np.arange(1, n)[:, None, None] * dof + inner[:, None]
-    rows = np.concatenate([np.broadcast_to(down, x.shape).ravel() for x, _ in blocks])
-    columns = np.concatenate(
-        [np.broadcast_to(c[:, None, None] * dof + inner, x.shape).ravel() for x, c in blocks]
-    )
-    values = np.concatenate([np.ravel(x) for x, _ in blocks])
-    return csc_array((values, (rows, columns)), shape=(n * dof, n * dof))
+    n, dof = len(blocks) + 1, len(first)
+    # Before the first time the joints are where they are at the first time.
+    columns = np.maximum(np.arange(n - 1)[:, None] + [-1, 0, 1], 0)
+    values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
+    row_starts = np.append(0, 1 + 3 * np.arange(n))
+    found = bsr_array((values, np.append(0, columns), row_starts), shape=(n * dof, n * dof))
+    found = found.tocsc()
+    found.sum_duplicates()
+    found.eliminate_zeros()
+    return found
 
 
 def regular_times(start: float, end: float, longest: float) -> FloatArray:
@@ -141,7 +126,7 @@ def respond_along(
 
     An arm with masses and a servo of order "second" respond as `Drives`, with viscous friction.
     Otherwise every joint responds as its servo, (6), and torques are in units of acceleration
-    (order "first": of velocity).
+    (order "first": of velocity; "delay" and "unknown": of position).
 
     Args:
         motion: Joint positions, velocities and accelerations of the motion at times, by order.
@@ -156,36 +141,15 @@ def respond_along(
     """
     if arm.has_bodies and servo.kv is not None:
         drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
-        return _of_drives(drives, motion, t)
-    return _of_servo(servo.for_joints(arm.dof), t)
-
-
-def _of_drives(drives: Drives, motion: Motion, t: FloatArray) -> Response:
-    """The response of drives that move bodies."""
-    q, fed = motion(t, 0), drives.gravity_feedforward
-    by_position, by_velocity, mass = drives.arm.dynamics.derivatives(
-        q, motion(t, 1), motion(t, 2), gravity=not fed or drives.known is not None
-    )
-    if fed and drives.known is not None:
-        still = np.zeros_like(q)
-        by_position = by_position - drives.known.dynamics.derivatives(q, still, still)[0]
-    chain = drives.arm.dynamics.chain
-    return Response(
-        t=t,
-        mass=mass,
-        damping=by_velocity + np.diag(drives.damping + np.asarray(chain.viscous)),
-        stiffness=by_position + np.diag(drives.stiffness),
-        gain=drives.stiffness,
-    )
-
-
-def _of_servo(servo: ServoModel, t: FloatArray) -> Response:
-    """The response of servos, each of one joint by itself."""
-    dof, n = len(servo.kp), len(t)
-    one = np.ones(dof)
-    if servo.kv is None:
-        diagonals = 0 * one, one, servo.kp
+        mass, damping, stiffness = drives.linear(*(motion(t, order) for order in range(3)))
+        gain = drives.stiffness
     else:
-        diagonals = one, servo.kv, servo.kv * servo.kp
-    mass, damping, stiffness = (np.broadcast_to(np.diag(x), (n, dof, dof)) for x in diagonals)
-    return Response(t=t, mass=mass, damping=damping, stiffness=stiffness, gain=diagonals[2])
+        own, shape = servo.for_joints(arm.dof), (len(t), arm.dof, arm.dof)
+        one = np.ones(arm.dof)
+        kv = one * np.inf if own.kv is None else own.kv
+        loop, lag = np.isfinite(kv), np.isfinite(own.kp)
+        # Joints that only delay follow the command: x = u.
+        gain = np.where(lag, own.kp, 1.0) * np.where(loop, kv, 1.0)
+        rows = loop * one, np.where(loop, kv, lag * one), gain
+        mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
+    return Response(t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain)

@@ -21,7 +21,7 @@ CORRECTIONS = 40
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
 # hardly change between them.
 APART = 10e-3
-# A joint that is this far from where it was looked for [rad] runs away.
+# A joint that a correction moves by more than this [rad] runs away.
 AWAY = 1e3
 
 
@@ -88,7 +88,7 @@ def simulate(
         drives: The nominal robot. Friction is that of its arm.
         command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
         t: Regular times [s], (n,).
-        near: A motion near that which is looked for [rad], (n, dof); its first row is where the
+        near: A motion near the solution [rad], (n, dof); its first row is where the
             joints start.
         speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
         viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
@@ -111,13 +111,11 @@ def simulate(
         dq, ddq = _rates(q, before, step)
         if k < 2:
             mass, damping, stiffness = _linear(drives, t, q, dq, ddq)
-            diagonal = np.arange(len(brake))
-            mass[:, diagonal, diagonal] -= lost_mass
-            damping[:, diagonal, diagonal] += drives.damping + brake - lost_damping
-            stiffness[:, diagonal, diagonal] += drives.stiffness
+            mass -= np.diag(lost_mass)
+            damping += np.diag(brake - np.asarray(chain.viscous) - lost_damping)
         lacking = wanted - drives.stiffness * _mean(q, before)
         lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
-        lacking -= _moving(drives, q, dq, ddq)
+        lacking -= drives.inertial_torque(q, dq, ddq)
         x, friction = slide(mass, damping, stiffness, step, lacking, np.diff(q, axis=0), coulomb)
         q = q + x
         size = float(np.abs(x).max())
@@ -136,31 +134,16 @@ def simulate(
     )
 
 
-def _moving(drives: Drives, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-    """The torque that a motion needs of the loops, without friction [N m], (n, dof)."""
-    found = drives.arm.dynamics.torque(q, dq, ddq)
-    if drives.gravity_feedforward:
-        found = found - drives.as_known.dynamics.gravity(q)
-    return found
-
-
 def _linear(
     drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives of that torque by acceleration, velocity and position, (n, dof, dof) each."""
+) -> list[FloatArray]:
+    """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
-    at = q[rows]
-    by_position, by_velocity, mass = drives.arm.dynamics.derivatives(at, dq[rows], ddq[rows])
-    if drives.gravity_feedforward:
-        still = np.zeros_like(at)
-        by_position = by_position - drives.as_known.dynamics.derivatives(at, still, still)[0]
     place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
     before = np.minimum(place.astype(np.intp), len(rows) - 2)
     share = (place - before)[:, None, None]
-    return tuple(  # type: ignore[return-value]
-        np.asarray((1 - share) * x[before] + share * x[before + 1])
-        for x in (mass, by_velocity, by_position)
-    )
+    linear = drives.linear(q[rows], dq[rows], ddq[rows])
+    return [(1 - share) * x[before] + share * x[before + 1] for x in linear]
 
 
 def _mean(values: FloatArray, before: FloatArray) -> FloatArray:

@@ -13,7 +13,16 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._describing import brief, degrees, extremes, line_up, mm, place_and_time, several
+from armcontour._describing import (
+    brief,
+    degrees,
+    extremes,
+    line_up,
+    milliseconds,
+    mm,
+    place_and_time,
+    several,
+)
 from armcontour.arms import Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
@@ -21,7 +30,13 @@ from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
-from armcontour.evaluation.pieces import Piece, evaluated_times, pieces_of, settling_time
+from armcontour.evaluation.pieces import (
+    Piece,
+    common_delay,
+    evaluated_times,
+    pieces_of,
+    settling_time,
+)
 from armcontour.geometry import Path
 from armcontour.motion import Execution
 from armcontour.program import Program
@@ -43,6 +58,12 @@ class Evaluation(Value):
         missed: Largest distance from a place of the path to the tool: a part of the path that the
             tool does not reach counts.
         tracking_error: Distance from the tool to its planned position at the same time [m].
+        common_delay: Delay of the plan at which the RMS tracking error is smallest, which all
+            joints share [s].
+        undelayed_error: Tracking error without this delay: distance from the tool to its planned
+            position at a time earlier by `common_delay` [m].
+        unexplained: Bounds of the tool's error along and across the path that the servo model does
+            not explain, to first order [m]; None if its `unexplained` is not known.
         objective_error: Distance from the tool to the objective path [m]; None without one.
         objective_missed: Largest distance from a place of the objective path to the tool [m]; None
             without one.
@@ -81,6 +102,9 @@ class Evaluation(Value):
     contour_error: ErrorProfile
     missed: Missed
     tracking_error: ErrorProfile
+    common_delay: float
+    undelayed_error: ErrorProfile
+    unexplained: tuple[float, float] | None
     objective_error: ErrorProfile | None
     objective_missed: Missed | None
     orientation_error: ErrorProfile | None
@@ -119,7 +143,18 @@ class Evaluation(Value):
             ("contour error", _words(self.contour_error)),
             ("of contours", f"{extremes(each)} largest" if each[1:] else ""),
             ("path missed", _words(self.missed)),
+            (
+                "not explained",
+                ""
+                if self.unexplained is None
+                else f"at most {mm(self.unexplained[1])} more across the path, "
+                f"{mm(self.unexplained[0])} along it",
+            ),
             ("tracking error", _words(self.tracking_error)),
+            (
+                "without delay",
+                f"{_words(self.undelayed_error)}, delay {milliseconds(self.common_delay)}",
+            ),
             ("objective error", _words(self.objective_error)),
             ("objective missed", _words(self.objective_missed)),
             ("orientation error", _words(self.orientation_error, degrees)),
@@ -213,13 +248,17 @@ def evaluate(
     contours = tuple(x.contour_error for x in pieces)
     shares = [x.speed_shares(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
+    delay = common_delay(executed)
     return Evaluation(
         duration=duration,
         settled=settled,
         until=end,
         contour_error=ErrorProfile.join(contours),
         missed=max((x.missed for x in pieces), key=lambda x: x.max),
-        tracking_error=ErrorProfile.join([x.tracking_error for x in pieces]),
+        tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
+        common_delay=delay,
+        undelayed_error=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
+        unexplained=_most_of_each([x.unexplained for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         objective_missed=_most_missed([x.objective_missed for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
@@ -272,6 +311,12 @@ def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     """Join the profiles that are not None; None if all are."""
     found = [x for x in profiles if x is not None]
     return ErrorProfile.join(found) if found else None
+
+
+def _most_of_each(found: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
+    """The largest first and second value of those that are not None; None if all are."""
+    along, across = (max((x[i] for x in found if x), default=-1.0) for i in (0, 1))
+    return None if along < 0 else (along, across)
 
 
 def _most_missed(found: Sequence[Missed | None]) -> Missed | None:

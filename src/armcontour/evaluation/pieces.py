@@ -25,6 +25,7 @@ from armcontour.evaluation.peaks import (
     find_peak,
 )
 from armcontour.evaluation.speed_shares import measure_shares
+from armcontour.evaluation.unexplained import unexplained_errors
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
 from armcontour.motion import Execution, FineMotion, Span
@@ -34,6 +35,11 @@ from armcontour.program import Program
 Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
+# Most steps of the search of a common delay, and the step at which it ends [s].
+MOST_DELAYS = 20
+SAME_DELAY = 1e-7
+# An arm that does not move has no delay.
+TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,13 +139,23 @@ class Piece:
         """Tool speed over the velocity assigned at its place, (n,); see `measure_shares`."""
         return measure_shares(self.path, self.found, self.speed, limit, between=between)
 
-    @property
-    def tracking_error(self) -> ErrorProfile:
-        """Distance from the tool to its planned position at the same time [m]."""
+    def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
+        """Distance from the tool to its planned position at a time `delay` earlier [m]."""
         trajectory = self.executed.taught.trajectory
-        planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
+        planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
         off = length(self.tool - self.executed.arm.forward(planned))
         return self._over_time(off, self.found.s)
+
+    @property
+    def unexplained(self) -> tuple[float, float] | None:
+        """Largest `unexplained_errors` along and across the path [m]; None if not known."""
+        unexplained = self.executed.unexplained
+        if unexplained is None:
+            return None
+        tangent = self.path(self.found.s, 1)
+        both = unexplained_errors(self.executed.arm, self.q, tangent, unexplained)
+        along, across = (float(x.max()) for x in both)
+        return along, across
 
     @cached_property
     def objective_error(self) -> ErrorProfile | None:
@@ -356,6 +372,30 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
     """
     moving = np.flatnonzero(speed > REST_SPEED)
     return float(executed.t[moving[-1]]) if len(moving) else 0.0
+
+
+def common_delay(executed: Execution) -> float:
+    """Delay of the plan at which the tracking error has the smallest root mean square [s].
+
+    Args:
+        executed: The execution.
+    """
+    trajectory, t, tool = executed.taught.trajectory, executed.t, executed.tool
+    q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
+    planned, velocity = executed.arm.forward(q), executed.arm.tool_velocity(q, dq)
+    best, delay = (np.inf, 0.0), 0.0
+    for _ in range(MOST_DELAYS):
+        own, rate = (
+            np.stack([np.interp(t - delay, t, x) for x in columns.T], axis=1)
+            for columns in (planned, velocity)
+        )
+        best = min(best, (float(((tool - own) ** 2).sum()), delay))
+        # Gauss-Newton step of the least squares in the delay.
+        step = float((rate * (own - tool)).sum() / max((rate**2).sum(), TINY))
+        delay += step
+        if abs(step) < SAME_DELAY:
+            break
+    return best[1]
 
 
 def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:

@@ -66,7 +66,7 @@ def execute(
     Raises:
         InvalidInput: The taught data is for another number of joints, the gains are too large for
             the command interval, or there would be too many results.
-        ExecutionError: The joints do not come to rest.
+        ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
     if not isinstance(taught, TaughtData):
         raise InvalidInput(

@@ -26,7 +26,7 @@ from armcontour.execution.plant import (
     refuse_other_joints,
     refuse_too_heavy,
 )
-from armcontour.execution.stability import SampledLoops
+from armcontour.execution.stability import count_parts
 from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import polynomials, sample_command
@@ -110,7 +110,8 @@ class RigidBodyPlant(Locked, Plant):
 
     Raises:
         InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
-            servo is of first order, the step is outside STEPS, the noise is too large, a drive with
+            servo is not of second order or has friction, cycle or acceleration limit, the step is
+            outside STEPS, the noise is too large, a drive with
             a spring has no inertia, or mujoco is not installed.
     """
 
@@ -139,11 +140,14 @@ class RigidBodyPlant(Locked, Plant):
             )
         _checks.refuse_other("A RigidBodyPlant", servo, ServoModel)
         self.servo = servo.for_joints(arm.dof)
-        if self.servo.kv is None:
+        self.servo.refuse_mixed("A rigid-body plant")
+        if self.servo.acceleration_limit is not None:
+            least = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
-                "The drives of the rigid-body plant have a velocity loop: give it a servo of order "
-                "second, with the gain kv."
+                "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
+                f"of {least} rad/s²: leave it out, and give the plant limits with joint_torque."
             )
+        assert self.servo.kv is not None
         self.kv = self.servo.kv
         self.step = check_drive_cycle(step)
         self.gravity_feedforward = gravity_feedforward
@@ -189,15 +193,9 @@ class RigidBodyPlant(Locked, Plant):
         span = taught.period / steps
         every = _every(steps, span, resolution)
         robot = _Robot(self, span, taught)
-        loops = SampledLoops(
-            inertia=self.nominal_inertia,
-            kv=self.kv,
-            kp=self.servo.kp,
-            armature=np.asarray(self.chain.armature),
-            viscous=np.asarray(self.chain.viscous) * self.friction,
-            springs=self._springs,
-        )
-        robot.refine(loops.count_parts(robot.model, span, taught))
+        loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
+        parts = count_parts(robot.model, taught, span, loop, viscous * self.friction, self._springs)
+        robot.refine(parts)
         rows = max(1, round(BLOCK / taught.period))
         logs = []
         command = self._command(taught, steps)

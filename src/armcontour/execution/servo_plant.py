@@ -8,11 +8,11 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Locked
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
-from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.execution.plant import (
+    PATIENCE,
     Plant,
     count_intervals,
-    patience,
     refuse_other_joints,
 )
 from armcontour.execution.servo_run import Part, ServoRun, TorqueBounds, join_parts
@@ -105,12 +105,13 @@ class ServoPlant(Locked, Plant):
         Raises:
             InvalidInput: The taught data is for another number of joints, or the gains are too
                 large for the command interval.
-            ExecutionError: The joints do not come to rest, or a drive is too weak to hold the arm.
+            ExecutionError: A drive is too weak to hold the arm.
         """
         refuse_other_joints(taught, self.arm)
         self.servo.refuse_too_fast(taught.period)
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
-        whole = join_parts(self._until_rest(taught, steps))
+        parts, unsettled = self._until_rest(taught, steps)
+        whole = join_parts(parts)
         return Execution(
             arm=self.arm,
             taught=taught,
@@ -121,6 +122,8 @@ class ServoPlant(Locked, Plant):
             demand=whole.demand,
             demand_range=whole.demand_range,
             saturated_time=whole.saturated,
+            unsettled=unsettled,
+            unexplained=self.servo.unexplained,
             plant=self,
         )
 
@@ -184,12 +187,8 @@ class ServoPlant(Locked, Plant):
         slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
         return bool(slow and (abs(late - np.round(late)) < REACHED).all())
 
-    def _until_rest(self, taught: TaughtData, steps: int) -> list[Part]:
-        """The run in parts, from the state at the start on.
-
-        Raises:
-            ExecutionError: The joints do not come to rest.
-        """
+    def _until_rest(self, taught: TaughtData, steps: int) -> tuple[list[Part], FloatArray | None]:
+        """The run in parts, from the state at the start on, and `Execution.unsettled`."""
         run = self._begin(taught, steps)
         first, last = taught.q[0], taught.q[-1]
         still = np.zeros((1, len(first)))
@@ -197,39 +196,17 @@ class ServoPlant(Locked, Plant):
         done = count_intervals(taught, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
         more = int(np.ceil(CHUNK / taught.period))
-        end = (done + 1) * taught.period
-        now, last_time = end, end + patience(end)
+        last_one = done + int(np.ceil(PATIENCE / taught.period))
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
         )
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
-            if now > last_time:
-                self._refuse_restless(q - last, now - end, taught.start_time + now)
+            if done > last_one:
+                return parts, np.abs(q - last)
             parts.append(run.advance(done, more, q, dq))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
             done += more
-            now += more * taught.period
-        return parts
-
-    def _refuse_restless(self, off: FloatArray, waited: float, now: float) -> None:
-        """Refuse a motion that does not end.
-
-        Args:
-            off: Distances of the joints from their last set-points [rad], (dof,).
-            waited: Time since the last set-point [s].
-            now: Time [s].
-
-        Raises:
-            ExecutionError: Always.
-        """
-        j = int(np.argmax(np.abs(off)))
-        limit = "" if self.saturation == "none" else f" and {self.saturation} limit"
-        raise ExecutionError(
-            f"Joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
-            f"{abs(off[j]):.3g} rad from it: its servo gains{limit} do not let it settle.",
-            t=now,
-            joint=j + 1,
-        )
+        return parts, None
 
     def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
         """A run of the servos, with `steps` results per command interval."""

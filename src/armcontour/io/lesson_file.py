@@ -29,6 +29,7 @@ RUN = "run {}: {}"
 KINDS: dict[Any, tuple[type, ...]] = {
     "float": (float, int),
     "float | None": (float, int, type(None)),
+    "FloatArray | None": (type(None),),
     "int": (int,),
     "bool": (bool,),
     "str": (str,),

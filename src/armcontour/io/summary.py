@@ -36,6 +36,9 @@ UNITS = {
     "contour_error": "m",
     "missed": "m",
     "tracking_error": "m",
+    "common_delay": "s",
+    "undelayed_error": "m",
+    "unexplained": "m",
     "objective_error": "m",
     "objective_missed": "m",
     "speed": "m/s",
@@ -57,6 +60,8 @@ UNITS = {
     "from_s": "m",
     "s": "m",
     "start": "rad",
+    "cut_off": "rad",
+    "unsettled": "rad",
     "turn": "rad",
     "angular_error": "rad",
     "orientation_error": "rad",
@@ -166,6 +171,7 @@ def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
         ],
         "full_stops": {"count": sum(plan.full_stops.values()), "reasons": plan.full_stops},
         "merged_points": () if single_path is None else single_path.merged,
+        "cut_off": plan.taught.cut_off,
         "warnings": plan.warnings,
         **({"analog": job.process.analog_names} if job.process.analog_names else {}),
         **_moves(job, plan),
@@ -264,6 +270,7 @@ def _count_left_out(found: dict[str, Any], **lengths: int) -> None:
 def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
     """All metrics of one run."""
     found = plan_summary(job, result)
+    found["unsettled"] = result.execution.unsettled
     found |= _errors(result.evaluation) | _angular_motion(result.execution, result.evaluation)
     # A single path has no list of moves; its one error is that of the whole run.
     errors = result.evaluation.contours if "moves" in found else ()
@@ -371,6 +378,11 @@ def _errors(e: Evaluation) -> dict[str, Any]:
         "contour_error": _error(e.contour_error),
         "missed": asdict(e.missed),
         "tracking_error": _error(e.tracking_error),
+        "common_delay": e.common_delay,
+        "undelayed_error": _error(e.undelayed_error),
+        "unexplained": None
+        if e.unexplained is None
+        else dict(zip(("along", "across"), e.unexplained, strict=True)),
         "objective_error": None if e.objective_error is None else _error(e.objective_error),
         "objective_missed": None if e.objective_missed is None else asdict(e.objective_missed),
         "speed": e.speed,

@@ -43,12 +43,14 @@ from armcontour.jobs.warnings import (
     NONE,
     JerkStop,
     capped,
+    cut_off,
     jerk_stops,
     missed_speeds,
     not_judged,
     overloaded,
     smoothed_beyond,
     stopping,
+    unsettled,
     worse_than_none,
 )
 from armcontour.jobs.weaving import Weaving, weavings
@@ -295,6 +297,12 @@ class RunPlan(TimedRun):
     __repr__ = brief
 
     @property
+    def weak_points(self) -> tuple[str, ...]:
+        """Sentences on weak points of the plan and of its set-points."""
+        # `super` without arguments does not work in a dataclass with slots.
+        return super(RunPlan, self).weak_points + tuple(cut_off(self.taught))
+
+    @property
     def _title(self) -> str:
         """The run and its duration."""
         return f"Run {self.run.name}: {self.trajectory.duration:.4f} s"
@@ -352,6 +360,11 @@ class RunResult(RunPlan):
                     if judged is None
                     else f"{mm(judged.rms)} RMS, {mm(judged.max)} largest",
                 ),
+                (
+                    "tracking error",
+                    f"{mm(e.tracking_error.rms)} RMS, {mm(e.undelayed_error.rms)} without the "
+                    f"delay of {milliseconds(e.common_delay)} that all joints share",
+                ),
                 ("joint demand / limit", _demand(e)),
                 *self._rows,
             ],
@@ -362,7 +375,6 @@ class RunResult(RunPlan):
     @property
     def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the plan, and on joints that are asked for too much."""
-        # `super` without arguments does not work in a dataclass with slots.
         planned = super(RunResult, self).weak_points
         near = self.executed_clearance
         if (
@@ -372,6 +384,7 @@ class RunResult(RunPlan):
             and self.clearance.kept
         ):
             planned += (f"as executed, {near.too_near[0]}, which is within the margin.",)
+        planned += tuple(unsettled(self.execution))
         if not self.for_bodies:
             planned += tuple(overloaded(self.execution, self.evaluation, self.run))
         elif self.run.experiment is None:
@@ -380,6 +393,19 @@ class RunResult(RunPlan):
             x = self.experiment
             planned += tuple(worse_than_none(x.evaluation, x.uncompensated, self.run))
         return planned
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on the plan, and the error that the servo model does not explain."""
+        found, e = super(RunResult, self).remarks, self.evaluation
+        if e.unexplained is None:
+            return found
+        along, across = (mm(x) for x in e.unexplained)
+        return (
+            *found,
+            f"Run {self.run.name}: contour error {mm(e.contour_error.max)}, and at most {across} "
+            f"more across the path ({along} along it) that the servo model does not explain.",
+        )
 
     @property
     def judged(self) -> Evaluation:

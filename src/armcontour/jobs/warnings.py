@@ -17,7 +17,7 @@ from armcontour.evaluation import Evaluation, LimitUse, check
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs.job import TANGENT, Run
-from armcontour.motion import Execution, Method, Trajectory
+from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.timing import RESERVED, Tracing, find_jerk_stops
 
@@ -31,6 +31,8 @@ FAR_ABOVE = 1.5
 # share is not said.
 LOOK = 1e-3
 UNSEEN = 1e-3
+# Errors of joints below this are not said [rad].
+UNFELT = 1e-6
 # The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
 INVERSE_DYNAMICS = "inverse_dynamics"
 NONE = "none"
@@ -134,6 +136,32 @@ def overloaded(executed: Execution, evaluation: Evaluation, this: Run) -> list[s
         f"saturates, and the tool is up to {evaluation.contour_error.max * 1e3:.3g} mm off its "
         f"path: give the plan {reserve}, a start near which the path needs less, slower poles, or "
         "limits and gains that are those of the plant."
+    ]
+
+
+def cut_off(taught: TaughtData) -> list[str]:
+    """A warning for taught data whose transient after the motion is cut off."""
+    if taught.cut_off is None or taught.cut_off.max() < UNFELT:
+        return []
+    j = int(np.argmax(taught.cut_off))
+    return [
+        "the servo's velocity feed-forward needs set-points long after the motion, which are cut "
+        f"off: this adds up to {taught.cut_off[j] * 1e3:.3g} mrad to the error of joint {j + 1} "
+        "after the end of the plan; a servo model with a larger kp or a "
+        "velocity_feedforward nearer to 1 needs less."
+    ]
+
+
+def unsettled(executed: Execution) -> list[str]:
+    """A warning for an execution that ends before the joints are at rest."""
+    if executed.unsettled is None:
+        return []
+    j = int(np.argmax(executed.unsettled))
+    waited = executed.t[-1] - executed.taught.t[-1]
+    return [
+        f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
+        f"{executed.unsettled[j] * 1e3:.3g} mrad from it: raise its servo gains or limits, or take "
+        "the compensation inverse."
     ]
 
 

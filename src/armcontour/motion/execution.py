@@ -44,6 +44,10 @@ class Execution(Value):
         torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
         motor_q: Positions of the motors, which is what encoders tell [rad], (n, dof), where springs
             are between motors and links; None where they are those of the links, q.
+        unsettled: Distances of the joints from the last set-point at the end [rad], (dof,), where
+            they are not at rest there; None where they are.
+        unexplained: Largest error of each joint that the servo model of the plant does not explain
+            [rad], (dof,); None if it is not known.
         plant: What tells the motion between the times `t`, so that `evaluate` finds peaks there;
             None where only the results are known, as those of a log, or of changed arrays.
 
@@ -63,6 +67,8 @@ class Execution(Value):
     torque: FloatArray | None = None
     torque_demand: FloatArray | None = None
     motor_q: FloatArray | None = None
+    unsettled: FloatArray | None = None
+    unexplained: FloatArray | None = None
     plant: Between | None = None
 
     def __post_init__(self) -> None:
@@ -70,7 +76,7 @@ class Execution(Value):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
         for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        for name in ("torque", "torque_demand", "motor_q"):
+        for name in ("torque", "torque_demand", "motor_q", "unsettled", "unexplained"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 

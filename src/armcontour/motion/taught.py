@@ -43,6 +43,8 @@ class TaughtData(Value):
         method: Name of the compensation method that made the set-points.
         start_time: Time of the first set-point [s], not above 0. The planned motion starts at 0;
             set-points with a time advance start before.
+        cut_off: Bound of each joint's error after the planned motion because the transient of its
+            set-points is cut off [rad], (dof,); None if it is not.
 
     Raises:
         InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
@@ -54,6 +56,7 @@ class TaughtData(Value):
     trajectory: Trajectory
     method: str
     start_time: float = 0.0
+    cut_off: FloatArray | None = None
 
     def __post_init__(self) -> None:
         _checks.refuse_other("Taught data", self.trajectory, Trajectory, "as plan gives it")
@@ -68,6 +71,8 @@ class TaughtData(Value):
                 f"start_time must not be above zero, when the plan starts, but is {start:g} s."
             )
         object.__setattr__(self, "start_time", start)
+        if self.cut_off is not None:
+            object.__setattr__(self, "cut_off", _checks.lock_floats(self.cut_off))
 
     def __str__(self) -> str:
         """Number and interval of the set-points, and where the joints are sent."""

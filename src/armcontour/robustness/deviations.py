@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour.drives import Drives, regular_times, respond_along
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.motion import TaughtData
 from armcontour.robustness.unknowns import Unknowns
 from armcontour.servo.command import polynomials, sample_command
 
@@ -246,16 +247,20 @@ def deviations_of(
         len(t) * len(unknowns) * unknowns.arm.dof,
         "certify contours of their own",
     )
-    motion = _Motion(plan, t)
+    motion = _Motion(*plan.motion_with_rests(t))
     drives = Drives(arm=unknowns.arm, servo=servo, gravity_feedforward=gravity_feedforward)
     response = respond_along(
-        motion.at, t, unknowns.arm, servo, gravity_feedforward=gravity_feedforward
+        lambda _, order: motion[order],
+        t,
+        unknowns.arm,
+        servo,
+        gravity_feedforward=gravity_feedforward,
     )
     pieces = polynomials(taught.q, taught.period, servo)
     command = sample_command(pieces, taught.period, servo.dead_time, t - taught.start_time)
-    meant = drives.command(motion.q, motion.dq, motion.ddq)
+    meant = drives.command(*motion)
     torques = np.stack(
-        [(command - meant) * response.gain, *_torques(unknowns, drives, motion, meant)], axis=-1
+        [(command - meant) * response.gain, *_torques(unknowns, drives, motion, meant, t)], axis=-1
     )
     # Joints rest at the first time where constant torques push them.
     still = np.linalg.solve(response.stiffness[0], torques[0])
@@ -265,16 +270,12 @@ def deviations_of(
     )
 
 
-class _Motion:
-    """A planned motion at the times of the model, which begin before it and end after it."""
+class _Motion(NamedTuple):
+    """Joint positions, velocities and accelerations of a plan with its rests, (n, dof) each."""
 
-    def __init__(self, plan: Trajectory, t: FloatArray) -> None:
-        self.t = t
-        self.q, self.dq, self.ddq = plan.motion_with_rests(t)
-
-    def at(self, _: FloatArray, order: int) -> FloatArray:
-        """The motion at all of the times."""
-        return (self.q, self.dq, self.ddq)[order]
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
 
 
 def _directions(motion: _Motion, command: FloatArray, slope: FloatArray) -> FloatArray:
@@ -309,17 +310,17 @@ def _directions(motion: _Motion, command: FloatArray, slope: FloatArray) -> Floa
 
 
 def _torques(
-    unknowns: Unknowns, drives: Drives, motion: _Motion, command: FloatArray
+    unknowns: Unknowns, drives: Drives, motion: _Motion, command: FloatArray, t: FloatArray
 ) -> list[FloatArray]:
     """Torque per error of each unknown along the motion, (n, dof) each."""
     chain, box = unknowns.arm.chain, unknowns.box
     assert chain is not None
-    moving = drives.moving_torque(motion.q, motion.dq, motion.ddq)
+    moving = drives.moving_torque(*motion)
     coulomb = np.broadcast_to(np.asarray(box.coulomb), drives.stiffness.shape)
     most = coulomb * float(np.abs(box.friction).max())
     with np.errstate(divide="ignore"):
         against = _directions(motion, command, drives.stiffness / most)
-    rate = np.gradient(command, motion.t, axis=0)
+    rate = np.gradient(command, t, axis=0)
     by_kind = {
         "friction": -(box.viscous * motion.dq + coulomb * against),
         # Loops ask for (1 + e) times as much of the position error, and of the whole torque.
@@ -328,26 +329,20 @@ def _torques(
         "armature": -np.asarray(chain.armature) * motion.ddq,
         "dead time": -rate * drives.stiffness * unknowns.late_share,
     }
-    found = []
-    for kind, j in zip(unknowns.kinds, unknowns.joints, strict=True):
-        if kind == "payload":
-            found.append(-_weight(unknowns, motion))
-        elif j < 0:
-            found.append(by_kind[kind])
-        else:
-            alone = np.zeros_like(motion.q)
-            alone[:, j] = by_kind[kind][:, j]
-            found.append(alone)
-    return found
+    if "payload" in unknowns.kinds:
+        by_kind["payload"] = -_weight(unknowns, motion)
+    every = np.arange(motion.q.shape[1])
+    return [
+        by_kind[kind] if j < 0 else np.where(every == j, by_kind[kind], 0.0)
+        for kind, j in zip(unknowns.kinds, unknowns.joints, strict=True)
+    ]
 
 
 def _weight(unknowns: Unknowns, motion: _Motion) -> FloatArray:
     """Torque that a payload of 1 kg more takes along the motion [N m/kg], (n, dof)."""
     arm = unknowns.arm
     loaded = arm.with_dynamics(payload=unknowns.payload(1.0)).dynamics
-    found = loaded.torque(motion.q, motion.dq, motion.ddq) - arm.dynamics.torque(
-        motion.q, motion.dq, motion.ddq
-    )
+    found = loaded.torque(*motion) - arm.dynamics.torque(*motion)
     if unknowns.box.payload_known:
         found -= loaded.gravity(motion.q) - arm.dynamics.gravity(motion.q)
     return found

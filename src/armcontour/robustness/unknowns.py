@@ -174,11 +174,12 @@ def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
         InvalidInput: A shape does not fit, or a robot of the box cannot be.
     """
     dof, chain = arm.dof, arm.chain
-    if chain is None or not arm.has_bodies or servo.kv is None:
+    if chain is None or not arm.has_bodies:
         raise InvalidInput(
-            "Rigid bodies need an arm with masses and a servo of order second: give the arm's "
-            "file masses and inertias and the servo kv, or certify with plant: servo."
+            "Rigid bodies need an arm with masses: give the arm's file masses and inertias, or "
+            "certify with plant: servo."
         )
+    servo.refuse_mixed("A box of rigid bodies")
     if box.jitter:
         raise InvalidInput(
             "Rigid bodies are executed without jitter: leave jitter out of the box, or certify "

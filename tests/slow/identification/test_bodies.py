@@ -49,8 +49,7 @@ def test_drive_inertias_set_the_scale_of_a_planar_arm():
 
 
 def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, monkeypatch):
-    monkeypatch.setattr("armcontour.identification.bodies.precision.REST", 1e-12)
-    monkeypatch.setattr("armcontour.identification.bodies.identifying.FEW_LEFT_OUT", 0)
+    monkeypatch.setattr("armcontour.identification.bodies.identifying.REST", 1e-12)
     monkeypatch.setattr("armcontour.identification.bodies.describing.EXPLAINS", -np.inf)
     found = identify(log.between(0, 2.1), arm=nominal, servo=nominal_servo(), gravity="nominal")
     assert not any(x.determined for joint in found.joints for x in joint.estimates)

@@ -1,21 +1,21 @@
-"""Logs that do not fit an arm are refused, with what would mend them."""
+"""Checks of logs against the arm."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.identification.checking import refuse_fast, refuse_misread
-from armcontour.identification.choosing import FOLLOWS
 from armcontour.motion import Log
+from armcontour.motion.misreading import find_misreading
 
-# Shortest log [s], and longest sample interval [s]: between samples farther apart, nobody knows the
-# command well enough.
+# Shortest log [s], and longest sample interval [s]: between samples farther apart the
+# command is not known well enough.
 SHORTEST = 2.0
 COARSEST = 20e-3
 # Longest time of all logs together [s], for memory: derivatives take 2 kB for a time and joint.
@@ -24,7 +24,9 @@ LONGEST = 240.0
 BEYOND = 0.1
 # A joint moves if it moves by more than this [rad].
 MOVES = 1e-3
-# Dead time up to which joints are looked at for whether they follow other commands [s].
+# Share of the variance of a position that a command with a lag explains, if the joint follows it.
+FOLLOWS = 0.5
+# Longest dead time of a joint that follows the command of another joint [s].
 LONGEST_DEAD_TIME = 0.25
 
 
@@ -43,25 +45,19 @@ def arranged(log: Log, arm: Arm) -> Log:
         )
     if not set(names) & set(own):
         return log
-    if set(names) != set(own):
-        other = next(x for x in names if x not in own)
+    if other := [x for x in names if x not in own]:
         raise InvalidInput(
-            f"{log.source} has a joint {other}, but the joints of the arm {arm.name} are "
+            f"{log.source} has a joint {other[0]}, but the joints of the arm {arm.name} are "
             f"{', '.join(own)}: give the arm of the log."
         )
     order = [names.index(x) for x in own]
-    return Log(
-        t=log.t,
-        command=log.command[:, order],
-        measured=log.measured[:, order],
-        joint_names=own,
-        interpolation=log.interpolation,
-        source=log.source,
+    return replace(
+        log, command=log.command[:, order], measured=log.measured[:, order], joint_names=own
     )
 
 
 def check_logs(logs: Sequence[Log], arm: Arm) -> None:
-    """Refuse logs from which the arm cannot be told.
+    """Refuse logs from which the arm cannot be identified.
 
     Args:
         logs: Logs with as many joints as the arm.
@@ -75,23 +71,20 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
         duration = float(log.t[-1] - log.t[0])
         if duration < SHORTEST:
             raise InvalidInput(
-                f"{log.source} covers {duration:.3g} s, but a robot can be told only from "
+                f"{log.source} covers {duration:.3g} s, but a robot is identified only from "
                 f"{SHORTEST:g} s or more: record more.",
                 needed=SHORTEST,
                 allowed=duration,
             )
         if log.interval > COARSEST * (1 + 1e-6):
             raise InvalidInput(
-                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but a robot can be "
-                f"told only from samples every {COARSEST * 1e3:g} ms or less: record faster.",
+                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but a robot is "
+                f"identified only from samples every {COARSEST * 1e3:g} ms or less: record faster.",
                 needed=log.interval,
                 allowed=COARSEST,
             )
         _check_range(log, arm)
-        refuse_fast(log)
-        for j in range(log.dof):
-            if not _follows(log, j):
-                refuse_misread(log, LONGEST_DEAD_TIME, j)
+        _refuse_misread(log)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
         raise InvalidInput(
@@ -108,42 +101,44 @@ def _check_range(log: Log, arm: Arm) -> None:
     Raises:
         InvalidInput: A joint is outside its range.
     """
+    ranges = np.stack(arm.limits.joint_range(arm.dof))
     for name in ("command", "measured"):
         values: FloatArray = getattr(log, name)
-        for j, (low, high) in enumerate(np.stack(arm.limits.joint_range(arm.dof), axis=1)):
-            own = values[:, j]
-            i = int(np.argmax(np.maximum(low - own, own - high)))
-            if low - BEYOND <= own[i] <= high + BEYOND:
-                continue
-            scaled = np.degrees([low, high]) if math.isfinite(high - low) else [-360.0, 360.0]
-            hint = (
-                "its unit seems to be degrees, so give the column its unit, such as [deg]"
-                if scaled[0] <= own[i] <= scaled[1]
-                else "mend the number, or give the arm of the log"
-            )
+        beyond = np.maximum(ranges[0] - values, values - ranges[1])
+        i, j = np.unravel_index(np.argmax(beyond), beyond.shape)
+        if beyond[i, j] <= BEYOND:
+            continue
+        value, (low, high) = float(values[i, j]), ranges[:, j]
+        scaled = np.degrees([low, high]) if math.isfinite(high - low) else [-360.0, 360.0]
+        hint = (
+            "its unit seems to be degrees, so give the column its unit, such as [deg]"
+            if scaled[0] <= value <= scaled[1]
+            else "correct the number, or give the arm of the log"
+        )
+        raise InvalidInput(
+            f"{log.source}: the {name} position of {log.joint_names[j]} is {value:.4g} rad at "
+            f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
+            f"{high:.4g} rad: {hint}.",
+            t=float(log.t[i]),
+            joint=int(j) + 1,
+        )
+
+
+def _refuse_misread(log: Log) -> None:
+    """Refuse a log that only another order, unit or direction of its columns explains.
+
+    Raises:
+        InvalidInput: A joint moves, but does not follow its command with a lag.
+    """
+    for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
+        rate, left = np.gradient(command), measured - command
+        a = np.stack([rate, np.ones_like(rate)], axis=1)
+        left = left - a @ np.linalg.lstsq(a, left, rcond=None)[0]
+        moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
+        if not moves or np.sum(left**2) < (1 - FOLLOWS) * np.sum((measured - measured.mean()) ** 2):
+            continue
+        every, names = (log.t, log.measured, log.command), log.joint_names
+        if found := find_misreading(*every, names=names, late=LONGEST_DEAD_TIME):
             raise InvalidInput(
-                f"{log.source}: the {name} position of {log.joint_names[j]} is {own[i]:.4g} rad at "
-                f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
-                f"{high:.4g} rad: {hint}.",
-                t=float(log.t[i]),
-                joint=j + 1,
+                f"{log.source}: {names[j]} does not follow its commands: {found}.", joint=j + 1
             )
-
-
-def _follows(log: Log, j: int) -> bool:
-    """Whether a joint follows its command, if it moves at all."""
-    command, measured = log.command[:, j], log.measured[:, j]
-    if max(np.ptp(command), np.ptp(measured)) < MOVES:
-        return True
-    return _left(command, measured) < 1 - FOLLOWS
-
-
-def _left(command: FloatArray, measured: FloatArray) -> float:
-    """Share of the variance of the measured position that its command, late, leaves over."""
-    own = measured - measured.mean()
-    power = max(float(own @ own), 1e-300)
-    rate = np.gradient(command)
-    a = np.stack([rate, np.ones_like(rate)], axis=1)
-    left = measured - command
-    left = left - a @ np.linalg.lstsq(a, left, rcond=None)[0]
-    return float(left @ left) / power

@@ -12,26 +12,24 @@ from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import LOGARITHMIC, SHIFT, Model
 
-# The iteration ends when a step moves no unknown by more than this share of a standard deviation.
-NEAR = 0.02
-MOST_ITERATIONS = 50
-# It gives up after this many steps in a row that gain less than this share of what they should: the
-# response to small torques does not hold where a joint that rests would slip.
-FUTILE_STEPS, FUTILE = 4, 0.05
-# Damping by Levenberg and Marquardt: of the first step, next to none, so that steps are those of
-# Gauss and Newton; its factors after a step that helps and after one that does not; its range.
-FIRST_DAMPING, LOWER, RAISE = 1e-8, 100.0, 10.0
-LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e4
-# A gain changes by no more than this factor in one step, and a payload by no more than this [kg].
-LARGEST_FACTOR, LARGEST_MASS = 2.0, 5.0
+# A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
+# deviations of an unknown with 20,000 residuals.
+NEAR = 1e-7
+# Largest number of simulations of a search, and of searches with new weights of the joints.
+MOST_SIMULATIONS, SEARCHES = 50, 3
+# Weights of the joints are final if the scatter of no joint changes by more than this share.
+SAME_SCATTER = 0.01
+# Gains stay within this factor of where the search starts.
+LARGEST_FACTOR = 8.0
 # Residuals below this [rad] are rounding.
 ROUNDING = 1e-9
-LOWEST = {"coulomb": 0.0, "payload_mass": 0.0, "armature": 0.0}
+# Unknowns that are never below zero.
+POSITIVE = ("coulomb", "payload_mass", "armature")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """The simulated motion of every log, and what it differs from the measured one.
+    """The simulated motion of every log, and its difference from the measured motion.
 
     Args:
         values: Values of the unknowns.
@@ -60,12 +58,12 @@ class BodyFit:
 
     Args:
         trial: The motion with these values.
-        free: Which unknowns were sought; the others are nominal.
+        free: Unknowns that were sought; the others are nominal.
         jacobian: Derivatives of the simulated positions in multiples of `scatter`,
             (samples, dof, unknowns).
         residuals: Residuals in multiples of `scatter`, (samples, dof).
         scatter: Root mean square of the residuals of each joint [rad], (dof,).
-        left: What a next step would add to the unknowns, if responses were linear, (unknowns,).
+        left: The next linear step of the unknowns, (unknowns,).
     """
 
     trial: Trial
@@ -119,139 +117,78 @@ def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
     return np.concatenate(found)
 
 
-def expected_fit(
-    model: Model, grids: list[Gridded], values: FloatArray, noise: FloatArray
-) -> BodyFit:
-    """The fit of all unknowns if they had some values, and there were only white noise.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values of the unknowns.
-        noise: Standard deviation of each joint's encoder [rad], (dof,).
-
-    Raises:
-        ExecutionError: A joint runs away.
-    """
-    trial = attempt(model, grids, values)
-    jacobian = derivatives(model, grids, trial) / noise[:, None]
-    return BodyFit(
-        trial=trial, free=np.ones(len(values), dtype=bool), jacobian=jacobian,
-        residuals=np.zeros(jacobian.shape[:2]), scatter=noise, left=np.zeros(len(values)),
-    )  # fmt: skip
-
-
 def fit(
     model: Model,
     grids: list[Gridded],
     values: FloatArray,
     free: BoolArray,
-    *,
-    most: int = MOST_ITERATIONS,
+    near: float = NEAR,
 ) -> BodyFit:
-    """Seek the unknowns by steps of Levenberg and Marquardt.
+    """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
 
     Args:
         model: The robot.
         grids: The logs.
-        values: Where the search starts.
-        free: Which unknowns are sought, (unknowns,).
-        most: Largest number of steps.
+        values: Values from which the search starts.
+        free: Unknowns that are sought, (unknowns,).
+        near: Share of the sum of squares below which a reduction ends the search.
 
     Raises:
         ExecutionError: The robot cannot be simulated at the start.
     """
-    trial, damping, futile = attempt(model, grids, values), FIRST_DAMPING, 0
-    for k in range(most + 1):
-        scatter = trial.scatter
-        jacobian = derivatives(model, grids, trial) / scatter[:, None]
-        residuals = np.concatenate(trial.residuals) / scatter
-        normal = _Normal(model, trial.values, jacobian, residuals, free)
-        found = BodyFit(
-            trial=trial, free=free, jacobian=jacobian, residuals=residuals, scatter=scatter,
-            left=normal.left,
+    from scipy.optimize import least_squares
+
+    low = np.array([0.0 if x.name in POSITIVE else -np.inf for x in model.unknowns])
+    gains = np.array([x.name in LOGARITHMIC for x in model.unknowns])
+    low[gains] = values[gains] - np.log(LARGEST_FACTOR)
+    high = np.where(gains, values + np.log(LARGEST_FACTOR), np.inf)
+    trial, ends = attempt(model, grids, values), ~free
+    for _ in range(SEARCHES if free.any() else 0):
+        search = _Search(model, grids, trial, free)
+        found = least_squares(
+            search.residuals, trial.values[free], search.jacobian,
+            bounds=(low[free], high[free]), method="trf", x_scale="jac",
+            ftol=near, xtol=None, gtol=None, max_nfev=MOST_SIMULATIONS,
         )  # fmt: skip
-        if normal.size <= NEAR or k == most or futile == FUTILE_STEPS:
-            return found
-        better = _improve(model, grids, trial, normal, scatter, damping)
-        if better is None:
-            return found
-        gain = trial.cost(scatter) - better[0].cost(scatter)
-        futile = futile + 1 if gain < FUTILE * normal.gain else 0
-        trial, damping = better
-    return found
+        trial, ends = search.trial(found.x), ~free
+        ends[free] = found.active_mask != 0
+        if (np.abs(trial.scatter / search.scatter - 1) < SAME_SCATTER).all():
+            break
+    scatter = trial.scatter
+    jacobian = derivatives(model, grids, trial) / scatter[:, None]
+    residuals, left = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
+    a = jacobian[:, :, ~ends].reshape(residuals.size, -1)
+    size = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-300)
+    left[~ends] = np.linalg.lstsq(a / size, residuals.ravel(), rcond=1e-6)[0] / size
+    return BodyFit(
+        trial=trial, free=free, jacobian=jacobian, residuals=residuals, scatter=scatter, left=left
+    )
 
 
-class _Normal:
-    """Normal equations of a step, of unknowns that can move.
+class _Search:
+    """Residuals and derivatives of a search, with fixed weights of the joints."""
 
-    Attributes:
-        left: The step without damping, (unknowns,).
-        size: Its size in standard deviations of white residuals.
-        gain: What it would take off the cost, if responses were linear.
-    """
+    def __init__(self, model: Model, grids: list[Gridded], start: Trial, free: BoolArray) -> None:
+        self.model, self.grids, self.last, self.free = model, grids, start, free
+        self.scatter = start.scatter
 
-    def __init__(
-        self,
-        model: Model,
-        values: FloatArray,
-        jacobian: FloatArray,
-        residuals: FloatArray,
-        free: BoolArray,
-    ) -> None:
-        a = jacobian.reshape(-1, jacobian.shape[-1])
-        slope = a.T @ residuals.ravel()
-        low = np.array([LOWEST.get(x.name, -np.inf) for x in model.unknowns])
-        # What is at its end and would leave its range stays.
-        self.moves = free & ~((values <= low) & (slope < 0))
-        a = a[:, self.moves]
-        self.scale = np.sqrt(np.sum(a**2, axis=0))
-        self.scale[self.scale == 0] = 1.0
-        self.matrix = (a.T @ a) / np.outer(self.scale, self.scale)
-        self.slope = slope[self.moves] / self.scale
-        self.most = np.array([_longest(x.name) for x in model.unknowns])
-        inverse = np.linalg.pinv(self.matrix, rcond=1e-12, hermitian=True)
-        sd = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-        step = inverse @ self.slope
-        self.left = np.zeros(len(free))
-        self.left[self.moves] = step / self.scale
-        self.size = float(np.max(np.abs(step) / sd, initial=0.0))
-        self.gain = float(self.slope @ step)
+    def trial(self, x: FloatArray) -> Trial:
+        """The trial with values of the sought unknowns."""
+        if (x != self.last.values[self.free]).any():
+            values = self.last.values.copy()
+            values[self.free] = x
+            self.last = attempt(self.model, self.grids, values, self.last)
+        return self.last
 
-    def step(self, damping: float) -> FloatArray:
-        """A step of all unknowns, (unknowns,)."""
-        found = np.zeros(len(self.moves))
-        damped = self.matrix + damping * np.eye(len(self.scale))
-        found[self.moves] = np.linalg.lstsq(damped, self.slope, rcond=1e-12)[0] / self.scale
-        return found / max(float(np.max(np.abs(found) / self.most, initial=0.0)), 1.0)
-
-
-def _longest(name: str) -> float:
-    """Longest step of an unknown."""
-    if name in LOGARITHMIC:
-        return float(np.log(LARGEST_FACTOR))
-    return LARGEST_MASS if name == "payload_mass" else np.inf
-
-
-def _improve(
-    model: Model,
-    grids: list[Gridded],
-    trial: Trial,
-    normal: _Normal,
-    scatter: FloatArray,
-    damping: float,
-) -> tuple[Trial, float] | None:
-    """A trial with smaller errors, and the next damping; None if there is none."""
-    low = np.array([LOWEST.get(x.name, -np.inf) for x in model.unknowns])
-    cost = trial.cost(scatter)
-    while damping < MOST_DAMPING:
-        values = np.maximum(trial.values + normal.step(damping), low)
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Scaled residuals; nan where the robot cannot be simulated."""
         try:
-            found = attempt(model, grids, values, trial)
+            found = self.trial(x)
         except (ExecutionError, InvalidInput):
-            # It runs away, or a value is beyond all bounds.
-            found = None
-        if found is not None and found.cost(scatter) < cost:
-            return found, max(damping / LOWER, LEAST_DAMPING)
-        damping *= RAISE
-    return None
+            return np.full(sum(y.size for y in self.last.residuals), np.nan)
+        return np.asarray(-(np.concatenate(found.residuals) / self.scatter).ravel())
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Derivatives of the scaled residuals, (residuals, sought unknowns)."""
+        found = derivatives(self.model, self.grids, self.trial(x)) / self.scatter[:, None]
+        return found[:, :, self.free].reshape(-1, len(x))

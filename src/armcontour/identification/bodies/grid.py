@@ -16,6 +16,8 @@ from armcontour.motion import Log
 STEP = 1e-3
 # Share of the second differences of samples that lines cut off bends in the middle of samples.
 BENT = 1 / 8
+# Smallest noise of an encoder [rad]: less is rounding.
+LEAST_NOISE = 1e-7
 # Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
 CUT = 15.0
 
@@ -77,6 +79,12 @@ class Gridded:
         """Joint velocities at the start [rad/s], (dof,)."""
         return np.asarray((self.near[1] - self.near[0]) / self.step)
 
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviation of each joint's encoder, from third differences [rad], (dof,)."""
+        third = np.diff(self.log.measured, n=3, axis=0)
+        return np.asarray(np.maximum(np.sqrt(np.mean(third**2, axis=0) / 20), LEAST_NOISE))
+
     def command(self, delay: float) -> FloatArray:
         """The command on the grid after a dead time [rad], (n, dof)."""
         log, at = self.log, self.t - delay
@@ -114,6 +122,11 @@ class Gridded:
     def measured(self) -> FloatArray:
         """Measured positions that are compared [rad], (samples, dof)."""
         return self.log.measured[self.rows]
+
+
+def noise_of(grids: list[Gridded]) -> FloatArray:
+    """Largest standard deviation of each joint's encoder in several logs [rad], (dof,)."""
+    return np.asarray(np.max([x.noise for x in grids], axis=0))
 
 
 def _around(place: FloatArray, n: int) -> tuple[IntArray, FloatArray]:

@@ -9,7 +9,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Payload
-from armcontour.arms.dynamics import Dynamics
 from armcontour.drives import Drives
 from armcontour.drives.simulation import Simulation
 from armcontour.servo import ServoModel
@@ -87,7 +86,11 @@ class Model:
         loops = {"kp": np.log(self.servo.kp)}
         loops |= {"viscous": np.asarray(chain.viscous)} if self.keep_kv else {"kv": np.log(kv)}
         loops["coulomb"] = np.asarray(chain.coulomb)
-        known = [(Unknown(name, j), x) for name, values in loops.items() for j, x in _each(values)]
+        known = [
+            (Unknown(name, j), float(x))
+            for name, values in loops.items()
+            for j, x in enumerate(np.asarray(values))
+        ]
         known.append((Unknown("payload_mass"), load.mass))
         known += [(Unknown("payload_center", i), 0.0) for i in range(3)]
         if self.scales:
@@ -163,7 +166,7 @@ class Model:
             slope: Rate of the command [rad/s], (n, dof).
         """
         drives = self.drives(values)
-        load, armature = self._loads(drives, motion), self.arm.dynamics.chain.armature
+        load, armature = self._load_torques(drives, motion), self.arm.dynamics.chain.armature
         found = np.zeros((*motion.q.shape, len(self.unknowns)))
         spring = drives.stiffness * (lead + self.lag * motion.dq)
         for k, x in enumerate(self.unknowns):
@@ -193,48 +196,27 @@ class Model:
                 found[:, :, k] = -drives.stiffness * slope
         return found
 
-    def _loads(self, drives: Drives, motion: Simulation) -> FloatArray:
-        """Torques per mass and per first moment of the payload, (n, dof, 4)."""
-        load = drives.arm.dynamics.chain.payload
-        center = self.load.center if load is None else load.center
-        return load_torques(
-            drives.arm.dynamics,
-            motion,
-            center,
-            self.load.center,
-            weightless=self.gravity == "loaded",
+    def _load_torques(self, drives: Drives, motion: Simulation) -> FloatArray:
+        """Joint torques per mass of the payload and per mass times deviation of its centre.
+
+        Returns:
+            Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
+            [N m/(kg m)], (n, dof, 4).
+        """
+        dynamics, nominal = drives.arm.dynamics, self.load.center
+        load, tip = dynamics.chain.payload, dynamics.chain.tip
+        center = nominal if load is None else load.center
+        found = dynamics.last_body_regressor(
+            motion.q, motion.dq, motion.ddq, gravity=self.gravity != "loaded"
         )
-
-
-def load_torques(
-    dynamics: Dynamics,
-    motion: Simulation,
-    center: FloatArray,
-    nominal: FloatArray,
-    *,
-    weightless: bool,
-) -> FloatArray:
-    """Joint torques per mass of a load at the tip, and per mass times deviation of its centre.
-
-    Args:
-        dynamics: The dynamics of the arm.
-        motion: Its motion.
-        center: Centre of the load at the tip [m], (3,).
-        nominal: Nominal centre [m], (3,); the load is `mass (nominal centre) + moment`.
-        weightless: Whether gravity is left out.
-
-    Returns:
-        Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
-        [N m/(kg m)], (n, dof, 4).
-    """
-    found = dynamics.last_body_regressor(motion.q, motion.dq, motion.ddq, gravity=not weightless)
-    tip, per = dynamics.chain.tip, np.zeros((10, 4))
-    place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
-    per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation
-    per[4:, 0] = _inertia(place, place - 2 * away)
-    for i in range(3):
-        per[4:, 1 + i] = 2 * _inertia(place, tip.rotation[:, i])
-    return np.asarray(found @ per)
+        # Mass, first moments and inertia of the last body per mass and moment of the payload.
+        per = np.zeros((10, 4))
+        place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
+        per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation
+        per[4:, 0] = _inertia(place, place - 2 * away)
+        for i in range(3):
+            per[4:, 1 + i] = 2 * _inertia(place, tip.rotation[:, i])
+        return np.asarray(found @ per)
 
 
 def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -242,8 +224,3 @@ def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:
     product = (np.outer(a, b) + np.outer(b, a)) / 2
     full = np.trace(product) * np.eye(3) - product
     return np.asarray(full[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])
-
-
-def _each(values: FloatArray) -> list[tuple[int, float]]:
-    """Numbers with their places."""
-    return list(enumerate(np.asarray(values).tolist()))

@@ -1,4 +1,4 @@
-"""`RobotIdentification`: what logs tell of an arm with masses and of its drives."""
+"""`RobotIdentification`: the identified parameters of an arm with masses and of its drives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armcontour.servo import ServoModel
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotJoint:
-    """What logs tell of one joint.
+    """The identified parameters of one joint.
 
     Args:
         name: Name of the joint.
@@ -75,9 +75,9 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotIdentification:
-    """What logs tell of an arm with masses and of its drives.
+    """The identified parameters of an arm with masses and of its drives.
 
-    What they do not tell keeps its nominal value in `arm` and `servo`.
+    A parameter that the logs do not determine keeps its nominal value in `arm` and `servo`.
 
     Args:
         nominal: The nominal arm.
@@ -92,7 +92,7 @@ class RobotIdentification:
         arm: The identified arm, with payload, friction and inertias of the drives.
         fitted: The logs, with the motion of the model.
         notes: Findings, as sentences.
-        gains: The servo that goes with `arm`; where gains are neither told nor known, a guess.
+        gains: The servo that goes with `arm`; a guess where gains are not determined or known.
         gains_known: Whether a nominal servo was given.
     """
 
@@ -111,7 +111,7 @@ class RobotIdentification:
     gains_known: bool
 
     def __str__(self) -> str:
-        """What the logs tell of the load and of every joint."""
+        """A row for the load, the dead time, the drive inertias and each joint."""
         load = [self.payload_mass.words, *(f"{x.words}" for x in self.payload_center)]
         common = [
             ("payload", f"{load[0]}, at ({', '.join(load[1:])})"),
@@ -130,38 +130,33 @@ class RobotIdentification:
 
     @property
     def source(self) -> str:
-        """Where the logs come from."""
+        """Sources of the logs."""
         return ", ".join(dict.fromkeys(x.log.source for x in self.fitted))
 
     @property
     def common(self) -> tuple[Estimate, ...]:
-        """The estimates of what the whole robot has."""
+        """The estimates of the parameters of the whole robot."""
         scale = () if self.armature is None else (self.armature,)
         return (self.payload_mass, *self.payload_center, *scale, self.dead_time)
 
     @property
     def open(self) -> tuple[str, ...]:
-        """What the logs could tell but do not, such as "coulomb of joint 2"."""
+        """Parameters that the logs do not determine, such as "coulomb of joint 2"."""
         tied = "kv" if self.gains_known else "viscous"
-        found = [
-            f"{x.name} of {joint.name}"
-            for joint in self.joints
-            for x in joint.estimates
-            if not x.determined and x.name != tied
-        ]
-        load = self.payload_mass.determined and self.payload_mass.low <= 0
-        return (
-            *found,
-            *(
-                x.name
-                for x in self.common
-                if not x.determined and not (load and x.name.startswith("payload_center"))
-            ),
+        massless = self.payload_mass.determined and self.payload_mass.low <= 0
+        joints = [(f"{x.name} of {y.name}", x) for y in self.joints for x in y.estimates]
+        common = [(x.name, x) for x in self.common]
+        return tuple(
+            name
+            for name, x in [*joints, *common]
+            if not x.determined
+            and x.name != tied
+            and not (massless and x.name.startswith("payload_center"))
         )
 
     @property
     def determined(self) -> bool:
-        """Whether the logs tell everything that logs can tell."""
+        """Whether the logs determine every parameter that logs can determine."""
         return not self.open
 
     @property

@@ -162,6 +162,8 @@ def _budget(found: Certificate) -> Table:
     ]
     if found.corners is not None:
         rows.append(("worst robot of the box", _mm(budget.box)))
+    if budget.unexplained:
+        rows.append(("not explained by the servo model", _mm(budget.unexplained)))
     rows += [("sum", _mm(budget.total)), ("left", _mm(budget.left))]
     caption = f"On {found.worst.name}, which has the least left" if _several(found) else ""
     header = ("part of the contour error", "largest")
