@@ -30,6 +30,8 @@ MISREAD = 0.1
 # Less motion than this, in standard deviations of the noise or in rad, is none: an encoder of 32
 # bits has steps of 1.5e-9 rad.
 STILL, LEAST_MOTION = 1.5, 1e-9
+# Smallest tracking error [rad] of which shares are computed.
+LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
 # Time between logs in the report [s].
@@ -45,11 +47,13 @@ def identify_joint(
         InvalidInput: Command and measurement cannot belong together.
     """
     name = logs[0].joint_names[j]
-    stretches = split_logs(logs, j, interpolation, 0.0)
-    why = _why_none(stretches)
-    if why:
-        return _without_model(name, f"{name} has no model: {why}", stretches)
-    stretches = split_logs(logs, j, interpolation, find_lag(stretches, search.longest))
+    lag = 0.0
+    for _ in range(2):
+        stretches = split_logs(logs, j, interpolation, lag)
+        why = _why_none(stretches)
+        if why:
+            return _without_model(name, f"{name} has no model: {why}", stretches)
+        lag = find_lag(stretches, search.longest)
     found = select(stretches, search, orders)
     if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
         for log in logs:
@@ -112,7 +116,7 @@ def _judge(off: Sequence[FloatArray], stretches: Sequence[Stretch]) -> tuple[flo
         own = [i for i, s in enumerate(stretches) if s.log == k]
         some = [stretches[i] for i in own]
         error = _rms([off[i] for i in own], some, centred=False)[single]
-        found.append((error, max(_rms([lags[i] for i in own], some)[single], 1e-300)))
+        found.append((error, max(_rms([lags[i] for i in own], some)[single], LEAST_LAG)))
     return max(found, key=lambda x: x[0] / x[1])
 
 
@@ -153,11 +157,11 @@ def _why_none(stretches: Sequence[Stretch]) -> str:
     """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
     if not stretches:
         return f"there are no {FEWEST} samples without a gap."
+    if not any((s.weight * s.use).any() for s in stretches):
+        return "no motion is commanded."
     if all(np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * noise_of(s.y) for s in stretches):
         change = max(float(np.ptp(s.command.u)) for s in stretches)
-        if change <= max(6 * max(noise_of(s.y) for s in stretches), LEAST_MOTION):
-            return "no motion is commanded."
-        return f"the joint does not move, though its commands change by {change:.3g} rad."
+        return f"it shows no motion beyond noise, though commands change by {change:.3g} rad."
     if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
         return "the velocity is uniform, which shows a lag, but no gains."
     return ""

@@ -298,8 +298,16 @@ class Prediction:
 
         Args:
             arm: The arm of the log.
+
+        Raises:
+            InvalidInput: The arm has another number of joints.
         """
         _checks.refuse_other("tool_errors", arm, Arm, "such as load_arm('ur5e')")
+        if arm.dof != self.log.dof:
+            raise InvalidInput(
+                f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}: give the arm of the log."
+            )
         off = arm.forward(self.log.measured) - arm.forward(self.positions)
         return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
 
