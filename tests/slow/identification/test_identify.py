@@ -31,11 +31,11 @@ def test_standstill_changes_nothing():
     assert found[1].share == pytest.approx(found[0].share, rel=0.2)
 
 
-def test_a_ramp_of_an_arm_is_refused_with_its_cause():
+def test_a_ramp_of_an_arm_determines_nothing():
     t, rate = np.arange(2001) * 0.004, np.array([0.1, 0.05])
     command, measured = (np.round(x, 9) for x in (t[:, None] * rate, (t[:, None] - 0.04) * rate))
-    with pytest.raises(ac.InvalidInput, match="stands or moves at a uniform velocity"):
-        identify(Log(t=t, command=command, measured=measured), arm=ac.load_arm("pmk3s"))
+    log = Log(t=t, command=command, measured=measured)
+    assert not identify(log, arm=ac.load_arm("pmk3s")).determined
 
 
 def test_columns_that_have_nothing_to_do_with_each_other():

@@ -23,4 +23,4 @@ def test_a_real_robot_is_predicted_or_refused():
         assert (found.rms <= 0.3 * found.tracking_rms)[written].all()
     # From one program: never worse than no model on the other one.
     found = ac.identify(a).predict(b)
-    assert (found.rms <= found.tracking_rms).all()
+    assert (found.rms <= found.tracking_rms * (1 + 1e-9)).all()
