@@ -11,8 +11,8 @@ ArmContourError
 ```
 
 Each has its exit code of the command line, 2 to 6 in this order, and 8 for a collision. 0 and 1 are
-answers (`check`: all limits kept, a limit violated; `identify`: determined, not determined), and 7
-is the answer of `check` that the samples cannot tell.
+answers (`check`: all limits kept, a limit violated; `identify`: all joints have a model, or not),
+and 7 is the answer of `check` that the samples cannot tell.
 
 A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
 facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a

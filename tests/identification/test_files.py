@@ -22,6 +22,15 @@ from armcontour.report.identification import render_identification
 
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
 
+ARM = """name: flat
+kind: planar_two_link
+source: test
+base: {value: 0.0, unit: m, source: test}
+links: {value: [0.3, 0.2], unit: m, source: test}
+limits:
+  joint_acceleration: {value: [1.0, 1.0], unit: rad/s^2, source: test}
+"""
+
 # The names in the table of docs/guides/identify.md.
 COMMANDS = ("u1", "command 1", "q1_cmd", "setpoint 1", "target 1")
 MEASURED = (
@@ -209,6 +218,14 @@ def test_the_command(log, tmp_path, capsys):
     (prediction,) = data["predictions"]
     assert prediction["log"] == "log.csv"
     assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]
+
+
+def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
+    file, arm = tmp_path / "log.csv", tmp_path / "arm.yaml"
+    _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
+    arm.write_text(ARM)
+    assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file]))
+    assert "At the tool in log.csv: " in capsys.readouterr().out
 
 
 def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):

@@ -6,10 +6,13 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour._describing import digits, several
+import numpy as np
+
+from armcontour._describing import digits, mm, several
 from armcontour.cli.console import Console, open_page
 
 if TYPE_CHECKING:
+    from armcontour.arms import Arm
     from armcontour.cli.options import IdentifyOptions
     from armcontour.identification import (
         Estimate,
@@ -51,14 +54,12 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     if x.arm is not None:
-        if x.predict:
-            raise InvalidInput("--predict is for joints without an arm: leave it or --arm out.")
         return _identify_robot(logs, x, x.arm)
     of_arm = ("servo", "gravity", "tip", "base", "joint_limits", "package")
     for name in (*of_arm, "xacro_arg"):
         if getattr(x, name) is not None:
             raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
-    return _identify_servo(logs, x)
+    return _identify_servo(logs, x, None)
 
 
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
@@ -77,8 +78,8 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
     )
 
 
-def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
-    """Identify the servo of every joint of one or several logs."""
+def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> bool:
+    """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
     from armcontour._quantities import Interval
     from armcontour.cli.progress import search_progress
     from armcontour.cli.quantities import read_option
@@ -104,14 +105,14 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions) -> bool:
     if x.as_json:
         print(identification_json(found, predictions), end="")
     else:
-        _print(found, predictions, x.out)
+        _print(found, predictions, arm, x.out)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
     return all(joint.written for joint in found.joints)
 
 
 def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
-    """Identify a robot with masses from logs."""
+    """Identify a robot with masses from logs, or joints of an arm without."""
     from armcontour._quantities import Interval
     from armcontour.cli.checking import named_arm
     from armcontour.cli.progress import search_progress
@@ -120,17 +121,20 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
     from armcontour.identification import identify
     from armcontour.io.robot_file import read_servo, robot_json
 
-    if x.model != "auto":
-        raise InvalidInput("--model is for joints without an arm: leave it or --arm out.")
     if x.out is not None and (x.package or x.xacro_arg):
         raise InvalidInput(
             "robot.yaml cannot name packages and arguments of a .xacro file: expand it to a .urdf "
             "file and name that, or leave --out out."
         )
+    arm = named_arm(name, x)
+    if not arm.has_bodies and x.servo is None and x.gravity is None:
+        return _identify_servo(logs, x, arm)
+    for option, given in (("--predict", x.predict), ("--model", x.model != "auto")):
+        if given:
+            raise InvalidInput(f"{option} is for joints without an arm: leave it or --arm out.")
     longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
     cycle = read_option("--drive-cycle", x.drive_cycle, Interval)
     assert longest is not None
-    arm = named_arm(name, x)
     servo = None if x.servo is None else read_servo(x.servo, arm.dof)
     samples = [_read(log, x) for log in logs]
     with search_progress("identifying") as progress:
@@ -222,7 +226,9 @@ def _write_results(
         folder.write("summary.json", identification_json(found, predictions, files))
 
 
-def _print(found: Identification, predictions: list[Prediction], out: FilePath | None) -> None:
+def _print(
+    found: Identification, predictions: list[Prediction], arm: Arm | None, out: FilePath | None
+) -> None:
     """Print the verdict, the result of each joint, and how well it predicts other logs."""
     from armcontour.identification.joint import SHARE
 
@@ -235,6 +241,11 @@ def _print(found: Identification, predictions: list[Prediction], out: FilePath |
             f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: errors where not "
             f"fitted up to {rms * 1e3:.3g} mrad RMS, {most * 1e3:.3g} mrad at most.{judged}"
         )
+    if arm is not None:
+        for y in predictions or [found.predict(x) for x in found.logs]:
+            off = y.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(off**2)))
+            console.say(f"At the tool in {y.log.source}: {mm(rms)} RMS, {mm(off.max())} at most.")
     refused = [x for x in found.joints if not x.written]
     if len(refused) == 1:
         console.say(refused[0].note)

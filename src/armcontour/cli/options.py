@@ -489,8 +489,9 @@ class IdentifyOptions(ArmOptions):
         str | None,
         typer.Option(
             "--arm",
-            help="Nominal arm with masses: payload, friction and drive inertias are identified "
-            "too. Built in, or an arm file (.yaml, .urdf; .xacro with --trust-xacro).",
+            help="Nominal arm: with masses, payload, friction and drive inertias are identified "
+            "too; without, errors are also at the tool. Built in, or an arm file (.yaml, .urdf; "
+            ".xacro with --trust-xacro).",
         ),
     ] = None
     servo: Annotated[

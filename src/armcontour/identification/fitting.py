@@ -34,6 +34,8 @@ LOGARITHMIC = ("kp", "kv", "acceleration_limit")
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05])
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
+# Standard deviation of normal values over the median of their sizes.
+OF_MEDIAN = 1.4826
 # Smaller values, at a bound of zero, are rounding.
 ROUNDING = 1e-9
 # Residuals are in mrad, and cut off where a trial diverges.
@@ -326,6 +328,10 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
 
 def noise_of(y: npt.ArrayLike) -> float:
-    """Standard deviation of white noise on a smooth motion, from its third differences."""
-    third = np.diff(np.asarray(y, dtype=np.float64), n=3)
-    return float(np.sqrt(np.mean(third**2) / 20)) if len(third) else 0.0
+    """Standard deviation of white noise on a smooth motion, from its third differences.
+
+    Outliers do not count, unless most differences are 0, as with a coarse encoder.
+    """
+    third = np.abs(np.diff(np.asarray(y, dtype=np.float64), n=3))
+    usual = OF_MEDIAN * float(np.median(third))
+    return (usual or float(np.sqrt(np.mean(third**2)))) / np.sqrt(20)

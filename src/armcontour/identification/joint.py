@@ -22,14 +22,16 @@ from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.command import JointServo
 
-# A servo is written if its error is at most this share of the tracking error, both RMS and weighted
-# by motion, or this many times the noise of the encoder.
+# A servo is written if its RMS error is at most this share of the tracking error, or at most this
+# many times the noise of the encoder.
 SHARE, NOISES = 0.3, 3.0
 # Errors beyond this share of the motion may come from columns in another order, unit or direction.
 MISREAD = 0.1
 # Less motion than this, in standard deviations of the noise or in rad, is none: an encoder of 32
 # bits has steps of 1.5e-9 rad.
 STILL, LEAST_MOTION = 1.5, 1e-9
+# Smallest tracking error [rad] of which shares are computed.
+LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
 # Time between logs in the report [s].
@@ -45,11 +47,13 @@ def identify_joint(
         InvalidInput: Command and measurement cannot belong together.
     """
     name = logs[0].joint_names[j]
-    stretches = split_logs(logs, j, interpolation, 0.0)
-    why = _why_none(stretches)
-    if why:
-        return _without_model(name, f"{name} has no model: {why}", stretches)
-    stretches = split_logs(logs, j, interpolation, find_lag(stretches, search.longest))
+    lag = 0.0
+    for _ in range(2):
+        stretches = split_logs(logs, j, interpolation, lag)
+        why = _why_none(stretches)
+        if why:
+            return _without_model(name, f"{name} has no model: {why}", stretches)
+        lag = find_lag(stretches, search.longest)
     found = select(stretches, search, orders)
     if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
         for log in logs:
@@ -57,33 +61,33 @@ def identify_joint(
     if found is None:
         note = f"{name} has no model: gains or feed-forward end at the bounds of their ranges."
         return _without_model(name, note, stretches)
-    tracking, weighted = _rms([s.y - s.command.at(s.command.t) for s in stretches], stretches)
+    tracking = _rms(_lags(stretches), stretches)[0]
     servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
     file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
-    rms, own = _rms(file, stretches, centred=False)
-    worst = max(found.rms, own)
+    unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
+    error, of = _judge(unseen, found.stretches)
+    worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
     judged: dict[str, Any] = {
         "parameters": estimate_parameters(found.fit),
-        "unseen_rms": found.rms,
-        "share": found.rms / max(weighted, 1e-300),
+        "unseen_rms": error,
+        "share": error / of,
         "noise": noise,
         **_curves(found),
     }
-    if worst > max(SHARE * weighted, NOISES * noise):
+    if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
-            f"{name} has no model: the best one errs by {worst / weighted:.0%} of the tracking "
-            f"error where it was not fitted ({worst * 1e3:.3g} of {weighted * 1e3:.3g} mrad RMS), "
-            f"more than {SHARE:.0%}."
+            f"{name} has no model: the best one errs by {worst[0] / worst[1]:.0%} of the tracking "
+            f"error ({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS) where it was not "
+            f"fitted, more than {SHARE:.0%}."
         )
         return _without_model(name, note, stretches, **judged)
-    unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     return JointIdentification(
         name=name,
         order=order,
         servo=servo,
         tracking_rms=tracking,
-        rms=rms,
+        rms=_rms(file, stretches, centred=False)[0],
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
         **judged,
@@ -94,10 +98,31 @@ def _without_model(
     name: str, note: str, stretches: Sequence[Stretch], **judged: Any
 ) -> JointIdentification:
     """A joint of order "unknown", whose error is its tracking error about the mean."""
-    off = [s.y - s.command.u - np.mean((s.y - s.command.u)[s.use]) for s in stretches]
+    lags = _lags(stretches)
+    off = [x - np.mean(x[s.use]) for x, s in zip(lags, stretches, strict=True)]
     rms, most = (_rms(off, stretches)[0], _largest(off, stretches)) if off else (np.nan, np.pi)
     judged |= {"tracking_rms": rms, "rms": rms, "largest": most, "unexplained": most}
     return JointIdentification(name=name, order="unknown", note=note, **judged)
+
+
+def _judge(off: Sequence[FloatArray], stretches: Sequence[Stretch]) -> tuple[float, float]:
+    """Error and tracking error of the log with the largest share, RMS [rad].
+
+    Those of a single log are weighted by motion, because some of its parts may stand.
+    """
+    logs = sorted({s.log for s in stretches if s.weight.any()})
+    single, found, lags = int(len(logs) == 1), [], _lags(stretches)
+    for k in logs:
+        own = [i for i, s in enumerate(stretches) if s.log == k]
+        some = [stretches[i] for i in own]
+        error = _rms([off[i] for i in own], some, centred=False)[single]
+        found.append((error, max(_rms([lags[i] for i in own], some)[single], LEAST_LAG)))
+    return max(found, key=lambda x: x[0] / x[1])
+
+
+def _lags(stretches: Sequence[Stretch]) -> list[FloatArray]:
+    """Measured positions less commands [rad]."""
+    return [s.y - s.command.u for s in stretches]
 
 
 def _largest(values: Sequence[FloatArray], stretches: Sequence[Stretch]) -> float:
@@ -132,11 +157,11 @@ def _why_none(stretches: Sequence[Stretch]) -> str:
     """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
     if not stretches:
         return f"there are no {FEWEST} samples without a gap."
+    if not any((s.weight * s.use).any() for s in stretches):
+        return "no motion is commanded."
     if all(np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * noise_of(s.y) for s in stretches):
         change = max(float(np.ptp(s.command.u)) for s in stretches)
-        if change <= max(6 * max(noise_of(s.y) for s in stretches), LEAST_MOTION):
-            return "no motion is commanded."
-        return f"the joint does not move, though its commands change by {change:.3g} rad."
+        return f"it shows no motion beyond noise, though commands change by {change:.3g} rad."
     if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
         return "the velocity is uniform, which shows a lag, but no gains."
     return ""

@@ -82,8 +82,9 @@ class JointIdentification:
         tracking_rms: RMS of command less measured position, about its mean [rad].
         rms: RMS error of the values that are written, on the logs that were fitted [rad].
         largest: Their largest error [rad].
-        unseen_rms: RMS error on parts that were not fitted, weighted by motion [rad].
-        share: `unseen_rms`, divided by the tracking error that is weighted in the same way.
+        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
+            worst log, with one log weighted by motion.
+        share: `unseen_rms`, divided by the tracking error of the same kind.
         unexplained: Largest error, also on parts that were not fitted [rad].
         noise: Noise of the encoder [rad].
         note: Why the joint is not written, or empty.
@@ -297,8 +298,16 @@ class Prediction:
 
         Args:
             arm: The arm of the log.
+
+        Raises:
+            InvalidInput: The arm has another number of joints.
         """
         _checks.refuse_other("tool_errors", arm, Arm, "such as load_arm('ur5e')")
+        if arm.dof != self.log.dof:
+            raise InvalidInput(
+                f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}: give the arm of the log."
+            )
         off = arm.forward(self.log.measured) - arm.forward(self.positions)
         return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
 

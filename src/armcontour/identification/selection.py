@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.identification.fitting import (
+    ROUNDING,
     Fit,
     Model,
     Problem,
@@ -81,6 +82,11 @@ class Selected:
         """Error on parts that were not fitted [rad]."""
         return float(np.sqrt(np.average(self.errors, weights=self.motions)))
 
+    @property
+    def explains_all(self) -> bool:
+        """Whether the error is noise or rounding, so that no richer model can be better."""
+        return self.rms * GAIN < max(self.fit.noise, ROUNDING)
+
     def is_better(self, other: Selected) -> bool:
         """Whether this richer model is better than another one."""
         limited = LIMIT in self.fit.problem.model.free
@@ -118,12 +124,12 @@ def select(
         if model.order not in orders or (ACCELERATION in model.free and not some[0].command.linear):
             continue
         taken = _try(model, some, search, lag, fits, taken)
-        if taken and taken.rms * GAIN < taken.fit.noise:
+        if taken and taken.explains_all:
             break
     if taken is None:
         return None
     own = taken.fit.problem.model
-    if own.order != "delay" and taken.rms * GAIN > taken.fit.noise:
+    if own.order != "delay" and not taken.explains_all:
         taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, taken)
         assert taken is not None
     if some is stretches:
@@ -229,7 +235,8 @@ def _acceleration(s: Stretch, time: float) -> float:
 def _predict_parts(found: Fit, search: Search) -> Selected:
     """Predict each part by a fit of the others."""
     p, stretches = found.problem, found.problem.stretches
-    unseen = [np.full(len(s.y), np.nan) for s in stretches]
+    # Parts without motion are predicted by the fit of all.
+    unseen = [predict(s, found.servo, p.model.order, search.cycle) for s in stretches]
     parts = sorted({int(x) for s in stretches for x in np.unique(s.part[s.use & (s.weight > 0)])})
     errors, motions = [], []
     for k in parts:
