@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
 from armcontour._checks import FloatArray
@@ -20,9 +18,6 @@ UNTESTED = 0.3
 # Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
 # linear.
 LINEAR = 0.3
-# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
-# the first one.
-PENALTIES, FIRST = (-8, 6), -3
 # The median of absolute values of a normal distribution with standard deviation 1.
 MEDIAN = 0.6745
 # Usual cycle time of a drive [s], where the recording does not tell.
@@ -79,28 +74,6 @@ def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
     return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
 
 
-def choose_penalty(lifted: Lifted, error: FloatArray, variance: float) -> float:
-    """The penalty with which noise is not learned: the power of ten that explains an error best.
-
-    Args:
-        lifted: The model.
-        error: Errors of the joints [rad], (n, dof).
-        variance: Variance of the noise in them [rad²].
-    """
-
-    @cache
-    def surprise(power: int) -> float:
-        return lifted.surprise(error, 10.0**power, max(variance, 1e-300))
-
-    power = FIRST
-    while True:
-        around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
-        following = min(around, key=surprise)
-        if following == power:
-            return float(10.0**power)
-        power = following
-
-
 def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
     """Weights of runs with which the error of the best run, and of their noise, is smallest.
 
@@ -138,7 +111,7 @@ class Estimate:
         self._moved = [lifted.respond(x.q - runs[self.best].q) for x in runs]
         self.off = self._compare()
         self.q, self.error, variance = self._combine()
-        self.penalty = choose_penalty(lifted, self.error, variance)
+        self.penalty = lifted.choose_penalty(self.error, variance)
         self.noise = float(np.hypot(self._measured_noise(), self._noise_in_loops().rms))
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
@@ -155,7 +128,7 @@ class Estimate:
                 continue
             miss = run.error - best.error - moved
             variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
-            left = self.lifted.smooth(miss, choose_penalty(self.lifted, miss, variance))
+            left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
             unrepeated = 2 * self._noise_in_loops().tool_rms ** 2
             off = float(np.sqrt(max(self.judge.judge(left).tool_rms ** 2 - unrepeated, 0.0))) / size
         return off

@@ -15,7 +15,6 @@ from armcontour.learning.diagnosing import refuse_coarse, refuse_other_set_point
 from armcontour.learning.estimating import (
     UNTESTED,
     Estimate,
-    choose_penalty,
     loop_noise,
     unexplained,
     white_noise,
@@ -168,14 +167,15 @@ def _align(
     knows_time = recording.in_plan_time or recording.command is not None
     if lesson is not None or not knows_time:
         return lifted, clock, taught, (0.0, 0.0) if lesson is None else lesson.misfits
-    measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
-    noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
+    at = clock.plan_time(recording.t)
+    noise = white_noise(recording.q - lifted.between(at, expected))
+    error = lifted.at_times(at, recording.q, expected) - expected
     lead = lifted.reaching(taught.q) - lifted.planned
     variance = float(np.mean(unexplained(noise, lead)))
-    fit = fit_servo(taught, lifted, measured, variance)
-    earlier = start_early(taught, more_delay(fit.servo, nominal.servo))
+    servo, misfits = fit_servo(taught, lifted, error, variance)
+    earlier = start_early(taught, more_delay(servo, nominal.servo))
     clock = Clock(clock.offset + earlier.start_time - taught.start_time, clock.rate)
-    return Lifted(earlier, replace(nominal, servo=fit.servo)), clock, earlier, fit.misfits
+    return Lifted(earlier, replace(nominal, servo=servo)), clock, earlier, misfits
 
 
 def more_delay(servo: ServoModel, nominal: ServoModel) -> float:
@@ -214,7 +214,7 @@ def _judge_run(
         error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
         noise = np.hypot(noise, more)
     variance = float(np.mean(unexplained(noise, error)))
-    smooth = lifted.smooth(error, choose_penalty(lifted, error, variance))
+    smooth = lifted.smooth(error, lifted.choose_penalty(error, variance))
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
     judged = LearnedRun(
