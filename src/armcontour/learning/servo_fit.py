@@ -63,8 +63,11 @@ def fit_servo(
     nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
     starts = np.unique([nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)], axis=0)
     found = min((coarse.solve(x, FIRST) for x in starts), key=coarse.cost)
+    fit.penalty = 0.0
     for _ in range(ROUNDS):
-        fit.penalty = lifted.choose_penalty(fit.rest(found), variance)
+        before, fit.penalty = fit.penalty, lifted.choose_penalty(fit.rest(found), variance)
+        if fit.penalty == before:
+            break
         found = fit.solve(found, NEXT)
     alone = fit.solve_friction(nominal)
     if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
