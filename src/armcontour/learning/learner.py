@@ -264,9 +264,10 @@ def _next_lesson(
         penalty *= SMOOTHER
     left = judge.judge(max(known.off, UNTESTED) * response).rms
     rest = 1 - float(share.min()) * step
-    predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
+    left = np.hypot(left + rest * known.repeats, known.differs / np.sqrt(len(runs)))
+    predicted = min(float(np.hypot(left, known.noise)), float(np.hypot(known.repeats, known.differs)))
     finished = True
-    if best.rms - known.noise < known.resolution:
+    if known.is_noise:
         reason = "what remains is noise"
     elif setbacks >= MOST_SETBACKS:
         reason = f"{setbacks} changes made the error larger"
@@ -279,14 +280,16 @@ def _next_lesson(
         finished = False
     return Lesson(
         period=taught.period,
-        q=best.q if finished else best.q + share * change,
+        q=best.q if finished and not (known.is_noise and known.differs > 0) else best.q + share * change,
         trajectory=taught.trajectory,
         method="learning",
         start_time=taught.start_time,
         runs=runs,
         servo=lifted.nominal.servo,
-        predicted=best.rms if finished else predicted,
+        predicted=float(np.hypot(known.repeats, known.differs)) if finished else predicted,
         noise=known.noise,
+        best=known.best,
+        repeats=known.repeats,
         setbacks=setbacks,
         finished=finished,
         reason=reason,
