@@ -79,6 +79,18 @@ def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
     return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
 
 
+def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
+    """The part of an error that a disturbance of the drives explains [rad], (n, dof).
+
+    Args:
+        lifted: The model.
+        error: Errors of the joints [rad], (n, dof).
+        noise: Standard deviation of the white noise in the error [rad], (dof,).
+    """
+    variance = float(np.mean(unexplained(noise, error)))
+    return lifted.smooth(error, lifted.choose_penalty(error, variance))
+
+
 def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
     """Weights of runs with which the error of the best run, and of their noise, is smallest.
 
@@ -123,7 +135,8 @@ class Estimate:
         self.differs = self._judge_spread()
         alone = [x.rms for x in runs]
         if self.differs > 0:
-            alone = [judge.judge(self._smooth(self._mean_at(x))).rms for x in self._moves]
+            means = [smooth_error(lifted, self._mean_at(x), runs[-1].noise) for x in self._moves]
+            alone = [judge.judge(x).rms for x in means]
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
         self._moved = [x - self._moves[self.best] for x in self._moves]
@@ -132,10 +145,6 @@ class Estimate:
         self.penalty = lifted.choose_penalty(self.error, variance)
         loops = max(self._noise_in_loops().rms, self.differs)
         self.noise = float(np.hypot(self._measured_noise(), loops))
-
-    def _smooth(self, error: FloatArray) -> FloatArray:
-        variance = float(np.mean(unexplained(self.runs[-1].noise, error)))
-        return self.lifted.smooth(error, self.lifted.choose_penalty(error, variance))
 
     def _find_spread(self) -> FloatArray:
         """The standard deviation of errors that differ between runs [rad], (dof,).
@@ -166,7 +175,7 @@ class Estimate:
             return 0.0
         mean, squares = np.mean(self._rests, axis=0), []
         for rest in self._rests:
-            off = self._smooth(rest - mean)
+            off = smooth_error(self.lifted, rest - mean, self.runs[-1].noise)
             size = np.sqrt((off**2).mean(axis=0))
             off *= self.spread / np.where(size > 0, size, 1.0)
             squares.append(self.judge.judge(off).rms ** 2)
@@ -263,12 +272,17 @@ class Estimate:
         return 1 / (1 + self.off**2)
 
     @property
+    def expected(self) -> float:
+        """RMS error of another run of the best set-points [m]."""
+        return float(np.hypot(self.repeats, self.differs))
+
+    @property
     def is_noise(self) -> bool:
         """Whether the error that repeats is not known from noise, or one more run hardly helps."""
         if self.differs == 0:
             return self.repeats - self.noise < self.resolution
         after = np.sqrt(1 + 1 / len(self.runs))
-        return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
+        return bool(self.expected < WORTH * after * self.differs)
 
     @property
     def resolution(self) -> float:

@@ -89,35 +89,6 @@ class LearnedRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JudgedRun:
-    """One run that was judged, and from which nothing was learned.
-
-    Args:
-        run: Errors of the run.
-        t: Times of the plan [s], (m,).
-        q: Measured joint positions at these times [rad], (m, dof).
-        smooth: The same without white noise [rad], (m, dof).
-        delay: Dead time of the robot beyond that of the servo model [s].
-    """
-
-    run: LearnedRun
-    t: FloatArray
-    q: FloatArray
-    smooth: FloatArray
-    delay: float
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "smooth"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-
-    def __str__(self) -> str:
-        """Errors of the run."""
-        return str(self.run).replace("Learned run", "Judged run", 1)
-
-    __repr__ = brief
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lesson(TaughtData):
     """Taught data for the next run, and what the runs before it have taught.
 

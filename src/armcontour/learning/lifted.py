@@ -90,9 +90,7 @@ class Lifted:
         InvalidInput: The motion is too long, or the gains do not fit the arm.
     """
 
-    def __init__(
-        self, taught: TaughtData, nominal: Nominal, t: FloatArray | None = None
-    ) -> None:
+    def __init__(self, taught: TaughtData, nominal: Nominal, t: FloatArray | None = None) -> None:
         self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape

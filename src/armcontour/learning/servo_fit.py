@@ -116,8 +116,11 @@ class _Fit:
     def response(self, x: FloatArray) -> Lifted:
         """The response with the servo of parameters."""
         if not np.array_equal(x, self._last[0]):
-            self._last = x.copy(), Lifted(
-                self.taught, replace(self.lifted.nominal, servo=self.servo(x)), self.lifted.t
+            self._last = (
+                x.copy(),
+                Lifted(
+                    self.taught, replace(self.lifted.nominal, servo=self.servo(x)), self.lifted.t
+                ),
             )
         return self._last[1]
 
