@@ -209,8 +209,8 @@ class Estimate:
             miss = run.error - best.error - moved
             variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
             left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
-            share = 2 * np.mean(self.spread**2) / max(float(np.mean(left**2)), 1e-300)
-            square = self.judge.judge(left).tool_rms ** 2 * max(1 - share, 0.0)
+            share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
+            square = float(self.judge.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
             square -= 2 * self._noise_in_loops().tool_rms ** 2
             off = float(np.sqrt(max(square, 0.0))) / size
         return off
@@ -228,7 +228,13 @@ class Estimate:
         """
         best = self.runs[self.best]
         others = [k for k in range(len(self.runs)) if k != self.best]
-        apart = [self.runs[k].error - best.error for k in others]
+        apart = []
+        for k in others:
+            # What differs between runs is no effect of set-points.
+            moved = np.sum(self._moved[k] ** 2, axis=0)
+            unmoved = 2 * len(best.error) * self.spread**2
+            gain = np.where(unmoved > 0, moved / np.maximum(moved + unmoved, 1e-300), 1.0)
+            apart.append(gain * (self.runs[k].error - best.error))
         weights = np.zeros((len(others), self.lifted.dof))
         noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
         total = noise + self.spread**2

@@ -169,18 +169,18 @@ def _see(
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    lifted, taught, misfits = _model(taught, record(logs[0], taught), nominal)
+    lifted, taught, misfits = _model(taught, [record(x, taught) for x in logs], nominal)
     judge = Judge(nominal.arm, taught.trajectory, lifted.t, lifted.planned)
     runs = tuple(_judge_run(lifted, judge, taught, record(x, taught), tool) for x in logs)
     return _Seen(taught, lifted, judge, misfits, runs)
 
 
 def _model(
-    taught: TaughtData, recording: Recording, nominal: Nominal
+    taught: TaughtData, recordings: list[Recording], nominal: Nominal
 ) -> tuple[Lifted, TaughtData, tuple[float, float]]:
     """The model, the taught data with times as the robot has them, and misfits.
 
-    The servo is fitted to the log of the first run. A robot with more dead time than its model, by
+    The servo is fitted to the mean of the first logs. A robot with more dead time than its model, by
     whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
@@ -191,15 +191,17 @@ def _model(
     lifted = Lifted(taught, nominal) if known is None else known
     if lesson is not None:
         return lifted, taught, lesson.misfits
-    clock, expected = _fit(recording, lifted, taught)
-    if not recording.in_plan_time and recording.command is None:
-        return lifted, taught, (0.0, 0.0)
-    at = clock.plan_time(recording.t)
-    noise = white_noise(recording.q - lifted.between(at, expected))
-    error = lifted.at_times(at, recording.q, expected) - expected
+    errors, noises = [], []
+    for recording in recordings:
+        clock, expected = _fit(recording, lifted, taught)
+        if not recording.in_plan_time and recording.command is None:
+            return lifted, taught, (0.0, 0.0)
+        at = clock.plan_time(recording.t)
+        noises.append(white_noise(recording.q - lifted.between(at, expected)))
+        errors.append(lifted.at_times(at, recording.q, expected) - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
-    variance = float(np.mean(unexplained(noise, lead)))
-    servo, misfits = fit_servo(taught, lifted, error, variance)
+    variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
     taught = start_early(taught, more_delay(servo, nominal.servo))
     return Lifted(taught, replace(nominal, servo=servo)), taught, misfits
 

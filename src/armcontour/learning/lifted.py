@@ -282,7 +282,7 @@ class Lifted:
         return self._factors[penalty]
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
-        """The penalty with which noise is not learned: the power of ten that explains an error best.
+        """The power of ten that explains an error best, with which noise is not learned.
 
         Args:
             error: Errors of the joints [rad], (n, dof).

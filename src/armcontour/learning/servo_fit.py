@@ -49,7 +49,7 @@ def fit_servo(
     Args:
         taught: Set-points of the run.
         lifted: Response with the nominal servo.
-        error: Measured deviation from the expected motion, at the times of `lifted` [rad], (n, dof).
+        error: Measured deviation from the expected motion at these times [rad], (n, dof).
         variance: Variance of the white noise in them [rad²].
 
     Returns:
