@@ -180,8 +180,8 @@ def _model(
 ) -> tuple[Lifted, TaughtData, tuple[float, float]]:
     """The model, the taught data with times as the robot has them, and misfits.
 
-    The servo is fitted to the mean of the first logs. A robot with more dead time than its model, by
-    whole command intervals, gets its set-points earlier by these: only their times in the plan
+    The servo is fitted to the mean of the first logs. A robot with more dead time than its model,
+    by whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
     lesson = taught if isinstance(taught, Lesson) else None
