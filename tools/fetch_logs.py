@@ -14,6 +14,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import numpy.typing as npt
+from scipy.integrate import cumulative_trapezoid
 
 SOURCE = "https://raw.githubusercontent.com/{}/{}/{}"
 KUKA = "anjan211/kuka_controller_project", "6e23e6a"
@@ -30,7 +31,10 @@ TRACES = {
     "krc4_rect1": "Linear_Cube/WINDOWS-V37DJA1 - 8101392_Lin_trial_rect1",
     "krc4_rect2": "Linear_Cube/WINDOWS-V37DJA1 - 8101392_Lin_trial_rect2",
 }
-PANDA_FILES = ("gen_dq", "gen_q0", "rbt_log/exciting_traj_time", "rbt_log/exciting_traj_positions")
+PANDA_FILES = (
+    *("gen_dq", "gen_time", "gen_q0"),
+    *("rbt_log/exciting_traj_time", "rbt_log/exciting_traj_positions"),
+)
 Table = npt.NDArray[np.float64]
 
 
@@ -44,18 +48,20 @@ def from_kuka(traces: Sequence[str]) -> Table:
     return np.column_stack([axes[0][:n, 0], command, measured])
 
 
-def from_panda(dq: str, q0: str, time: str, positions: str) -> Table:
-    """Time [s], velocity commands integrated, and measured positions [rad], up to a lost packet."""
-    rate, start, t, q = (
-        np.loadtxt(x.replace(",", " ").splitlines(), ndmin=2) for x in (dq, q0, time, positions)
+def from_panda(dq: str, at: str, q0: str, time: str, positions: str) -> Table:
+    """Time [s], velocity commands integrated, and measured positions [rad], up to a lost packet.
+
+    The files have one value a line; those of the seven joints follow each other.
+    """
+    rate, at_times, start, t, q = (
+        np.loadtxt(x.splitlines(), ndmin=1) for x in (dq, at, q0, time, positions)
     )
-    t, start = t.ravel(), start.ravel()
-    rate, q = (x if x.shape[1] == len(start) else x.T for x in (rate, q))
+    joints = len(start)
+    moved = start + cumulative_trapezoid(rate.reshape(-1, joints), at_times, axis=0, initial=0)
     gaps = np.flatnonzero(np.diff(t) > LOST)
-    n = min(len(rate), len(t), len(q), gaps[0] + 1 if len(gaps) else len(t))
-    moved = np.cumsum(rate[: n - 1] * np.diff(t[:n])[:, None], axis=0)
-    command = start + np.vstack([np.zeros(len(start)), moved])
-    return np.column_stack([t[:n] - t[0], command, q[:n]])
+    n = gaps[0] + 1 if len(gaps) else len(t)
+    command = [np.interp(t[:n], at_times, x) for x in moved.T]
+    return np.column_stack([t[:n], *command, q.reshape(-1, joints)[:n]])
 
 
 def from_abb(run: str) -> Table:

@@ -21,9 +21,11 @@ def test_oscilloscope_traces_become_degrees():
 
 
 def test_velocities_are_integrated_until_a_lost_packet():
-    rate = "1 2\n3 4\n5 6\n7 8\n"
-    found = fetch_logs.from_panda(rate, "10\n20\n", "1\n1.001\n1.003\n1.1\n", rate)
-    expected = [[0, 10, 20, 1, 2], [0.001, 10.001, 20.002, 3, 4], [0.003, 10.007, 20.01, 5, 6]]
+    rate, at = "0\n1\n0\n3\n0\n5\n", "0\n0.5\n1\n"
+    positions = "\n".join(map(str, range(8)))
+    found = fetch_logs.from_panda(rate, at, "10\n20\n", "0\n0.005\n0.01\n1\n", positions)
+    slopes = 20 + 2 * np.array([0, 0.005, 0.01])
+    expected = np.column_stack([[0, 0.005, 0.01], [10] * 3, slopes, [[0, 1], [2, 3], [4, 5]]])
     np.testing.assert_allclose(found, expected)
 
 
