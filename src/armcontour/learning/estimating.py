@@ -135,7 +135,8 @@ class Estimate:
         self.differs = self._judge_spread()
         alone = [x.rms for x in runs]
         if self.differs > 0:
-            means = [smooth_error(lifted, self._mean_at(x), runs[-1].noise) for x in self._moves]
+            white = runs[-1].noise / np.sqrt(len(runs))
+            means = [smooth_error(lifted, self._mean_at(x), white) for x in self._moves]
             alone = [judge.judge(x).rms for x in means]
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
@@ -167,7 +168,8 @@ class Estimate:
             scale = np.maximum(rests + UNTESTED**2 * moves, 1e-300)
             rows = np.column_stack([np.full(len(pairs), 2.0), moves]) / scale[:, None]
             found[j] = np.sqrt(nnls(rows, seen / scale)[0][0])
-        return found
+        # Less than the white noise of one value cannot be told from errors of the model.
+        return np.where(found > self.runs[-1].noise, found, 0.0)
 
     def _judge_spread(self) -> float:
         """RMS error of the tool that differs between runs [m]; how many values of it are free."""
@@ -280,7 +282,7 @@ class Estimate:
     @property
     def expected(self) -> float:
         """RMS error of another run of the best set-points [m]."""
-        return float(np.hypot(self.repeats, self.differs))
+        return float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
 
     @property
     def is_noise(self) -> bool:
@@ -288,7 +290,7 @@ class Estimate:
         if self.differs == 0:
             return self.repeats - self.noise < self.resolution
         after = np.sqrt(1 + 1 / len(self.runs))
-        return bool(self.expected < WORTH * after * self.differs)
+        return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
 
     @property
     def resolution(self) -> float:
