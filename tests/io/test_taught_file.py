@@ -45,7 +45,7 @@ def learned(plan, step=1e-3):
     return Lesson(
         period=taught.period, q=taught.q + step / 3, trajectory=taught.trajectory,
         method="learning", start_time=-taught.period, runs=(run,), servo=SERVO, predicted=0.0,
-        noise=0.0,
+        noise=0.0, best=0, repeats=0.0,
     )  # fmt: skip
 
 
@@ -115,7 +115,7 @@ def made(plan, runs=2):
     return Lesson(
         period=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
         runs=tuple(run(k) for k in range(runs)), servo=SERVO, misfits=(1 / 3, 1 / 7),
-        predicted=1 / 3, noise=1e-7 / 3, setbacks=1, reason="because",
+        predicted=1 / 3, noise=1e-7 / 3, best=0, repeats=1e-5 / 3, setbacks=1, reason="because",
     )  # fmt: skip
 
 
@@ -170,7 +170,7 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... reads version 2"),
+        (other(version=99), "version 99 ... reads version 3"),
         (other(runs=[]), "a.npz ... at least one run"),
         (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
         (lambda parts: parts.pop("about.json"), "damaged"),

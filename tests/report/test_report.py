@@ -282,7 +282,7 @@ def real():
         contour_max=5e-6, predicted=3e-6, source="<b>run2</b>.csv",
     )  # fmt: skip
     lesson = dataclasses.replace(
-        lesson, runs=(first, second), predicted=1e-6, noise=2e-7, finished=False
+        lesson, runs=(first, second), predicted=1e-6, noise=2e-7, best=1, finished=False
     )
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 

@@ -257,7 +257,7 @@ def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print what the tool and the joints did by a log, and what was written."""
     console = Console()
-    run = study.judged.run
+    run = study.judged.runs[0]
     title = f"{study.job.title}, run {study.plan.run.name}: contour error in {run.source}"
     console.show_table(JUDGED_CONTOURS, _contour_rows(study), title=title)
     console.show_table(JUDGED_JOINTS, _joint_rows(study), title="Joints, deviation from the plan")
@@ -290,7 +290,7 @@ def _joint_rows(study: JudgedStudy) -> list[list[str]]:
     """Cells of a row for every joint: its distance from the plan at the same time."""
     import numpy as np
 
-    run = study.judged.run
+    run = study.judged.runs[0]
     values = np.column_stack([run.joint_rms, run.joint_max, run.noise]) * 1e3
     names = study.job.arm.joint_names
     return [

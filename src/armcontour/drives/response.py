@@ -93,15 +93,15 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
         blocks: Blocks by which a time depends on the two times before it and on itself,
             (n - 1, 3, dof, dof).
     """
-    from scipy.sparse import bsr_array
+    from scipy.sparse import bsr_array, csc_array
 
     n, dof = len(blocks) + 1, len(first)
     # Before the first time the joints are where they are at the first time.
     columns = np.maximum(np.arange(n - 1)[:, None] + [-1, 0, 1], 0)
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
     row_starts = np.append(0, 1 + 3 * np.arange(n))
-    found = bsr_array((values, np.append(0, columns), row_starts), shape=(n * dof, n * dof))
-    found = found.tocsc()
+    parts = values, np.append(0, columns), row_starts
+    found = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
     found.sum_duplicates()
     found.eliminate_zeros()
     return found

@@ -334,4 +334,4 @@ def noise_of(y: npt.ArrayLike) -> float:
     """
     third = np.abs(np.diff(np.asarray(y, dtype=np.float64), n=3))
     usual = OF_MEDIAN * float(np.median(third))
-    return (usual or float(np.sqrt(np.mean(third**2)))) / np.sqrt(20)
+    return float((usual or np.sqrt(np.mean(third**2))) / np.sqrt(20))

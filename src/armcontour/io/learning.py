@@ -24,6 +24,7 @@ LEARNING_UNITS = {
     "set_points_off": "rad",
     "offset": "s",
     "delay": "s",
+    "repeats": "m",
     "does_not_repeat": "m",
     "remaining": "m",
 }
@@ -45,6 +46,7 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
         "run": run.name,
         "simulated_robot": study.robot or None,
         **{name: getattr(lesson, name) for name in OF_LESSON},
+        "repeats": lesson.repeats,
         "does_not_repeat": lesson.noise,
         "best": lesson.best + 1,
         "runs": [_of_run(study, k, x) for k, x in enumerate(lesson.runs)],
@@ -72,7 +74,7 @@ def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
         **of_job(study.job, {run.name: plan_summary(study.job, study.plan)}, files),
         "judged": {
             "run": run.name,
-            **_fields(judged.run),
+            **_fields(judged.runs[0]),
             "delay": judged.delay,
             "contour_error": _of_profile(study.profile),
             "contours": errors,

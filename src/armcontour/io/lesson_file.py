@@ -21,7 +21,7 @@ from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
 
 # Changes with the content of these files.
-VERSION = 2
+VERSION = 3
 # The plan is made again from the job, and the model of the response from the plan.
 LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits")
 RUN = "run {}: {}"

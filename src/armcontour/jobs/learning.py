@@ -20,8 +20,9 @@ from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import RESOLUTION
 from armcontour.jobs.study import RunPlan, teach
-from armcontour.learning import JudgedRun, LearnedRun, Lesson, Recording, judge_run, learn
+from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
+from armcontour.learning.estimating import smooth_error
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import refuse_commands
 from armcontour.program import contour_called
@@ -121,7 +122,9 @@ class LearningStudy:
     def _verdict(self) -> str:
         """Whether another run is worth while."""
         lesson = self.lesson
-        noise = f"{lesson.noise * 1e3:.3g} mm RMS does not repeat from run to run"
+        noise = (
+            f"{lesson.repeats * 1e3:.3g} mm RMS repeats, {lesson.noise * 1e3:.3g} mm RMS does not"
+        )
         if lesson.finished:
             best = f"the set-points are those of run {lesson.best + 1}, the best"
             return f"Finished: {lesson.reason}; {best}, and {noise}."
@@ -145,12 +148,12 @@ class JudgedStudy:
     Args:
         job: The job.
         plan: Plan and taught data of the run.
-        judged: Errors of the run.
+        judged: The run, as `judge_run` gives it.
     """
 
     job: Job
     plan: RunPlan
-    judged: JudgedRun
+    judged: Lesson
 
     @property
     def profile(self) -> ErrorProfile:
@@ -161,13 +164,16 @@ class JudgedStudy:
     def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
         """Names of the contours, their errors without noise, and what the tool left out of them."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
-        pieces = _measured_pieces(self.job, self.plan, self.judged.t, self.judged.smooth)
+        lifted, run = self.judged.lifted, self.judged.runs[0]
+        assert lifted is not None
+        q = lifted.planned + smooth_error(lifted, run.error, run.noise)
+        pieces = _measured_pieces(self.job, self.plan, lifted.t, q)
         return [(name, x.contour_error, x.missed) for name, x in zip(names, pieces, strict=True)]
 
     @property
     def notes(self) -> list[str]:
         """Sentences on the clock of the log, and on what it cannot show."""
-        run = self.judged.run
+        run = self.judged.runs[0]
         found = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
         found += _other_set_points(run)
         found.append(

@@ -1,11 +1,10 @@
 """Learning from run to run: set-points from what the joints did with those before."""
 
 from armcontour.learning.learner import judge_run, learn
-from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson
+from armcontour.learning.lesson import LearnedRun, Lesson
 from armcontour.learning.recording import Recording
 
 __all__ = [
-    "JudgedRun",
     "LearnedRun",
     "Lesson",
     "Recording",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
+from itertools import combinations
 
 import numpy as np
+from scipy.optimize import nnls
 
 from armcontour._checks import FloatArray
 from armcontour.learning.judging import Judge, ToolError
-from armcontour.learning.lesson import LearnedRun, find_best
+from armcontour.learning.lesson import LearnedRun
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
 
@@ -20,9 +21,8 @@ UNTESTED = 0.3
 # Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
 # linear.
 LINEAR = 0.3
-# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
-# the first one.
-PENALTIES, FIRST = (-8, 6), -3
+# Another run is worth while if it can reduce the error by more than this factor.
+WORTH = 1.05
 # The median of absolute values of a normal distribution with standard deviation 1.
 MEDIAN = 0.6745
 # Usual cycle time of a drive [s], where the recording does not tell.
@@ -79,26 +79,16 @@ def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
     return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
 
 
-def choose_penalty(lifted: Lifted, error: FloatArray, variance: float) -> float:
-    """The penalty with which noise is not learned: the power of ten that explains an error best.
+def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
+    """The part of an error that a disturbance of the drives explains [rad], (n, dof).
 
     Args:
         lifted: The model.
         error: Errors of the joints [rad], (n, dof).
-        variance: Variance of the noise in them [rad²].
+        noise: Standard deviation of the white noise in the error [rad], (dof,).
     """
-
-    @cache
-    def surprise(power: int) -> float:
-        return lifted.surprise(error, 10.0**power, max(variance, 1e-300))
-
-    power = FIRST
-    while True:
-        around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
-        following = min(around, key=surprise)
-        if following == power:
-            return float(10.0**power)
-        power = following
+    variance = float(np.mean(unexplained(noise, error)))
+    return lifted.smooth(error, lifted.choose_penalty(error, variance))
 
 
 def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
@@ -123,41 +113,108 @@ class Estimate:
         runs: The runs, in order.
 
     Attributes:
-        best: Index of the best run.
+        spread: Standard deviation of the errors that differ between runs [rad], (dof,).
+        best: Index of the run whose set-points have the smallest repeating error.
         q: Set-points that all runs together say have the least error [rad], (count, dof).
-        error: Their error [rad], (n, dof).
-        noise: RMS error that does not repeat [m].
-        penalty: As `choose_penalty` gives it, for the error that repeats.
+        error: Their repeating error [rad], (n, dof).
+        repeats: RMS error of the best run that repeats [m].
+        differs: RMS error that differs between runs [m].
+        noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
+        penalty: As `Lifted.choose_penalty` gives it, for the error that repeats.
         off: Relative error of the model's response, by the last run that was predicted.
         independent: Number of independent values of the noise in a run.
     """
 
     def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
         self.lifted, self.judge, self.runs = lifted, judge, runs
-        self.best = find_best(runs)
-        self._moved = [lifted.respond(x.q - runs[self.best].q) for x in runs]
-        self.off = self._compare()
-        self.q, self.error, variance = self._combine()
-        self.penalty = choose_penalty(lifted, self.error, variance)
-        self.noise = float(np.hypot(self._measured_noise(), self._noise_in_loops().rms))
+        self._moves = [lifted.respond(x.q - runs[0].q) for x in runs]
+        self._rests = [x.error - y for x, y in zip(runs, self._moves, strict=True)]
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
+        self.spread = self._find_spread()
+        self.differs = self._judge_spread()
+        alone = [x.rms for x in runs]
+        if self.differs > 0:
+            white = runs[-1].noise / np.sqrt(len(runs))
+            means = [smooth_error(lifted, self._mean_at(x), white) for x in self._moves]
+            alone = [judge.judge(x).rms for x in means]
+        self.best = int(np.argmin(alone))
+        self.repeats = alone[self.best]
+        self._moved = [x - self._moves[self.best] for x in self._moves]
+        self.off = self._compare()
+        self.q, self.error, variance = self._combine()
+        self.penalty = lifted.choose_penalty(self.error, variance)
+        loops = max(self._noise_in_loops().rms, self.differs)
+        self.noise = float(np.hypot(self._measured_noise(), loops))
+
+    def _find_spread(self) -> FloatArray:
+        """The standard deviation of errors that differ between runs [rad], (dof,).
+
+        The squared difference of two runs is twice the variance of what does not repeat, and a
+        share of the square of what the model says of their set-points: UNTESTED or more. Two runs
+        of different set-points cannot tell these apart.
+        """
+        pairs = list(combinations(range(len(self.runs)), 2))
+        found = np.zeros(self.lifted.dof)
+        if len(pairs) == 1 and np.any(self._moves[1]):
+            return found
+        for j in range(len(found) if pairs else 0):
+            rests, moves = (
+                np.array([np.mean((x[a] - x[b])[:, j] ** 2) for a, b in pairs])
+                for x in (self._rests, self._moves)
+            )
+            white = np.array([sum(self.runs[k].noise[j] ** 2 for k in x) for x in pairs])
+            seen = np.maximum(rests - white - UNTESTED**2 * moves, 0.0)
+            scale = np.maximum(rests + UNTESTED**2 * moves, 1e-300)
+            rows = np.column_stack([np.full(len(pairs), 2.0), moves]) / scale[:, None]
+            found[j] = np.sqrt(nnls(rows, seen / scale)[0][0])
+        # Less than the white noise of one value cannot be told from errors of the model.
+        return np.where(found > self.runs[-1].noise, found, 0.0)
+
+    def _judge_spread(self) -> float:
+        """RMS error of the tool that differs between runs [m]; how many values of it are free."""
+        if not self.spread.any():
+            return 0.0
+        mean, squares = np.mean(self._rests, axis=0), []
+        for rest in self._rests:
+            off = smooth_error(self.lifted, rest - mean, self.runs[-1].noise)
+            size = np.sqrt((off**2).mean(axis=0))
+            off *= self.spread / np.where(size > 0, size, 1.0)
+            squares.append(self.judge.judge(off).rms ** 2)
+            power = np.abs(np.fft.rfft(off, axis=0)) ** 2
+            free = 2 * power.sum() ** 2 / max(float((power**2).sum()), 1e-300)
+            self.independent = min(self.independent, max(free, 1.0))
+        return float(np.sqrt(np.mean(squares)))
+
+    def _mean_at(self, moved: FloatArray) -> FloatArray:
+        """The error that repeats for set-points with a response, by all runs [rad], (n, dof).
+
+        Runs count by the inverse variance of their noise and of the error of the model.
+        """
+        total, weights = np.zeros_like(moved), np.zeros(self.lifted.dof)
+        for run, rest, own in zip(self.runs, self._rests, self._moves, strict=True):
+            off = UNTESTED**2 * ((moved - own) ** 2).mean(axis=0)
+            weight = 1 / np.maximum(self.spread**2 + run.noise**2 + off, 1e-300)
+            total, weights = total + weight * (rest + moved), weights + weight
+        return np.asarray(total / weights)
 
     def _compare(self) -> float:
         """How far the model's response is off, relatively, by the last run but the best one.
 
-        White noise and the noise in the loops of both runs do not count.
+        White noise, what does not repeat and the noise in the loops of both runs do not count.
         """
         best, off = self.runs[self.best], UNTESTED
         for run, moved in zip(self.runs, self._moved, strict=True):
-            size = 0.0 if run is best else self.judge.judge(moved).tool_rms
+            size = self.judge.judge(moved).tool_rms if np.any(moved) else 0.0
             if size == 0.0:
                 continue
             miss = run.error - best.error - moved
             variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
-            left = self.lifted.smooth(miss, choose_penalty(self.lifted, miss, variance))
-            unrepeated = 2 * self._noise_in_loops().tool_rms ** 2
-            off = float(np.sqrt(max(self.judge.judge(left).tool_rms ** 2 - unrepeated, 0.0))) / size
+            left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
+            share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
+            square = float(self.judge.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
+            square -= 2 * self._noise_in_loops().tool_rms ** 2
+            off = float(np.sqrt(max(square, 0.0))) / size
         return off
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
@@ -166,28 +223,42 @@ class Estimate:
         The error is an affine function of the set-points, whatever the robot is, as far as it is
         linear: a mean of runs, with weights that may be negative, has the mean of their errors.
         Every joint has its own weights, which the model's coupling of joints is added to. Noise
-        and what is not linear keep the weights small.
+        and what is not linear keep the weights small. What does not repeat is averaged.
 
         Returns:
             The set-points [rad], their error [rad], and the variance of its noise [rad²].
         """
         best = self.runs[self.best]
         others = [k for k in range(len(self.runs)) if k != self.best]
-        apart = [self.runs[k].error - best.error for k in others]
+        apart = []
+        for k in others:
+            # What differs between runs is no effect of set-points.
+            moved = np.sum(self._moved[k] ** 2, axis=0)
+            unmoved = 2 * len(best.error) * self.spread**2
+            gain = np.where(unmoved > 0, moved / np.maximum(moved + unmoved, 1e-300), 1.0)
+            apart.append(gain * (self.runs[k].error - best.error))
         weights = np.zeros((len(others), self.lifted.dof))
         noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
+        total = noise + self.spread**2
         for j in range(self.lifted.dof):
             if others:
                 columns = np.stack([x[:, j] for x in apart], axis=1)
-                weights[:, j] = _weigh(columns, best.error[:, j], noise[others, j])
+                weights[:, j] = _weigh(columns, best.error[:, j], total[others, j])
         q, error = best.q.copy(), best.error.copy()
         for k, weight, off in zip(others, weights, apart, strict=True):
             q += weight * (self.runs[k].q - best.q)
             error += weight * (off - self._moved[k])
-        error += self.lifted.respond(q - best.q)
+        moved = self.lifted.respond(q - best.q)
+        error += moved
         shares = np.vstack([weights, 1 - weights.sum(axis=0)])
-        variances = np.vstack([noise[others], noise[self.best]])
-        return q, error, float(np.mean((shares**2 * variances).sum(axis=0)))
+        variance = (shares**2 * np.vstack([noise[others], noise[self.best]])).sum(axis=0)
+        if self.differs > 0:
+            squares = np.array([(x**2).mean(axis=0) for x in apart])
+            own = variance + self.spread**2 * (shares**2).sum(axis=0)
+            own += LINEAR**2 * (weights**2 * squares).sum(axis=0)
+            share = self.spread**2 / (self.spread**2 + own)
+            error += share * (self._mean_at(moved + self._moves[self.best]) - error)
+        return q, error, float(np.mean(variance))
 
     def _measured_noise(self) -> float:
         """RMS error of the tool that white noise of the measurement leaves in errors [m]."""
@@ -207,6 +278,19 @@ class Estimate:
     def step(self) -> float:
         """The share of a change that leaves least error if its response is off by `off`."""
         return 1 / (1 + self.off**2)
+
+    @property
+    def expected(self) -> float:
+        """RMS error of another run of the best set-points [m]."""
+        return float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the error that repeats is not known from noise, or one more run hardly helps."""
+        if self.differs == 0:
+            return self.repeats - self.noise < self.resolution
+        after = np.sqrt(1 + 1 / len(self.runs))
+        return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
 
     @property
     def resolution(self) -> float:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.errors import CompensationError
+from armcontour.errors import CompensationError, InvalidInput
 from armcontour.learning.aligning import Clock, fit_clock, set_points_off
 from armcontour.learning.diagnosing import refuse_coarse, refuse_other_set_points, refuse_unlike
 from armcontour.learning.estimating import (
     UNTESTED,
     Estimate,
-    choose_penalty,
     loop_noise,
+    smooth_error,
     unexplained,
     white_noise,
 )
 from armcontour.learning.judging import Judge
-from armcontour.learning.lesson import JudgedRun, LearnedRun, Lesson
+from armcontour.learning.lesson import LearnedRun, Lesson
 from armcontour.learning.lifted import Lifted, Nominal
 from armcontour.learning.recording import Recording, record
 from armcontour.learning.servo_fit import fit_servo
@@ -29,6 +31,9 @@ from armcontour.learning.tracking import add_tool
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, refuse_commands
 from armcontour.servo import ServoModel
+
+# What the joints did in a run.
+Executed: TypeAlias = Execution | Log | Recording
 
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
 # times as slow.
@@ -49,7 +54,7 @@ SURE = 3.0
 
 def learn(
     taught: TaughtData,
-    executed: Execution | Log | Recording,
+    executed: Executed | Sequence[Executed],
     *,
     arm: Arm,
     servo: ServoModel,
@@ -60,13 +65,15 @@ def learn(
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
 
-    Give the lesson that this returns, and the log of its run, for the run after it.
+    Give the lesson that this returns, and the log of its run, for the run after it. Logs of several
+    runs of the same set-points show which errors repeat; after three runs of learned set-points
+    these are known, too.
 
     Args:
         taught: The set-points of the last run: a `Lesson` with the runs before it, or other taught
             data for the first run.
         executed: What the joints did: an execution, a log with set-points, from which the clock is
-            found, or a recording of joint positions alone.
+            found, or a recording of joint positions alone; or several of these.
         arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
             of rigid bodies; otherwise of its servos alone.
         servo: The nominal servo.
@@ -76,53 +83,55 @@ def learn(
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
             otherwise the tracker has a clock of its own, and a tool that is late on its whole way
-            cannot be told from a clock that is off. Give it for every run or for none.
+            cannot be told from a clock that is off. Give it for every run, of one log each, or for
+            none.
 
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to learn from.
         CompensationError: The set-points of the last run exceed the limits.
     """
     nominal = _nominal(arm, servo, gravity_feedforward, known)
-    lifted, judge, taught, misfits, run, _ = _see(taught, executed, nominal, tool)
-    refuse_other_set_points(run)
-    before = taught.runs if isinstance(taught, Lesson) else ()
-    lesson = _next_lesson(taught, (*before, run), lifted, judge, limits)
-    return replace(lesson, delay=more_delay(lesson.servo, nominal.servo), misfits=misfits)
+    seen = _see(taught, executed, nominal, tool)
+    for run in seen.runs:
+        refuse_other_set_points(run)
+    lesson = _next_lesson(seen, limits)
+    return replace(lesson, delay=more_delay(lesson.servo, nominal.servo), misfits=seen.misfits)
 
 
 def judge_run(
     taught: TaughtData,
-    executed: Execution | Log | Recording,
+    executed: Executed | Sequence[Executed],
     *,
     arm: Arm,
     servo: ServoModel,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
-) -> JudgedRun:
-    """Judge a run by its log as `learn` does, and learn nothing from it.
+) -> Lesson:
+    """Judge runs by their logs as `learn` does, and learn nothing from them.
 
     Args:
-        taught: The set-points of the run.
+        taught: The set-points of the runs.
         executed: What the joints did.
         arm: The nominal arm.
         servo: The nominal servo.
-        gravity_feedforward: Whether the controller adds the torque against gravity.
+        gravity_feedforward: Whether the controller adds the gravity torque.
         known: The arm as its controller knows it.
         tool: Measured positions of the tool, as `learn` takes them.
+
+    Returns:
+        A finished lesson of these runs alone, with the set-points of `taught`.
 
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to be judged.
     """
     nominal = _nominal(arm, servo, gravity_feedforward, known)
-    lifted, _, _, _, run, smooth = _see(taught, executed, nominal, tool)
-    return JudgedRun(
-        run=run,
-        t=lifted.t,
-        q=lifted.planned + run.error,
-        smooth=lifted.planned + smooth,
-        delay=more_delay(lifted.nominal.servo, nominal.servo),
-    )
+    seen = _see(taught, executed, nominal, tool)
+    estimate = Estimate(seen.lifted, seen.judge, seen.runs)
+    return _lesson(
+        seen, estimate, seen.runs, q=taught.q, finished=True, reason="learned nothing",
+        predicted=estimate.expected, delay=more_delay(seen.lifted.nominal.servo, nominal.servo),
+    )  # fmt: skip
 
 
 def _nominal(arm: Arm, servo: ServoModel, gravity_feedforward: bool, known: Arm | None) -> Nominal:
@@ -133,27 +142,46 @@ def _nominal(arm: Arm, servo: ServoModel, gravity_feedforward: bool, known: Arm 
     )  # fmt: skip
 
 
+class _Seen(NamedTuple):
+    """Runs as learning sees them, with times as the robot has them."""
+
+    taught: TaughtData
+    lifted: Lifted
+    judge: Judge
+    misfits: tuple[float, float]
+    runs: tuple[LearnedRun, ...]
+
+
 def _see(
     taught: TaughtData,
-    executed: Execution | Log | Recording,
+    executed: Executed | Sequence[Executed],
     nominal: Nominal,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> tuple[Lifted, Judge, TaughtData, tuple[float, float], LearnedRun, FloatArray]:
-    """A run as learning sees it: model, judge, set-points, misfits, errors, those without noise."""
-    recording = record(executed, taught)
-    lifted, clock, taught, misfits = _align(taught, recording, nominal)
+) -> _Seen:
+    """Runs as learning sees them.
+
+    Raises:
+        InvalidInput: There is no log, or positions of a tool with several.
+    """
+    logs = executed if isinstance(executed, (list, tuple)) else (executed,)
+    if not logs or (tool is not None and len(logs) > 1):
+        raise InvalidInput(
+            f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
+            "are given."
+        )
+    lifted, taught, misfits = _model(taught, [record(x, taught) for x in logs], nominal)
     judge = Judge(nominal.arm, taught.trajectory, lifted.t, lifted.planned)
-    run, smooth = _judge_run(lifted, judge, taught, recording, clock, tool)
-    return lifted, judge, taught, misfits, run, smooth
+    runs = tuple(_judge_run(lifted, judge, taught, record(x, taught), tool) for x in logs)
+    return _Seen(taught, lifted, judge, misfits, runs)
 
 
-def _align(
-    taught: TaughtData, recording: Recording, nominal: Nominal
-) -> tuple[Lifted, Clock, TaughtData, tuple[float, float]]:
-    """The model, the recording's clock, the taught data with times as the robot has them, misfits.
+def _model(
+    taught: TaughtData, recordings: list[Recording], nominal: Nominal
+) -> tuple[Lifted, TaughtData, tuple[float, float]]:
+    """The model, the taught data with times as the robot has them, and misfits.
 
-    The servo is fitted to the log of the first run. A robot with more dead time than its model, by
-    whole command intervals, gets its set-points earlier by these: only their times in the plan
+    The servo is fitted to the mean of the first logs. A robot with more dead time than its model,
+    by whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
     lesson = taught if isinstance(taught, Lesson) else None
@@ -161,21 +189,30 @@ def _align(
         nominal = replace(nominal, servo=lesson.servo)
     known = None if lesson is None else lesson.lifted
     lifted = Lifted(taught, nominal) if known is None else known
+    if lesson is not None:
+        return lifted, taught, lesson.misfits
+    errors, noises = [], []
+    for recording in recordings:
+        clock, expected = _fit(recording, lifted, taught)
+        if not recording.in_plan_time and recording.command is None:
+            return lifted, taught, (0.0, 0.0)
+        at = clock.plan_time(recording.t)
+        noises.append(white_noise(recording.q - lifted.between(at, expected)))
+        errors.append(lifted.at_times(at, recording.q, expected) - expected)
+    lead = lifted.reaching(taught.q) - lifted.planned
+    variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
+    taught = start_early(taught, more_delay(servo, nominal.servo))
+    return Lifted(taught, replace(nominal, servo=servo)), taught, misfits
+
+
+def _fit(recording: Recording, lifted: Lifted, taught: TaughtData) -> tuple[Clock, FloatArray]:
+    """The clock of a recording that fits the expected motion, and that motion [rad], (n, dof)."""
     refuse_coarse(recording, lifted)
     clock = fit_clock(recording, lifted, taught.q)
     expected = lifted.expected(taught.q)
     refuse_unlike(recording, clock, lifted, expected)
-    knows_time = recording.in_plan_time or recording.command is not None
-    if lesson is not None or not knows_time:
-        return lifted, clock, taught, (0.0, 0.0) if lesson is None else lesson.misfits
-    measured = lifted.at_times(clock.plan_time(recording.t), recording.q, expected)
-    noise = white_noise(recording.q - lifted.between(clock.plan_time(recording.t), expected))
-    lead = lifted.reaching(taught.q) - lifted.planned
-    variance = float(np.mean(unexplained(noise, lead)))
-    fit = fit_servo(taught, lifted, measured, variance)
-    earlier = start_early(taught, more_delay(fit.servo, nominal.servo))
-    clock = Clock(clock.offset + earlier.start_time - taught.start_time, clock.rate)
-    return Lifted(earlier, replace(nominal, servo=fit.servo)), clock, earlier, fit.misfits
+    return clock, expected
 
 
 def more_delay(servo: ServoModel, nominal: ServoModel) -> float:
@@ -199,11 +236,10 @@ def _judge_run(
     judge: Judge,
     taught: TaughtData,
     recording: Recording,
-    clock: Clock,
     tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> tuple[LearnedRun, FloatArray]:
-    """Errors of a run, and those of the joints without noise [rad], (n, dof)."""
-    expected = lifted.expected(taught.q)
+) -> LearnedRun:
+    """Errors of a run."""
+    clock, expected = _fit(recording, lifted, taught)
     t = clock.plan_time(recording.t)
     error = lifted.at_times(t, recording.q, expected) - lifted.planned
     noise = white_noise(recording.q - lifted.between(t, expected))
@@ -213,11 +249,10 @@ def _judge_run(
     if tool is not None:
         error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
         noise = np.hypot(noise, more)
-    variance = float(np.mean(unexplained(noise, error)))
-    smooth = lifted.smooth(error, choose_penalty(lifted, error, variance))
+    smooth = smooth_error(lifted, error, noise)
     found = judge.judge(smooth)
     last = taught if isinstance(taught, Lesson) else None
-    judged = LearnedRun(
+    return LearnedRun(
         q=taught.q,
         error=error,
         noise=noise,
@@ -234,25 +269,22 @@ def _judge_run(
         set_points_off=set_points_off(recording, clock, taught),
         source=recording.source,
     )
-    return judged, smooth
 
 
-def _next_lesson(
-    taught: TaughtData,
-    runs: tuple[LearnedRun, ...],
-    lifted: Lifted,
-    judge: Judge,
-    limits: Limits | None,
-) -> Lesson:
+def _next_lesson(seen: _Seen, limits: Limits | None) -> Lesson:
     """The lesson after all runs."""
+    taught, lifted, judge = seen.taught, seen.lifted, seen.judge
+    last = taught if isinstance(taught, Lesson) else None
+    earlier = () if last is None else last.runs
+    runs = (*earlier, *seen.runs)
     known = Estimate(lifted, judge, runs)
     best = runs[known.best]
-    setbacks = taught.setbacks if isinstance(taught, Lesson) else 0
-    before = min((x.rms for x in runs[:-1]), default=np.inf)
-    repeated = isinstance(taught, Lesson) and taught.finished
-    is_setback = runs[-1].rms > before + SURE * known.resolution and not repeated
+    setbacks = 0 if last is None else last.setbacks
+    before = min((x.rms for x in earlier), default=np.inf)
+    now = float(np.sqrt(np.mean([x.rms**2 for x in seen.runs])))
+    is_setback = now > before + SURE * known.resolution and not (last and last.finished)
     setbacks += is_setback
-    step = HALF**setbacks * (known.step if len(runs) > 1 else 1.0)
+    step = HALF**setbacks * (known.step if earlier else 1.0)
     fastest = allowed_accelerations(runs[0].q, taught.period, limits)
     penalty = known.penalty * SLOWER**setbacks
     for _ in range(SMOOTHINGS):
@@ -263,11 +295,11 @@ def _next_lesson(
             break
         penalty *= SMOOTHER
     left = judge.judge(max(known.off, UNTESTED) * response).rms
-    rest = 1 - float(share.min()) * step
-    predicted = min(float(np.hypot(left + rest * best.rms, known.noise)), best.rms)
-    finished = True
-    if best.rms - known.noise < known.resolution:
-        reason = "what remains is noise"
+    left += (1 - float(share.min()) * step) * known.repeats
+    predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
+    finished, averaged = True, False
+    if known.is_noise:
+        reason, averaged = "what remains is noise", known.differs > 0
     elif setbacks >= MOST_SETBACKS:
         reason = f"{setbacks} changes made the error larger"
     elif is_setback and known.off > MOST_OFF:
@@ -277,21 +309,23 @@ def _next_lesson(
         )
     else:
         finished = False
+    q = best.q if finished and not averaged else best.q + share * change
+    expected = known.expected if finished else min(predicted, known.expected)
+    return _lesson(
+        seen, known, runs, q=q, method="learning", predicted=expected, setbacks=setbacks,
+        finished=finished, reason=reason,
+    )  # fmt: skip
+
+
+def _lesson(seen: _Seen, known: Estimate, runs: tuple[LearnedRun, ...], **values: Any) -> Lesson:
+    """A lesson of runs; with the values that differ."""
+    taught = seen.taught
+    own = {"method": taught.method, **values}
     return Lesson(
-        period=taught.period,
-        q=best.q if finished else best.q + share * change,
-        trajectory=taught.trajectory,
-        method="learning",
-        start_time=taught.start_time,
-        runs=runs,
-        servo=lifted.nominal.servo,
-        predicted=best.rms if finished else predicted,
-        noise=known.noise,
-        setbacks=setbacks,
-        finished=finished,
-        reason=reason,
-        lifted=lifted,
-    )
+        period=taught.period, trajectory=taught.trajectory, start_time=taught.start_time,
+        runs=runs, servo=seen.lifted.nominal.servo, noise=known.noise, best=known.best,
+        repeats=known.repeats, lifted=seen.lifted, **own,
+    )  # fmt: skip
 
 
 def allowed_accelerations(q: FloatArray, period: float, limits: Limits | None) -> FloatArray:

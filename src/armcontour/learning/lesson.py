@@ -89,40 +89,6 @@ class LearnedRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JudgedRun:
-    """One run that was judged, and from which nothing was learned.
-
-    Args:
-        run: Errors of the run.
-        t: Times of the plan [s], (m,).
-        q: Measured joint positions at these times [rad], (m, dof).
-        smooth: The same without white noise [rad], (m, dof).
-        delay: Dead time of the robot beyond that of the servo model [s].
-    """
-
-    run: LearnedRun
-    t: FloatArray
-    q: FloatArray
-    smooth: FloatArray
-    delay: float
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "smooth"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-
-    def __str__(self) -> str:
-        """Errors of the run."""
-        return str(self.run).replace("Learned run", "Judged run", 1)
-
-    __repr__ = brief
-
-
-def find_best(runs: tuple[LearnedRun, ...]) -> int:
-    """Index of the run with the smallest error."""
-    return min(range(len(runs)), key=lambda k: runs[k].rms)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lesson(TaughtData):
     """Taught data for the next run, and what the runs before it have taught.
 
@@ -135,6 +101,8 @@ class Lesson(TaughtData):
         delay: Dead time of the robot beyond that of the servo model [s].
         predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
         noise: RMS error that does not repeat from run to run [m], as far as it is known.
+        best: Index of the run whose set-points have the smallest error, as far as it repeats.
+        repeats: RMS error of these set-points that repeats [m], by all runs.
         setbacks: Number of times that a run was worse than the best before it.
         finished: Whether nothing more is to be had. The set-points are then those of the best run.
         reason: Why learning is finished, or what keeps the step small; may be empty.
@@ -151,6 +119,8 @@ class Lesson(TaughtData):
     delay: float = 0.0
     predicted: float
     noise: float
+    best: int
+    repeats: float
     setbacks: int = 0
     finished: bool = False
     reason: str = ""
@@ -183,11 +153,6 @@ class Lesson(TaughtData):
         )
 
     __repr__ = brief
-
-    @property
-    def best(self) -> int:
-        """Index of the run with the smallest error."""
-        return find_best(self.runs)
 
     @property
     def remaining(self) -> float:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,9 @@ from armcontour.servo.command import command_weights
 LONGEST_STEP = 1e-3
 # Time constants of the slowest joint after the last set-point that count as motion: 5 % is left.
 AFTER = 3.0
+# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
+# the first one.
+PENALTIES, FIRST = (-8, 6), -3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,6 +80,7 @@ class Lifted:
     Args:
         taught: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
+        t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
 
     Attributes:
         t: Regular times of the plan [s], (n,).
@@ -86,11 +90,11 @@ class Lifted:
         InvalidInput: The motion is too long, or the gains do not fit the arm.
     """
 
-    def __init__(self, taught: TaughtData, nominal: Nominal) -> None:
+    def __init__(self, taught: TaughtData, nominal: Nominal, t: FloatArray | None = None) -> None:
         self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
-        self.t = _times(taught, nominal.servo)
+        self.t = _times(taught, nominal.servo) if t is None else t
         self.step = float(self.t[1] - self.t[0])
         _checks.refuse_too_many(
             f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
@@ -98,15 +102,6 @@ class Lifted:
             "learn contour by contour or at a higher speed",
         )
         self.planned = self.plan.with_rests(self.t)
-        self._set_nominal(nominal)
-
-    def with_servo(self, servo: ServoModel) -> Lifted:
-        """The response with another servo, at the same times."""
-        other = copy.copy(self)
-        other._set_nominal(replace(self.nominal, servo=servo))
-        return other
-
-    def _set_nominal(self, nominal: Nominal) -> None:
         self.nominal = nominal
         self._needed = nominal.command(self.plan, self.t)
         self._make_equations()
@@ -176,16 +171,17 @@ class Lifted:
         shape = n * self.dof, self.count * self.dof
         return csc_array(coo_array((np.concatenate(values), where), shape=shape))
 
-    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocities of the command at the times: of the set-points, and with feed-forward [rad/s].
+    def rates(self, q: FloatArray, shift: float) -> tuple[FloatArray, FloatArray]:
+        """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
 
         Args:
             q: Set-points [rad], (count, dof).
+            shift: Added to the times [s].
         """
-        half, shape = self.step / 2, self.t.shape + (self.dof,)
-        plain = self._rates_at(0.0) @ q.ravel()
-        after, before = (self._weights_at(x) @ q.ravel() for x in (half, -half))
-        return plain.reshape(shape), ((after - before) / self.step).reshape(shape)
+        half = self.step / 2
+        plain = (self._rates_at(shift) @ q.ravel()).reshape(self.planned.shape)
+        after, before = (self.reaching(q, shift + x) for x in (half, -half))
+        return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
         """Change of the joints by a change of the set-points [rad], (n, dof).
@@ -195,13 +191,15 @@ class Lifted:
         """
         return self.respond_to(self.reaching(change))
 
-    def reaching(self, change: FloatArray) -> FloatArray:
+    def reaching(self, change: FloatArray, shift: float = 0.0) -> FloatArray:
         """The change of the command that reaches the drives at the times [rad], (n, dof).
 
         Args:
             change: Change of the set-points [rad], (count, dof).
+            shift: Added to the times [s].
         """
-        return np.asarray((self._weights @ change.ravel()).reshape(len(self.t), self.dof))
+        weights = self._weights_at(shift) if shift else self._weights
+        return np.asarray((weights @ change.ravel()).reshape(self.planned.shape))
 
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
@@ -235,20 +233,20 @@ class Lifted:
         follow each other.
 
         Args:
-            error: Errors of the joints at the times [rad], (n, dof).
+            error: Errors of the joints at the times [rad], (n, dof) or (n, dof, cases).
             penalty: Squared ratio of the noise to the differences of set-points.
 
         Returns:
-            Changes of the set-points [rad], (count, dof), and of the joints [rad], (n, dof).
+            Changes of the set-points [rad], (count, dof) or (count, dof, cases), and of the joints.
         """
         solver, order = self._factored(penalty)
-        right = np.zeros(len(order))
-        right[: error.size] = -error.ravel()
-        found = np.empty(len(order))
+        rows, cases = len(self.t) * self.dof, error.shape[2:]
+        right = np.zeros((len(order), *cases))
+        right[:rows] = -error.reshape(rows, *cases)
+        found = np.empty_like(right)
         found[order] = solver.solve(right[order])
-        size = self.count * self.dof
-        change = found[error.size : error.size + size].reshape(self.count, self.dof)
-        return change, found[: error.size].reshape(error.shape)
+        change = found[rows : rows + self.count * self.dof]
+        return change.reshape(self.count, self.dof, *cases), found[:rows].reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
@@ -282,6 +280,26 @@ class Lifted:
             sorted_ = csc_array(conditions[order][:, order])
             self._factors[penalty] = splu(sorted_, permc_spec="NATURAL"), order
         return self._factors[penalty]
+
+    def choose_penalty(self, error: FloatArray, variance: float) -> float:
+        """The power of ten that explains an error best, with which noise is not learned.
+
+        Args:
+            error: Errors of the joints [rad], (n, dof).
+            variance: Variance of the noise in them [rad²].
+        """
+
+        @cache
+        def surprise(power: int) -> float:
+            return self.surprise(error, 10.0**power, max(variance, 1e-300))
+
+        power = FIRST
+        while True:
+            around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
+            following = min(around, key=surprise)
+            if following == power:
+                return float(10.0**power)
+            power = following
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
         """How improbable an error is, as -2 log of its probability density, but for a constant.

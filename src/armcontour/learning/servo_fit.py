@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from armcontour._checks import FloatArray
-from armcontour.learning.estimating import choose_penalty
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 
+# Usual time between two times of the response in the first fits [s].
+STEP = 4e-3
 # Largest factor between a fitted gain and that of the model.
 MOST_FACTOR = 5.0
 # Largest feed-forward.
@@ -35,22 +37,9 @@ SETTLED = 1e-2
 LEAST_GAIN = 20.0
 
 
-class ServoFit(NamedTuple):
-    """Servo model that a log supports.
-
-    Args:
-        servo: The servo.
-        misfits: RMS deviation of the joints from the motion with the nominal servo, and with this
-            one, without friction and offsets [rad]; both 0 if it is the nominal servo.
-    """
-
-    servo: ServoModel
-    misfits: tuple[float, float] = (0.0, 0.0)
-
-
 def fit_servo(
-    taught: TaughtData, lifted: Lifted, measured: FloatArray, variance: float
-) -> ServoFit:
+    taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
+) -> tuple[ServoModel, tuple[float, float]]:
     """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
 
     The deviation from the expected motion is white noise, friction of each joint, and
@@ -60,21 +49,31 @@ def fit_servo(
     Args:
         taught: Set-points of the run.
         lifted: Response with the nominal servo.
-        measured: Measured joint positions at the times of the response [rad], (n, dof).
+        error: Measured deviation from the expected motion at these times [rad], (n, dof).
         variance: Variance of the white noise in them [rad²].
+
+    Returns:
+        The servo, and the RMS deviation of the joints from the motion with the nominal servo and
+        with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
     """
-    fit = _Fit(taught, lifted, measured, variance)
+    every = max(round(STEP / lifted.step), 1)
+    few = Lifted(taught, lifted.nominal, lifted.t[::every])
+    coarse = _Fit(taught, few, error[::every], variance)
+    fit = _Fit(taught, lifted, error, variance)
     nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
     starts = np.unique([nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)], axis=0)
-    found = min((fit.solve(x, FIRST) for x in starts), key=fit.cost)
+    found = min((coarse.solve(x, FIRST) for x in starts), key=coarse.cost)
+    fit.penalty = 0.0
     for _ in range(ROUNDS):
-        fit.penalty = choose_penalty(lifted, fit.rest(found), variance)
+        before, fit.penalty = fit.penalty, lifted.choose_penalty(fit.rest(found), variance)
+        if fit.penalty == before:
+            break
         found = fit.solve(found, NEXT)
     alone = fit.solve_friction(nominal)
     if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
-        return ServoFit(lifted.nominal.servo)
+        return lifted.nominal.servo, (0.0, 0.0)
     before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
-    return ServoFit(fit.servo(found), (before, after))
+    return fit.servo(found), (before, after)
 
 
 class _Fit:
@@ -87,9 +86,10 @@ class _Fit:
     """
 
     def __init__(
-        self, taught: TaughtData, lifted: Lifted, measured: FloatArray, variance: float
+        self, taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
     ) -> None:
-        self.taught, self.lifted, self.measured = taught, lifted, measured
+        self.taught, self.lifted = taught, lifted
+        self.measured = lifted.expected(taught.q) + error
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
@@ -116,7 +116,12 @@ class _Fit:
     def response(self, x: FloatArray) -> Lifted:
         """The response with the servo of parameters."""
         if not np.array_equal(x, self._last[0]):
-            self._last = x.copy(), self.lifted.with_servo(self.servo(x))
+            self._last = (
+                x.copy(),
+                Lifted(
+                    self.taught, replace(self.lifted.nominal, servo=self.servo(x)), self.lifted.t
+                ),
+            )
         return self._last[1]
 
     def rest(self, x: FloatArray) -> FloatArray:
@@ -132,19 +137,20 @@ class _Fit:
         return self.lifted.respond_to(direction)
 
     def whiten(self, error: FloatArray) -> FloatArray:
-        """A deviation whose values are independent, with the standard deviation 1."""
+        """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
         change, response = self.lifted.correct(error, self.penalty)
         jumps = np.sqrt(self.penalty) * np.diff(change, axis=0)
-        return np.asarray(np.concatenate([error + response, jumps]).ravel() / self.deviation)
+        found = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
+        return np.asarray(found / self.deviation)
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Whitened deviations, and parameters relative to their standard deviations."""
-        return np.append(self.whiten(self.rest(x)), x / self.spread)
+        return np.append(self.whiten(self.rest(x)[:, :, None]), x / self.spread)
 
     def derivatives(self, x: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
         lifted, nominal, dof = self.response(x), self.nominal, self.dof
-        rate, with_feedforward = lifted.rates(self.taught.q)
+        rate, with_feedforward = lifted.rates(self.taught.q, 0.0)
         expected = lifted.expected(self.taught.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
@@ -155,13 +161,10 @@ class _Fit:
         parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
         friction = self._friction(expected)[:, :, None] * np.eye(dof)
         parts = np.concatenate([parts[:, :, : 2 * dof], friction, parts[:, :, 2 * dof :]], axis=2)
-        columns = [-self.whiten(part) for part in np.moveaxis(parts, 2, 0)]
-        return np.vstack([np.stack(columns, axis=1), np.diag(1 / self.spread)])
+        return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
 
     def solve(self, x: FloatArray, steps: int) -> FloatArray:
         """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
-        from scipy.optimize import lsq_linear
-
         most, free = np.full(self.dof, MOST_FACTOR), np.full(self.dof, np.inf)
         least = -self.nominal.velocity_feedforward
         lower = np.concatenate([1 / most - 1, least, -free, 1 / most - 1])[: len(x) - 1]
@@ -176,7 +179,10 @@ class _Fit:
             while damping < MOST_DAMPING:
                 factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
                 wanted = -np.linalg.solve(factor.T, down)
-                there = x + lsq_linear(factor, wanted, (lower - x, upper - x)).x
+                step = lsq_linear(factor, wanted, (lower - x, upper - x)).x
+                if -step @ (2 * down + square @ step) < SETTLED:
+                    return x
+                there = x + step
                 rest = self.residuals(there)
                 found = float(rest @ rest)
                 if found < cost:
