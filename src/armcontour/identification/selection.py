@@ -16,7 +16,6 @@ from armcontour.identification.fitting import (
     Search,
     Stretch,
     fit,
-    noise_of,
     predict,
 )
 from armcontour.motion.log import FEWEST
@@ -44,7 +43,7 @@ DAMPING = 0.2
 REFITTED = 15
 # Selection uses samples this far apart [s] where the set-points between are on straight lines.
 COARSE = 4e-3
-# and the rest is less than this share of the noise of the encoder.
+# and the rest is less than this share of what the positions change at random, outliers included.
 THIN = 0.3
 # Longest first dead time of a joint that saturates [s].
 USUAL_DELAY = 0.01
@@ -174,7 +173,8 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
     found = [x.thinned(every) for x in stretches]
     for one, full in zip(found, stretches, strict=True):
         off = one.command.at(full.command.t) - full.command.u
-        if np.sqrt(np.mean(off**2)) > THIN * noise_of(full.y) or len(one.y) < FEWEST:
+        rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
+        if np.sqrt(np.mean(off**2)) > THIN * rough or len(one.y) < FEWEST:
             return stretches
     return found
 
