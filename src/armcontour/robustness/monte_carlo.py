@@ -56,10 +56,6 @@ PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
 # Number of samples that a thread executes at a time.
 BATCH = 32
-# Largest errors that differ by less than this fraction are equal: sampling is not more accurate.
-SAME = 1e-4
-# Number of equal parts of the samples by which the variance of a parameter is estimated.
-PARTS = 10
 
 
 # Number of parameters of the worst robot that are printed.
@@ -162,26 +158,6 @@ class Spread:
     def within(self, budget: float) -> float:
         """Fraction of the executions whose largest contour error is at most `budget` [m]."""
         return float(np.mean(self.max <= budget))
-
-    def influence(self) -> dict[str, float]:
-        """Fraction of the variance of the largest errors that each parameter alone explains.
-
-        This is Sobol's first-order index, estimated from the means over ten equal parts of the
-        samples; values below about 10 / n are not significant. All are 0 if the largest errors
-        are equal.
-        """
-        total = float(np.var(self.max))
-        if np.sqrt(total) <= SAME * float(self.max.mean()):
-            return dict.fromkeys(self.names, 0.0)
-        found = {}
-        for name, values in zip(self.names, self.deviations.T, strict=True):
-            parts = np.array_split(self.max[np.argsort(values, kind="stable")], PARTS)
-            held = [x for x in parts if len(x)]
-            between = np.average(
-                [(x.mean() - self.max.mean()) ** 2 for x in held], weights=[len(x) for x in held]
-            )
-            found[name] = float(between / total)
-        return found
 
 
 def spread(
