@@ -376,8 +376,9 @@ def peak_demands(
     if begin >= end:
         return executed.demand[-1], executed.demand[-1]
     row = begin * round(taught.period / float(executed.t[1] - executed.t[0]))
+    held = executed.dq[row] if servo.kv is None else executed.ddq[row]
     again = Simulation(taught.q, taught.period, servo).run(
-        begin, end, executed.q[row], executed.dq[row]
+        begin, end, executed.q[row], executed.dq[row], held=held
     )
     return again.lowest, again.highest
 
