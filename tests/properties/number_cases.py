@@ -190,6 +190,7 @@ _JOINTS = {
     "joint_lower": -3.0,
     "joint_upper": 3.0,
 }
+_REAL = {"friction": 0.0, "cycle": 1e-3, "acceleration_limit": 5.0, "unexplained": 1e-4}
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))
@@ -288,6 +289,7 @@ BASES: list[dict[str, Any]] = [
             "joint_damping": 2.0,
         },
     ),
+    _with(PLANE, servo=_REAL, plant={**SERVO, **_REAL}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),

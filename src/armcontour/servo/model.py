@@ -203,7 +203,7 @@ class ServoModel(Value):
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
-        """Gains, dead time and feed-forward, such as "kp 25 1/s and kv 150 1/s"."""
+        """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
         found = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
         rows = [("kp", "1/s", 1.0), ("kv", "1/s", 1.0), ("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
