@@ -8,7 +8,6 @@ import numpy as np
 from scipy.optimize import nnls
 
 from armcontour._checks import FloatArray
-from armcontour.learning.judging import Judge, ToolError
 from armcontour.learning.lesson import LearnedRun
 from armcontour.learning.lifted import Lifted
 from armcontour.learning.recording import Recording
@@ -109,7 +108,6 @@ class Estimate:
 
     Args:
         lifted: The model.
-        judge: What errors of joints do to the tool.
         runs: The runs, in order.
 
     Attributes:
@@ -123,10 +121,13 @@ class Estimate:
         penalty: As `Lifted.choose_penalty` gives it, for the error that repeats.
         off: Relative error of the model's response, by the last run that was predicted.
         independent: Number of independent values of the noise in a run.
+        step: The share of a change that leaves least error if its response is off by `off`.
+        expected: RMS error of another run of the best set-points [m].
+        resolution: Standard deviation of a run's RMS error by noise [m].
     """
 
-    def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
-        self.lifted, self.judge, self.runs = lifted, judge, runs
+    def __init__(self, lifted: Lifted, runs: tuple[LearnedRun, ...]) -> None:
+        self.lifted, self.runs = lifted, runs
         self._moves = [lifted.respond(x.q - runs[0].q) for x in runs]
         self._rests = [x.error - y for x, y in zip(runs, self._moves, strict=True)]
         duration = float(lifted.t[-1] - lifted.t[0])
@@ -137,15 +138,22 @@ class Estimate:
         if self.differs > 0:
             white = runs[-1].noise / np.sqrt(len(runs))
             means = [smooth_error(lifted, self._mean_at(x), white) for x in self._moves]
-            alone = [judge.judge(x).rms for x in means]
+            alone = [lifted.judge(x).rms for x in means]
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
         self._moved = [x - self._moves[self.best] for x in self._moves]
+        # Noise of a position measurement moves the joint as noise of the command does.
+        loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
+        self._in_loops = lifted.judge(lifted.respond_to(loops))
         self.off = self._compare()
         self.q, self.error, variance = self._combine()
         self.penalty = lifted.choose_penalty(self.error, variance)
-        loops = max(self._noise_in_loops().rms, self.differs)
-        self.noise = float(np.hypot(self._measured_noise(), loops))
+        white = np.random.default_rng(0).normal(size=self.error.shape) * runs[-1].noise
+        measured = lifted.judge(lifted.smooth(white, self.penalty)).rms
+        self.noise = float(np.hypot(measured, max(self._in_loops.rms, self.differs)))
+        self.step = 1 / (1 + self.off**2)
+        self.expected = float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
+        self.resolution = float(self.noise / np.sqrt(self.independent))
 
     def _find_spread(self) -> FloatArray:
         """The standard deviation of errors that differ between runs [rad], (dof,).
@@ -180,7 +188,7 @@ class Estimate:
             off = smooth_error(self.lifted, rest - mean, self.runs[-1].noise)
             size = np.sqrt((off**2).mean(axis=0))
             off *= self.spread / np.where(size > 0, size, 1.0)
-            squares.append(self.judge.judge(off).rms ** 2)
+            squares.append(self.lifted.judge(off).rms ** 2)
             power = np.abs(np.fft.rfft(off, axis=0)) ** 2
             free = 2 * power.sum() ** 2 / max(float((power**2).sum()), 1e-300)
             self.independent = min(self.independent, max(free, 1.0))
@@ -205,15 +213,15 @@ class Estimate:
         """
         best, off = self.runs[self.best], UNTESTED
         for run, moved in zip(self.runs, self._moved, strict=True):
-            size = self.judge.judge(moved).tool_rms if np.any(moved) else 0.0
+            size = self.lifted.judge(moved).tool_rms if np.any(moved) else 0.0
             if size == 0.0:
                 continue
             miss = run.error - best.error - moved
             variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
             left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
             share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
-            square = float(self.judge.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
-            square -= 2 * self._noise_in_loops().tool_rms ** 2
+            square = float(self.lifted.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
+            square -= 2 * self._in_loops.tool_rms**2
             off = float(np.sqrt(max(square, 0.0))) / size
         return off
 
@@ -260,30 +268,6 @@ class Estimate:
             error += share * (self._mean_at(moved + self._moves[self.best]) - error)
         return q, error, float(np.mean(variance))
 
-    def _measured_noise(self) -> float:
-        """RMS error of the tool that white noise of the measurement leaves in errors [m]."""
-        noise = np.random.default_rng(0).normal(size=self.error.shape)
-        left = self.lifted.smooth(noise * self.runs[-1].noise, self.penalty)
-        return self.judge.judge(left).rms
-
-    def _noise_in_loops(self) -> ToolError:
-        """Errors of the tool that noise in the loops makes.
-
-        Noise of a position measurement moves the joint as noise of the command does.
-        """
-        noise = np.random.default_rng(1).normal(size=self.lifted.planned.shape)
-        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise))
-
-    @property
-    def step(self) -> float:
-        """The share of a change that leaves least error if its response is off by `off`."""
-        return 1 / (1 + self.off**2)
-
-    @property
-    def expected(self) -> float:
-        """RMS error of another run of the best set-points [m]."""
-        return float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
-
     @property
     def is_noise(self) -> bool:
         """Whether the error that repeats is not known from noise, or one more run hardly helps."""
@@ -291,8 +275,3 @@ class Estimate:
             return self.repeats - self.noise < self.resolution
         after = np.sqrt(1 + 1 / len(self.runs))
         return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
-
-    @property
-    def resolution(self) -> float:
-        """Standard deviation of a run's RMS error by noise [m]."""
-        return float(self.noise / np.sqrt(self.independent))

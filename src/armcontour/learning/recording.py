@@ -88,7 +88,20 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
         InvalidInput: It is something else, of another number of joints, or of other set-points.
     """
     if isinstance(executed, Execution):
-        found = _of_execution(executed, taught)
+        own = executed.taught
+        same = own.q.shape == taught.q.shape and own.period == taught.period
+        if not same or np.abs(own.q - taught.q).max() > SAME:
+            raise InvalidInput(
+                "The execution is one of other set-points: give the taught data that was executed."
+            )
+        found = Recording(
+            t=executed.t + taught.start_time - own.start_time,
+            # Encoders of drives see the motors.
+            q=executed.q if executed.motor_q is None else executed.motor_q,
+            in_plan_time=True,
+            exact=True,
+            source="the execution",
+        )
     elif isinstance(executed, Log):
         executed.refuse_gaps()
         found = Recording(
@@ -106,25 +119,3 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
             f"{taught.q.shape[1]}: give the log of this job."
         )
     return found
-
-
-def _of_execution(executed: Execution, taught: TaughtData) -> Recording:
-    """What the encoders of an execution's drives saw.
-
-    Raises:
-        InvalidInput: It is not an execution of these set-points.
-    """
-    own = executed.taught
-    same = own.q.shape == taught.q.shape and own.period == taught.period
-    if not same or np.abs(own.q - taught.q).max() > SAME:
-        raise InvalidInput(
-            "The execution is one of other set-points: give the taught data that was executed."
-        )
-    shift = taught.start_time - own.start_time
-    return Recording(
-        t=executed.t + shift,
-        q=executed.q if executed.motor_q is None else executed.motor_q,
-        in_plan_time=True,
-        exact=True,
-        source="the execution",
-    )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -116,12 +114,8 @@ class _Fit:
     def response(self, x: FloatArray) -> Lifted:
         """The response with the servo of parameters."""
         if not np.array_equal(x, self._last[0]):
-            self._last = (
-                x.copy(),
-                Lifted(
-                    self.taught, replace(self.lifted.nominal, servo=self.servo(x)), self.lifted.t
-                ),
-            )
+            nominal = self.lifted.nominal._replace(servo=self.servo(x))
+            self._last = x.copy(), Lifted(self.taught, nominal, self.lifted.t)
         return self._last[1]
 
     def rest(self, x: FloatArray) -> FloatArray:
@@ -150,12 +144,15 @@ class _Fit:
     def derivatives(self, x: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
         lifted, nominal, dof = self.response(x), self.nominal, self.dof
-        rate, with_feedforward = lifted.rates(self.taught.q, 0.0)
+        rate, with_feedforward = lifted.rates(self.taught.q)
         expected = lifted.expected(self.taught.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:
-            causes.append(-_driven(lifted, expected, dq) / (nominal.kp * nominal.kv))
+            drives, ddq = lifted.nominal.drives, np.gradient(dq, lifted.step, axis=0)
+            if drives is not None:
+                ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
+            causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
         late = -with_feedforward[:, :, None]
         parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
@@ -205,12 +202,3 @@ class _Fit:
     def cost(self, x: FloatArray) -> float:
         """-2 log likelihood, up to a constant."""
         return float(np.sum(self.residuals(x) ** 2))
-
-
-def _driven(lifted: Lifted, q: FloatArray, dq: FloatArray) -> FloatArray:
-    """Accelerations that the torques of the joints stand for [rad/s²], (n, dof)."""
-    ddq = np.gradient(dq, lifted.step, axis=0)
-    if not lifted.nominal.has_bodies:
-        return np.asarray(ddq)
-    drives = lifted.nominal.drives
-    return np.asarray(drives.moving_torque(q, dq, ddq) / drives.inertia)
