@@ -90,19 +90,6 @@ def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatA
     return lifted.smooth(error, lifted.choose_penalty(error, variance))
 
 
-def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
-    """Weights of runs with which the error of the best run, and of their noise, is smallest.
-
-    Args:
-        apart: Differences of the runs' errors from the best one's [rad], (n, runs).
-        error: The best run's error [rad], (n,).
-        noise: Variance of the runs' noise [rad²], (runs,).
-    """
-    power = (apart**2).sum(axis=0)
-    square = apart.T @ apart + np.diag(LINEAR**2 * power + len(error) * noise)
-    return np.asarray(np.linalg.lstsq(square, -apart.T @ error, rcond=None)[0])
-
-
 class Estimate:
     """What runs tell together.
 
@@ -128,8 +115,9 @@ class Estimate:
 
     def __init__(self, lifted: Lifted, runs: tuple[LearnedRun, ...]) -> None:
         self.lifted, self.runs = lifted, runs
-        self._moves = [lifted.respond(x.q - runs[0].q) for x in runs]
-        self._rests = [x.error - y for x, y in zip(runs, self._moves, strict=True)]
+        self._moves = np.array([lifted.respond(x.q - runs[0].q) for x in runs])
+        self._errors = np.array([x.error for x in runs])
+        self._white = np.array([x.noise**2 for x in runs])
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
         self.spread = self._find_spread()
@@ -141,7 +129,6 @@ class Estimate:
             alone = [lifted.judge(x).rms for x in means]
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
-        self._moved = [x - self._moves[self.best] for x in self._moves]
         # Noise of a position measurement moves the joint as noise of the command does.
         loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
         self._in_loops = lifted.judge(lifted.respond_to(loops))
@@ -166,16 +153,16 @@ class Estimate:
         found = np.zeros(self.lifted.dof)
         if len(pairs) == 1 and np.any(self._moves[1]):
             return found
-        for j in range(len(found) if pairs else 0):
-            rests, moves = (
-                np.array([np.mean((x[a] - x[b])[:, j] ** 2) for a, b in pairs])
-                for x in (self._rests, self._moves)
-            )
-            white = np.array([sum(self.runs[k].noise[j] ** 2 for k in x) for x in pairs])
-            seen = np.maximum(rests - white - UNTESTED**2 * moves, 0.0)
-            scale = np.maximum(rests + UNTESTED**2 * moves, 1e-300)
-            rows = np.column_stack([np.full(len(pairs), 2.0), moves]) / scale[:, None]
-            found[j] = np.sqrt(nnls(rows, seen / scale)[0][0])
+        if pairs:
+            a, b = np.transpose(pairs)
+            rests = self._errors - self._moves
+            rests, moves = (((x[a] - x[b]) ** 2).mean(axis=1) for x in (rests, self._moves))
+            floor = UNTESTED**2 * moves
+            seen = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
+            scale = np.maximum(rests + floor, 1e-300)
+            for j in range(len(found)):
+                rows = np.column_stack([np.full(len(pairs), 2.0), moves[:, j]])
+                found[j] = np.sqrt(nnls(rows / scale[:, [j]], seen[:, j] / scale[:, j])[0][0])
         # Less than the white noise of one value cannot be told from errors of the model.
         return np.where(found > self.runs[-1].noise, found, 0.0)
 
@@ -183,9 +170,9 @@ class Estimate:
         """RMS error of the tool that differs between runs [m]; how many values of it are free."""
         if not self.spread.any():
             return 0.0
-        mean, squares = np.mean(self._rests, axis=0), []
-        for rest in self._rests:
-            off = smooth_error(self.lifted, rest - mean, self.runs[-1].noise)
+        rests, squares = self._errors - self._moves, []
+        for rest in rests - rests.mean(axis=0):
+            off = smooth_error(self.lifted, rest, self.runs[-1].noise)
             size = np.sqrt((off**2).mean(axis=0))
             off *= self.spread / np.where(size > 0, size, 1.0)
             squares.append(self.lifted.judge(off).rms ** 2)
@@ -199,31 +186,29 @@ class Estimate:
 
         Runs count by the inverse variance of their noise and of the error of the model.
         """
-        total, weights = np.zeros_like(moved), np.zeros(self.lifted.dof)
-        for run, rest, own in zip(self.runs, self._rests, self._moves, strict=True):
-            off = UNTESTED**2 * ((moved - own) ** 2).mean(axis=0)
-            weight = 1 / np.maximum(self.spread**2 + run.noise**2 + off, 1e-300)
-            total, weights = total + weight * (rest + moved), weights + weight
-        return np.asarray(total / weights)
+        off = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
+        weights = 1 / np.maximum(self.spread**2 + self._white + off, 1e-300)
+        found = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
+        return np.asarray(found / weights.sum(axis=0))
 
     def _compare(self) -> float:
         """How far the model's response is off, relatively, by the last run but the best one.
 
         White noise, what does not repeat and the noise in the loops of both runs do not count.
         """
-        best, off = self.runs[self.best], UNTESTED
-        for run, moved in zip(self.runs, self._moved, strict=True):
-            size = self.lifted.judge(moved).tool_rms if np.any(moved) else 0.0
+        lifted, best = self.lifted, self.best
+        for k in reversed(range(len(self.runs))):
+            moved = self._moves[k] - self._moves[best]
+            size = lifted.judge(moved).tool_rms if np.any(moved) else 0.0
             if size == 0.0:
                 continue
-            miss = run.error - best.error - moved
-            variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
-            left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
+            miss = self._errors[k] - self._errors[best] - moved
+            white = self._white[k] + self._white[best] + MODEL**2 * miss.var(axis=0)
+            left = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
             share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
-            square = float(self.lifted.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
-            square -= 2 * self._in_loops.tool_rms**2
-            off = float(np.sqrt(max(square, 0.0))) / size
-        return off
+            square = lifted.judge(left).tool_rms ** 2 * max(1 - share, 0.0)
+            return float(np.sqrt(max(square - 2 * self._in_loops.tool_rms**2, 0.0))) / size
+        return UNTESTED
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
         """Set-points between or beyond those of the runs, with the least error by all runs.
@@ -236,36 +221,31 @@ class Estimate:
         Returns:
             The set-points [rad], their error [rad], and the variance of its noise [rad²].
         """
-        best = self.runs[self.best]
-        others = [k for k in range(len(self.runs)) if k != self.best]
-        apart = []
-        for k in others:
-            # What differs between runs is no effect of set-points.
-            moved = np.sum(self._moved[k] ** 2, axis=0)
-            unmoved = 2 * len(best.error) * self.spread**2
-            gain = np.where(unmoved > 0, moved / np.maximum(moved + unmoved, 1e-300), 1.0)
-            apart.append(gain * (self.runs[k].error - best.error))
-        weights = np.zeros((len(others), self.lifted.dof))
+        best, errors, spread = self.best, self._errors, self.spread**2
+        moved = self._moves - self._moves[best]
+        # What differs between runs is no effect of set-points.
+        power, unmoved = (moved**2).sum(axis=1), 2 * len(moved[0]) * spread
+        gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
+        apart = gain[:, None] * (errors - errors[best])
+        squares, count = (apart**2).sum(axis=1), len(errors[0])
         noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
-        total = noise + self.spread**2
-        for j in range(self.lifted.dof):
-            if others:
-                columns = np.stack([x[:, j] for x in apart], axis=1)
-                weights[:, j] = _weigh(columns, best.error[:, j], total[others, j])
-        q, error = best.q.copy(), best.error.copy()
-        for k, weight, off in zip(others, weights, apart, strict=True):
-            q += weight * (self.runs[k].q - best.q)
-            error += weight * (off - self._moved[k])
-        moved = self.lifted.respond(q - best.q)
-        error += moved
-        shares = np.vstack([weights, 1 - weights.sum(axis=0)])
-        variance = (shares**2 * np.vstack([noise[others], noise[self.best]])).sum(axis=0)
+        weights = np.zeros_like(noise)
+        others = np.arange(len(noise)) != best
+        for j in range(self.lifted.dof if others.any() else 0):
+            # The smallest error of the mean, and of its noise.
+            columns = apart[others, :, j]
+            own = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
+            square = columns @ columns.T + np.diag(own)
+            weights[others, j] = np.linalg.lstsq(square, -columns @ errors[best, :, j])[0]
+        weights[best] = 1 - weights.sum(axis=0)
+        q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
+        change = self.lifted.respond(q - self.runs[best].q)
+        error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
+        variance = (weights**2 * noise).sum(axis=0)
         if self.differs > 0:
-            squares = np.array([(x**2).mean(axis=0) for x in apart])
-            own = variance + self.spread**2 * (shares**2).sum(axis=0)
-            own += LINEAR**2 * (weights**2 * squares).sum(axis=0)
-            share = self.spread**2 / (self.spread**2 + own)
-            error += share * (self._mean_at(moved + self._moves[self.best]) - error)
+            own = variance + (weights**2 * (spread + LINEAR**2 * squares / count)).sum(axis=0)
+            mean = self._mean_at(change + self._moves[best])
+            error += spread / (spread + own) * (mean - error)
         return q, error, float(np.mean(variance))
 
     @property
