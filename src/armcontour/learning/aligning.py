@@ -13,9 +13,8 @@ from armcontour._checks import FloatArray
 from armcontour._sampling import interpolate
 from armcontour.errors import InvalidInput
 from armcontour.learning.estimating import white_noise
-from armcontour.learning.lesson import LearnedRun
+from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted, rms
-from armcontour.learning.recording import Recording
 from armcontour.motion import TaughtData
 from armcontour.motion.misreading import find_misreading
 
@@ -290,24 +289,14 @@ def add_tool(
             allowed=FAR,
         )
     noise = float(np.mean(white_noise(points - lifted.between(at, seen)) ** 2))
-    inverse = _inverse(arm.jacobian(lifted.planned), off, noise)
-    found = np.einsum("njd,nd->nj", inverse, off)
-    spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
-    return error + found, spread * np.sqrt(max(np.median(np.diff(at)) / lifted.step, 1.0))
-
-
-def _inverse(jacobian: FloatArray, off: FloatArray, noise: float) -> FloatArray:
-    """The most probable motion of the joints for a motion of the tool, (n, dof, dimension).
-
-    Joints are as likely to give way as makes the tool move as it does.
-
-    Args:
-        jacobian: Tool motion per joint motion, (n, dimension, dof).
-        off: Motion of the tool that is to be explained [m], (n, dimension).
-        noise: Variance of the noise in it [m²].
-    """
-    product = jacobian @ np.swapaxes(jacobian, 1, 2)
+    # Joints are as likely to give way as makes the tool move as it does.
+    jacobian = arm.jacobian(lifted.planned)
+    transposed = np.swapaxes(jacobian, 1, 2)
+    product = jacobian @ transposed
     reach = float(np.trace(product, axis1=1, axis2=2).mean())
     likely = max(float(np.mean((off**2).sum(axis=1))) / reach, 1e-300)
     damped = product + noise / likely * np.eye(off.shape[1])
-    return np.asarray(np.swapaxes(jacobian, 1, 2) @ np.linalg.pinv(damped, hermitian=True))
+    inverse = transposed @ np.linalg.pinv(damped, hermitian=True)
+    found = np.einsum("njd,nd->nj", inverse, off)
+    spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
+    return error + found, spread * np.sqrt(max(np.median(np.diff(at)) / lifted.step, 1.0))

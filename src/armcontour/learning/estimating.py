@@ -8,9 +8,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from armcontour._checks import FloatArray
-from armcontour.learning.lesson import LearnedRun
+from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted
-from armcontour.learning.recording import Recording
 
 # The relative error of the model's response where the model is right, from tests of `Response`.
 MODEL = 1e-3

@@ -21,9 +21,8 @@ from armcontour.learning.estimating import (
     unexplained,
     white_noise,
 )
-from armcontour.learning.lesson import LearnedRun, Lesson
+from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import Lifted, Nominal, rms
-from armcontour.learning.recording import Recording, record
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, refuse_commands
@@ -164,7 +163,7 @@ def _see(
         period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
         start_time=taught.start_time, servo=fitted, misfits=misfits, lifted=lifted,
         runs=tuple(_judge_run(lifted, taught, record(x, taught), tool) for x in logs),
-        delay=_more_delay(fitted, servo),
+        delay=float((fitted.dead_time - servo.dead_time).max()),
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
     return seen, lifted
@@ -191,14 +190,10 @@ def _fit_model(
     lead = lifted.reaching(taught.q) - lifted.planned
     variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
     servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
-    early = max(int(_more_delay(servo, nominal.servo) / taught.period), 0) * taught.period
+    delay = float((servo.dead_time - nominal.servo.dead_time).max())
+    early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
     return taught, Lifted(taught, nominal._replace(servo=servo)), misfits
-
-
-def _more_delay(servo: ServoModel, nominal: ServoModel) -> float:
-    """Dead time of a servo beyond that of the nominal one [s]."""
-    return float((servo.dead_time - nominal.dead_time).max())
 
 
 def _judge_run(

@@ -91,55 +91,46 @@ class Lifted:
             rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
             intervals = self.count - 1 + int(np.ceil(rest / self.period))
             t = taught.times(intervals * parts + 1, self.period / parts)
-        self.t = t
-        self.step = float(self.t[1] - self.t[0])
+        self.t, self.step = t, float(t[1] - t[0])
         _checks.refuse_too_many(
-            f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
-            len(self.t) * self.dof**2,
+            f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
+            len(t) * self.dof**2,
             "learn contour by contour or at a higher speed",
         )
-        self.planned = self.plan.with_rests(self.t)
-        self.nominal = nominal
+        self.nominal, self.planned = nominal, self.plan.with_rests(t)
         q, dq, ddq = self.plan.motion_with_rests(t)
         dq[0] = ddq[0] = 0.0
         self._needed = (nominal.drives or nominal.servo).command(q, dq, ddq)
-        self._make_equations()
-        self._weights = self._weights_at()
-        self._right = csc_array(self._by_command @ self._weights)
-        self._factors: dict[float, tuple[Any, Any]] = {}
-
-    def _make_equations(self) -> None:
-        """The equations of x by the command: `A x = S c`, in units of the command."""
-        response = respond_along(self.plan.with_rests, self.t, **self.nominal._asdict())
+        # The equations of x by the command: `A x = S c`, in units of the command.
+        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         left, right = response.equations()
         # The first rows of `equations` let the joints start where the plan does; here they start
         # in equilibrium at the first set-point.
-        rest = np.arange(self.dof)
+        joints = np.arange(self.dof)
         first = response.stiffness[0] - np.eye(self.dof)
-        where = np.repeat(rest, self.dof), np.tile(rest, self.dof)
+        where = np.repeat(joints, self.dof), np.tile(joints, self.dof)
         left = left + coo_array((first.ravel(), where), shape=left.shape)
-        right = right + coo_array((np.ones(self.dof), (rest, rest)), shape=right.shape)
-        gain = np.tile(response.gain, len(self.t))
+        right = right + coo_array((np.ones(self.dof), (joints, joints)), shape=right.shape)
+        gain = np.tile(response.gain, len(t))
         self._left = csc_array(diags_array(1 / gain) @ left)
         self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
         self._solve = splu(self._left, permc_spec="NATURAL")
+        self._weights = self._weights_at()
+        self._right = csc_array(self._by_command @ self._weights)
+        self._factors: dict[float, tuple[Any, Any]] = {}
 
     def _weights_at(self, shift: float = 0.0) -> csc_array:
         """Weights of the set-points in the command that reaches the drives, with feed-forward."""
         kind = self.nominal.servo.interpolation
         a, b = (np.tile(x, len(self.t)) for x in self.nominal.servo.lead)
         found = self._interpolated(kind, shift)
-        if not (a.any() or b.any()):
-            return found
-        rates = self._rates_at(shift)
-        found = found + diags_array(a) @ rates
-        if kind == "linear":
-            second = (rates - self._rates_at(shift - self.period)) / self.period
-        else:
-            ends = (self._interpolated(kind, shift + x * self.step) for x in (-1, 0, 1))
-            before, here, after = ends
-            second = (after - 2 * here + before) / self.step**2
-        return csc_array(found if kind == "step" else found + diags_array(b) @ second)
+        if a.any():
+            found = found + diags_array(a) @ self._rates_at(shift)
+        if b.any():
+            late, span = (0.0, self.period) if kind == "linear" else (self.step / 2, self.step)
+            change = self._rates_at(shift + late) - self._rates_at(shift + late - span)
+            found = found + diags_array(b / span) @ change
+        return csc_array(found)
 
     def _rates_at(self, shift: float) -> csc_array:
         """Weights of the set-points in the velocity of the command, mean over one step [1/s].
@@ -154,17 +145,12 @@ class Lifted:
 
     def _interpolated(self, kind: str, shift: float) -> csc_array:
         """Weights of the set-points in the delayed command without feed-forward."""
-        n, dead_time = len(self.t), self.nominal.servo.dead_time
-        rows, columns, values = [], [], []
-        for j in range(self.dof):
-            at = self.t - self.start - dead_time[j] + shift
-            index, weight = command_weights(self.count, self.period, kind, at)
-            rows.append(np.repeat(np.arange(n) * self.dof + j, index.shape[1]))
-            columns.append(index.ravel() * self.dof + j)
-            values.append(weight.ravel())
-        where = np.concatenate(rows), np.concatenate(columns)
-        shape = n * self.dof, self.count * self.dof
-        return csc_array(coo_array((np.concatenate(values), where), shape=shape))
+        at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + shift).ravel()
+        index, weight = command_weights(self.count, self.period, kind, at)
+        columns = index * self.dof + np.arange(at.size)[:, None] % self.dof
+        where = np.repeat(np.arange(at.size), index.shape[1]), columns.ravel()
+        shape = at.size, self.count * self.dof
+        return csc_array(coo_array((weight.ravel(), where), shape=shape))
 
     def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
@@ -259,11 +245,10 @@ class Lifted:
             moments = np.repeat(self.t, self.dof)
             taught = np.repeat(self.start + np.arange(self.count) * self.period, self.dof)
             part = self.step / 3
-            order = np.argsort(
-                np.concatenate([moments, taught + part, moments + 2 * part]), kind="stable"
-            )
-            sorted_ = csc_array(conditions[order][:, order])
-            self._factors[penalty] = splu(sorted_, permc_spec="NATURAL"), order
+            times = np.concatenate([moments, taught + part, moments + 2 * part])
+            order = np.argsort(times, kind="stable")
+            ordered = csc_array(conditions[order][:, order])
+            self._factors[penalty] = splu(ordered, permc_spec="NATURAL"), order
         return self._factors[penalty]
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
@@ -368,14 +353,12 @@ class Lifted:
             return [] if plan.path is None else [(plan.path, np.arange(len(self.t)))]
         found: list[tuple[Path, IntArray]] = []
         for span in plan.contour_spans:
-            path = None if span.trajectory is None else span.trajectory.path
-            if path is None:
+            if span.trajectory is None or span.trajectory.path is None:
                 return []
             start, end = span.work or span.t
             which = np.flatnonzero((self.t >= start) & (self.t <= end))
-            if len(which):
-                found.append((path, which))
-        return found
+            found.append((span.trajectory.path, which))
+        return [x for x in found if len(x[1])]
 
 
 def rms(values: FloatArray) -> float:

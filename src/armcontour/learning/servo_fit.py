@@ -67,7 +67,10 @@ def fit_servo(
         if fit.penalty == before:
             break
         found = fit.solve(found, NEXT)
-    alone = fit.solve_friction(nominal)
+    # The nominal servo with the most probable friction.
+    alone, of = nominal.copy(), slice(2 * lifted.dof, 3 * lifted.dof)
+    columns = fit.derivatives(nominal)[:, of]
+    alone[of] -= np.linalg.lstsq(columns, fit.residuals(nominal), rcond=None)[0]
     if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
         return lifted.nominal.servo, (0.0, 0.0)
     before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
@@ -162,11 +165,11 @@ class _Fit:
 
     def solve(self, x: FloatArray, steps: int) -> FloatArray:
         """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
-        most, free = np.full(self.dof, MOST_FACTOR), np.full(self.dof, np.inf)
-        least = -self.nominal.velocity_feedforward
-        lower = np.concatenate([1 / most - 1, least, -free, 1 / most - 1])[: len(x) - 1]
-        upper = np.concatenate([most - 1, most, free, most - 1])[: len(x) - 1]
-        lower = np.append(lower, -float(self.nominal.dead_time.min())) - 1e-9
+        least, most, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
+        lower = np.repeat([least, 0.0, -free, least], self.dof)[: len(x) - 1]
+        lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
+        upper = np.repeat([most, MOST_FACTOR, free, most], self.dof)[: len(x) - 1]
+        lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
         upper = np.append(upper, LONGEST_DELAY) + 1e-9
         rest = self.residuals(x)
         cost, damping = float(rest @ rest), DAMPING
@@ -191,13 +194,6 @@ class _Fit:
             if gained < SETTLED:
                 return x
         return x
-
-    def solve_friction(self, x: FloatArray) -> FloatArray:
-        """Parameters with the most probable friction for the servo of x."""
-        of = slice(2 * self.dof, 3 * self.dof)
-        columns, found = self.derivatives(x)[:, of], x.copy()
-        found[of] -= np.linalg.lstsq(columns, self.residuals(x), rcond=None)[0]
-        return found
 
     def cost(self, x: FloatArray) -> float:
         """-2 log likelihood, up to a constant."""
