@@ -12,7 +12,6 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._sampling import interpolate
 from armcontour.errors import InvalidInput
-from armcontour.learning.estimating import white_noise
 from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted, rms
 from armcontour.motion import TaughtData
@@ -35,6 +34,27 @@ OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 # A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
 # elastic joint gives way by so much.
 FAR = 0.05
+# The median of absolute values of a normal distribution with standard deviation 1.
+MEDIAN = 0.6745
+# Differences that hardly see smooth motion.
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
+    """Standard deviation of the white noise in columns of regular samples, (dof,).
+
+    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
+    for a short time, as friction at a reversal.
+
+    Args:
+        values: Samples, (n, dof).
+        smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
+    """
+    if len(values) < len(FOURTH):
+        return np.zeros(values.shape[1])
+    fourth = np.abs(np.diff(values, 4, axis=0))
+    size = np.linalg.norm(np.convolve(FOURTH, [0.25, 0.5, 0.25] if smoothed else [1.0]))
+    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
 
 
 def align(
@@ -87,9 +107,16 @@ def align(
     moved = rms(expected - expected.mean(axis=0))
     off = rms(recording.q - lifted.between(t, expected))
     if off > UNLIKE * moved:
+        # How far joints are from where they start needs no order and no unit of columns.
+        gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
+        gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
+        start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
+        wanted = lifted.between(recording.t + start, expected)
+        reason = find_misreading(recording.t, recording.q, wanted)
+        reason = reason or "it is a log of another job, of other set-points or of another arm"
         raise InvalidInput(
             f"{source} is {off:.3g} rad RMS from what the set-points make the arm do, but the "
-            f"whole motion is {moved:.3g} rad RMS: {_reason(recording, lifted, expected)}."
+            f"whole motion is {moved:.3g} rad RMS: {reason}."
         )
     if abs(rate - 1) > WORST_RATE:
         raise InvalidInput(
@@ -147,23 +174,6 @@ def set_points_off(t: FloatArray, command: FloatArray | None, taught: TaughtData
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
-def _reason(recording: Recording, lifted: Lifted, expected: FloatArray) -> str:
-    """What explains measured positions better than that they are of this motion, and what mends it.
-
-    Args:
-        recording: What was measured.
-        lifted: The model.
-        expected: Expected joint positions at the model's times [rad], (n, dof).
-    """
-    # How far the joints are from where they start needs neither the order nor the unit of columns.
-    gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
-    gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
-    offset = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
-    wanted = lifted.between(recording.t + offset, expected)
-    found = find_misreading(recording.t, recording.q, wanted)
-    return found or "it is a log of another job, of other set-points or of another arm"
-
-
 def fit_to(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
@@ -181,9 +191,8 @@ def fit_to(
     """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
-    offset, rate = coarse_offset(t, values, times, reference), 1.0
-    middle = float(t.mean())
-    centre = offset + middle
+    middle, rate = float(t.mean()), 1.0
+    centre = coarse_offset(t, values, times, reference) + middle
     for _ in range(STEPS):
         at = centre + rate * (t - middle)
         inside = (at >= times[0]) & (at <= times[-1])
@@ -217,15 +226,14 @@ def coarse_offset(
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
-    edge = WORST_RATE * float(times[-1] - times[0])
+    span = float(np.ptp(times))
     short = np.arange(times[0], times[-1] + step / 2, step)
     # The arm rests before and after its motion: what was not recorded is as at the edges.
-    missing = max(float(times[-1] - times[0]) - float(t[-1] - t[0]), 0.0)
-    long = np.arange(t[0] - edge - missing, t[-1] + edge + missing + step / 2, step)
+    edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
+    long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
     wanted = interpolate(short, times, reference)
-    given = interpolate(long, t, values)
-    middle = wanted.mean(axis=0)
-    wanted, given = wanted - middle, given - middle
+    given = interpolate(long, t, values) - wanted.mean(axis=0)
+    wanted -= wanted.mean(axis=0)
     product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)
     squares = np.concatenate([[0.0], np.cumsum((given**2).sum(axis=1))])
     power = squares[len(short) :] - squares[: len(product)]

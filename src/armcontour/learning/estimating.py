@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from armcontour._checks import FloatArray
-from armcontour.learning.lesson import LearnedRun, Recording
+from armcontour.learning.lesson import LearnedRun
 from armcontour.learning.lifted import Lifted
 
 # The relative error of the model's response where the model is right, from tests of `Response`.
@@ -21,50 +21,6 @@ UNTESTED = 0.3
 LINEAR = 0.3
 # Another run is worth while if it can reduce the error by more than this factor.
 WORTH = 1.05
-# The median of absolute values of a normal distribution with standard deviation 1.
-MEDIAN = 0.6745
-# Usual cycle time of a drive [s], where the recording does not tell.
-CYCLE = 2.5e-4
-# Differences that hardly see smooth motion.
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-# Weights of a mean over neighbours.
-NO_MEAN, MEAN = np.array([1.0]), np.array([0.25, 0.5, 0.25])
-
-
-def white_noise(values: FloatArray, kernel: FloatArray = NO_MEAN) -> FloatArray:
-    """Standard deviation of the white noise in columns of regular samples, (dof,).
-
-    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
-    for a short time, as friction at a reversal.
-
-    Args:
-        values: Samples, (n, dof).
-        kernel: Weights of the mean over neighbours that was taken of the noise.
-    """
-    if len(values) < len(FOURTH):
-        return np.zeros(values.shape[1])
-    fourth = np.abs(np.diff(values, 4, axis=0))
-    size = np.linalg.norm(np.convolve(FOURTH, kernel))
-    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
-
-
-def loop_noise(
-    lifted: Lifted, recording: Recording, unexplained: FloatArray, noise: FloatArray
-) -> FloatArray:
-    """Standard deviation of the noise of measured positions in the joints' loops [rad], (dof,).
-
-    Exact positions show this noise in the command that explains them. In measured positions the
-    encoders' noise hides it, but the loops have the same noise in every cycle.
-
-    Args:
-        lifted: The model.
-        recording: What was measured.
-        unexplained: Difference of the joints from what is expected [rad], (n, dof).
-        noise: White noise of the measurement [rad], (dof,).
-    """
-    if recording.exact:
-        return white_noise(lifted.equivalent_command(unexplained), MEAN)
-    return np.asarray(noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step))
 
 
 def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:

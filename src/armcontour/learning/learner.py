@@ -12,15 +12,8 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError, InvalidInput
-from armcontour.learning.aligning import add_tool, align, refuse_other_set_points, set_points_off
-from armcontour.learning.estimating import (
-    UNTESTED,
-    Estimate,
-    loop_noise,
-    smooth_error,
-    unexplained,
-    white_noise,
-)
+from armcontour.learning import aligning
+from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
 from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
@@ -30,7 +23,12 @@ from armcontour.servo import ServoModel
 
 # What the joints did in a run.
 Executed: TypeAlias = Execution | Log | Recording
+# What they did in runs of the same set-points, and measured positions of the tool.
+Runs: TypeAlias = Executed | Sequence[Executed]
+Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
+# Usual cycle time of a drive [s], where the recording does not tell.
+CYCLE = 2.5e-4
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
 # times as slow.
 MOST_SETBACKS = 3
@@ -50,14 +48,14 @@ SURE = 3.0
 
 def learn(
     taught: TaughtData,
-    executed: Executed | Sequence[Executed],
+    executed: Runs,
     *,
     arm: Arm,
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    tool: Tool = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
 
@@ -88,19 +86,19 @@ def learn(
     """
     seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
     for run in seen.runs:
-        refuse_other_set_points(run)
+        aligning.refuse_other_set_points(run)
     return _next_lesson(seen, lifted, taught if isinstance(taught, Lesson) else None, limits)
 
 
 def judge_run(
     taught: TaughtData,
-    executed: Executed | Sequence[Executed],
+    executed: Runs,
     *,
     arm: Arm,
     servo: ServoModel,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    tool: Tool = None,
 ) -> Lesson:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
 
@@ -126,12 +124,7 @@ def judge_run(
     )
 
 
-def _see(
-    taught: TaughtData,
-    executed: Executed | Sequence[Executed],
-    nominal: Nominal,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> tuple[Lesson, Lifted]:
+def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tuple[Lesson, Lifted]:
     """Runs as learning sees them, with times as the robot has them, before any estimate.
 
     Raises:
@@ -181,11 +174,11 @@ def _fit_model(
     lifted = Lifted(taught, nominal)
     errors, noises = [], []
     for recording in recordings:
-        offset, rate, expected = align(recording, lifted, taught)
+        offset, rate, expected = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
             return taught, lifted, (0.0, 0.0)
         at = offset + rate * recording.t
-        noises.append(white_noise(recording.q - lifted.between(at, expected)))
+        noises.append(aligning.white_noise(recording.q - lifted.between(at, expected)))
         errors.append(lifted.at_times(at, recording.q, expected) - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
     variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
@@ -196,23 +189,23 @@ def _fit_model(
     return taught, Lifted(taught, nominal._replace(servo=servo)), misfits
 
 
-def _judge_run(
-    lifted: Lifted,
-    taught: TaughtData,
-    recording: Recording,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> LearnedRun:
+def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
     """Errors of a run."""
-    offset, rate, expected = align(recording, lifted, taught)
+    offset, rate, expected = aligning.align(recording, lifted, taught)
     t = offset + rate * recording.t
     error = lifted.at_times(t, recording.q, expected) - lifted.planned
-    noise = white_noise(recording.q - lifted.between(t, expected))
-    in_loop = loop_noise(lifted, recording, lifted.planned + error - expected, noise)
+    noise = aligning.white_noise(recording.q - lifted.between(t, expected))
+    # Noise of positions in the joints' loops: exact positions show it in the command that explains
+    # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
+    in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
+    if recording.exact:
+        command = lifted.equivalent_command(lifted.planned + error - expected)
+        in_loop = aligning.white_noise(command, smoothed=True)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
         clock = (offset, rate) if recording.in_plan_time else None
-        error, more = add_tool(tool, lifted, error, clock)
+        error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
     smooth = smooth_error(lifted, error, noise)
     return LearnedRun(
@@ -220,7 +213,7 @@ def _judge_run(
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
         predicted=taught.predicted if isinstance(taught, Lesson) else None,
-        set_points_off=set_points_off(t, recording.command, taught),
+        set_points_off=aligning.set_points_off(t, recording.command, taught),
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 

@@ -258,18 +258,13 @@ class Lifted:
             error: Errors of the joints [rad], (n, dof).
             variance: Variance of the noise in them [rad²].
         """
-
-        @cache
-        def surprise(power: int) -> float:
-            return self.surprise(error, 10.0**power, max(variance, 1e-300))
-
-        power = FIRST
-        while True:
+        surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
+        power, last = FIRST, None
+        while power != last:
+            last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
-            following = min(around, key=surprise)
-            if following == power:
-                return float(10.0**power)
-            power = following
+            power = min(around, key=surprise)
+        return float(10.0**power)
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
         """How improbable an error is, as -2 log of its probability density, but for a constant.
@@ -332,18 +327,13 @@ class Lifted:
         Args:
             error: Errors of the joints [rad], (n, dof).
         """
-        tool = self.nominal.arm.forward(self.planned + error)
-        off = np.linalg.norm(tool - self._tool, axis=1)
+        planned, tool = (self.nominal.arm.forward(self.planned + x) for x in (0.0, error))
+        off = np.linalg.norm(tool - planned, axis=1)
         found = [path.project(tool[which]).distance for path, which in self._paths]
         if not found:
             return ToolError(rms(off), float(off.max()), None, None)
         contour = np.concatenate(found)
         return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
-
-    @cached_property
-    def _tool(self) -> FloatArray:
-        """Planned positions of the tool [m], (n, dimension)."""
-        return self.nominal.arm.forward(self.planned)
 
     @cached_property
     def _paths(self) -> list[tuple[Path, IntArray]]:

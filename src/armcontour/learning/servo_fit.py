@@ -58,9 +58,10 @@ def fit_servo(
     few = Lifted(taught, lifted.nominal, lifted.t[::every])
     coarse = _Fit(taught, few, error[::every], variance)
     fit = _Fit(taught, lifted, error, variance)
-    nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
-    starts = np.unique([nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)], axis=0)
-    found = min((coarse.solve(x, FIRST) for x in starts), key=coarse.cost)
+    # Without changes, and with each feed-forward.
+    dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
+    starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
+    found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
     fit.penalty = 0.0
     for _ in range(ROUNDS):
         before, fit.penalty = fit.penalty, lifted.choose_penalty(fit.rest(found), variance)
@@ -68,10 +69,10 @@ def fit_servo(
             break
         found = fit.solve(found, NEXT)
     # The nominal servo with the most probable friction.
-    alone, of = nominal.copy(), slice(2 * lifted.dof, 3 * lifted.dof)
-    columns = fit.derivatives(nominal)[:, of]
-    alone[of] -= np.linalg.lstsq(columns, fit.residuals(nominal), rcond=None)[0]
-    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
+    alone, of = starts[0], slice(2 * dof, 3 * dof)
+    columns = fit.derivatives(alone)[:, of]
+    alone[of] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
+    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * dof:
         return lifted.nominal.servo, (0.0, 0.0)
     before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
     return fit.servo(found), (before, after)
@@ -96,12 +97,6 @@ class _Fit:
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
         self.spread = np.append(np.repeat(spread, self.dof), DELAY_PRIOR)
         self._last = np.zeros(len(self.spread)), lifted
-
-    def start(self, feedforward: FloatArray) -> FloatArray:
-        """Parameters of the nominal servo with another feed-forward."""
-        found = np.zeros(len(self.spread))
-        found[self.dof : 2 * self.dof] = feedforward - self.nominal.velocity_feedforward
-        return found
 
     def servo(self, x: FloatArray) -> ServoModel:
         """The servo of parameters."""
