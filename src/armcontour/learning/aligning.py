@@ -59,7 +59,7 @@ def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
 
 def align(
     recording: Recording, lifted: Lifted, taught: TaughtData
-) -> tuple[float, float, FloatArray]:
+) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
     """The clock of a recording, and the motion that the model expects in it.
 
     By the recorded set-points where there are some, and else by the expected motion: a dead time
@@ -71,8 +71,8 @@ def align(
         taught: Set-points of the run.
 
     Returns:
-        Offset [s] and rate, as `fit_to` gives them, and joint positions at the model's times
-        [rad], (n, dof).
+        Offset [s] and rate, as `fit_to` gives them; expected and measured joint positions at the
+        model's times [rad], (n, dof), and the white noise of the measured ones [rad], (dof,).
 
     Raises:
         InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
@@ -105,7 +105,8 @@ def align(
         offset, rate = fit_to(recording.t, values, times, reference)
     t = offset + rate * recording.t
     moved = rms(expected - expected.mean(axis=0))
-    off = rms(recording.q - lifted.between(t, expected))
+    apart = recording.q - lifted.between(t, expected)
+    off = rms(apart)
     if off > UNLIKE * moved:
         # How far joints are from where they start needs no order and no unit of columns.
         gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
@@ -131,7 +132,8 @@ def align(
             f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
             "the arm rests."
         )
-    return offset, rate, expected
+    measured = lifted.at_times(t, recording.q, expected)
+    return offset, rate, expected, measured, white_noise(apart)
 
 
 def refuse_other_set_points(run: LearnedRun) -> None:

@@ -140,17 +140,15 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     servo = nominal.servo.for_joints(nominal.arm.dof)
     if servo.order not in ("second", "first") or servo.friction.any() or servo.cycle:
         raise InvalidInput(
-            "learn needs joint servos of order second, or all of order first, without friction and "
-            f"cycle, but the servo has {servo}: give it a servo without them, which it fits to "
-            "the log."
+            "learn needs joint servos all of order second, or all of order first, without friction "
+            f"and cycle, but the servo has {servo}: give such a servo, which is fitted to the log."
         )
     nominal = nominal._replace(servo=servo)
-    recordings = [record(x, taught) for x in logs]
     if isinstance(taught, Lesson):
         nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
         lifted = taught.lifted or Lifted(taught, nominal)
     else:
-        taught, lifted, misfits = _fit_model(taught, recordings, nominal)
+        taught, lifted, misfits = _fit_model(taught, logs, nominal)
     fitted = lifted.nominal.servo
     seen = Lesson(
         period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
@@ -163,7 +161,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
 
 
 def _fit_model(
-    taught: TaughtData, recordings: list[Recording], nominal: Nominal
+    taught: TaughtData, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[TaughtData, Lifted, tuple[float, float]]:
     """Taught data with times as the robot has them, the model, and misfits, by the first logs.
 
@@ -173,13 +171,13 @@ def _fit_model(
     """
     lifted = Lifted(taught, nominal)
     errors, noises = [], []
-    for recording in recordings:
-        offset, rate, expected = aligning.align(recording, lifted, taught)
+    for log in logs:
+        recording = record(log, taught)
+        *_, expected, measured, noise = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
             return taught, lifted, (0.0, 0.0)
-        at = offset + rate * recording.t
-        noises.append(aligning.white_noise(recording.q - lifted.between(at, expected)))
-        errors.append(lifted.at_times(at, recording.q, expected) - expected)
+        noises.append(noise)
+        errors.append(measured - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
     variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
     servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
@@ -191,15 +189,13 @@ def _fit_model(
 
 def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
     """Errors of a run."""
-    offset, rate, expected = aligning.align(recording, lifted, taught)
-    t = offset + rate * recording.t
-    error = lifted.at_times(t, recording.q, expected) - lifted.planned
-    noise = aligning.white_noise(recording.q - lifted.between(t, expected))
+    offset, rate, expected, measured, noise = aligning.align(recording, lifted, taught)
+    error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
     # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
     in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
     if recording.exact:
-        command = lifted.equivalent_command(lifted.planned + error - expected)
+        command = lifted.equivalent_command(measured - expected)
         in_loop = aligning.white_noise(command, smoothed=True)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
@@ -207,13 +203,13 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         clock = (offset, rate) if recording.in_plan_time else None
         error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
-    smooth = smooth_error(lifted, error, noise)
+    smooth, at = smooth_error(lifted, error, noise), offset + rate * recording.t
     return LearnedRun(
         q=taught.q, error=error, noise=noise, loop_noise=in_loop,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
         predicted=taught.predicted if isinstance(taught, Lesson) else None,
-        set_points_off=aligning.set_points_off(t, recording.command, taught),
+        set_points_off=aligning.set_points_off(at, recording.command, taught),
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
