@@ -338,8 +338,8 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
     times = taught.times(len(taught.q), taught.period)
     misfits = []
     for q in (*(run.q for run in taught.runs), taught.q):
-        at = fit_to(log.t, log.command, times, q).plan_time(log.t)
-        told = interpolate(at, times, q)
+        offset, rate = fit_to(log.t, log.command, times, q)
+        told = interpolate(offset + rate * log.t, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:

@@ -1,17 +1,21 @@
-"""The clock of a recording, in time of the plan."""
+"""The clock of a recording, in time of the plan, and refusals of recordings of something else."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._sampling import interpolate
 from armcontour.errors import InvalidInput
-from armcontour.learning.lifted import Lifted
-from armcontour.learning.recording import Recording
+from armcontour.learning.lesson import LearnedRun, Recording
+from armcontour.learning.lifted import Lifted, rms
 from armcontour.motion import TaughtData
+from armcontour.motion.misreading import find_misreading
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03
@@ -19,27 +23,44 @@ WORST_RATE = 0.03
 AVERAGED = 10
 # Steps of Newton's method, which ends below this time [s].
 STEPS, NEAR = 30, 1e-9
+# A recording is one of this motion if it differs from what is expected by at most this share of
+# the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
+UNLIKE = 0.3
+# Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
+SAMPLES = 5.0
+# Logged set-points are those of another run if they differ from the taught ones by more than this
+# RMS [rad], by more than this share of the errors, and by more than so many times the noise.
+OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
+# A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
+# elastic joint gives way by so much.
+FAR = 0.05
+# The median of absolute values of a normal distribution with standard deviation 1.
+MEDIAN = 0.6745
+# Differences that hardly see smooth motion.
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
-@dataclass(frozen=True, slots=True)
-class Clock:
-    """Time of the plan as `offset + rate t`, t being that of a recording.
+def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
+    """Standard deviation of the white noise in columns of regular samples, (dof,).
+
+    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
+    for a short time, as friction at a reversal.
 
     Args:
-        offset: Time of the plan when the recording's clock is at 0 [s].
-        rate: Seconds of the plan in a second of the recording.
+        values: Samples, (n, dof).
+        smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
     """
-
-    offset: float
-    rate: float
-
-    def plan_time(self, t: FloatArray) -> FloatArray:
-        """Times of the plan [s], same shape."""
-        return self.offset + self.rate * t
+    if len(values) < len(FOURTH):
+        return np.zeros(values.shape[1])
+    fourth = np.abs(np.diff(values, 4, axis=0))
+    size = np.linalg.norm(np.convolve(FOURTH, [0.25, 0.5, 0.25] if smoothed else [1.0]))
+    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
 
 
-def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
-    """The clock of a recording.
+def align(
+    recording: Recording, lifted: Lifted, taught: TaughtData
+) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+    """The clock of a recording, and the motion that the model expects in it.
 
     By the recorded set-points where there are some, and else by the expected motion: a dead time
     that the servo model does not know is then part of the offset.
@@ -47,73 +68,133 @@ def fit_clock(recording: Recording, lifted: Lifted, q: FloatArray) -> Clock:
     Args:
         recording: What was measured.
         lifted: The model.
-        q: Set-points of the run [rad], (count, dof).
+        taught: Set-points of the run.
+
+    Returns:
+        Offset [s] and rate, as `fit_to` gives them; expected and measured joint positions at the
+        model's times [rad], (n, dof), and the white noise of the measured ones [rad], (dof,).
 
     Raises:
-        InvalidInput: The recording is shorter than the motion.
+        InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
+            what it is instead, if that can be told.
     """
-    if recording.in_plan_time:
-        return Clock(0.0, 1.0)
-    _refuse_short(recording, lifted)
-    if recording.command is not None:
-        times = lifted.start + np.arange(len(q), dtype=np.float64) * lifted.period
-        return fit_to(recording.t, recording.command, times, q)
-    return fit_to(recording.t, recording.q, lifted.t, lifted.expected(q))
+    source, duration = recording.source, lifted.plan.duration
+    servo = lifted.nominal.servo
+    fastest = servo.kp if servo.kv is None else np.sqrt(servo.kp * servo.kv)
+    allowed = 2 * math.pi / float(fastest.max()) / SAMPLES
+    if recording.interval > allowed:
+        raise InvalidInput(
+            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
+            f"need one every {1e3 * allowed:.3g} ms at least: record faster.",
+            limit="interval",
+            needed=recording.interval,
+            allowed=allowed,
+        )
+    expected = lifted.expected(taught.q)
+    offset, rate = 0.0, 1.0
+    if not recording.in_plan_time:
+        lasts = float(np.ptp(recording.t))
+        if lasts * (1 + WORST_RATE) < duration:
+            raise InvalidInput(
+                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s: record the "
+                "whole run, from before its first set-point until the arm rests."
+            )
+        values, times, reference = recording.q, lifted.t, expected
+        if recording.command is not None:
+            values, times, reference = recording.command, taught.t, taught.q
+        offset, rate = fit_to(recording.t, values, times, reference)
+    t = offset + rate * recording.t
+    moved = rms(expected - expected.mean(axis=0))
+    apart = recording.q - lifted.between(t, expected)
+    off = rms(apart)
+    if off > UNLIKE * moved:
+        # How far joints are from where they start needs no order and no unit of columns.
+        gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
+        gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
+        start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
+        wanted = lifted.between(recording.t + start, expected)
+        reason = find_misreading(recording.t, recording.q, wanted)
+        reason = reason or "it is a log of another job, of other set-points or of another arm"
+        raise InvalidInput(
+            f"{source} is {off:.3g} rad RMS from what the set-points make the arm do, but the "
+            f"whole motion is {moved:.3g} rad RMS: {reason}."
+        )
+    if abs(rate - 1) > WORST_RATE:
+        raise InvalidInput(
+            f"{source} fits the motion with a clock that is off by {100 * abs(rate - 1):.3g} %, "
+            f"and more than {100 * WORST_RATE:g} % is not a clock: give its times the unit that "
+            "they have."
+        )
+    slack = 2 * recording.interval
+    if t[-1] < duration - slack or t[0] > slack:
+        raise InvalidInput(
+            f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
+            f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
+            "the arm rests."
+        )
+    measured = lifted.at_times(t, recording.q, expected)
+    return offset, rate, expected, measured, white_noise(apart)
 
 
-def set_points_off(recording: Recording, clock: Clock, taught: TaughtData) -> float:
+def refuse_other_set_points(run: LearnedRun) -> None:
+    """Refuse the log of another run by its set-points.
+
+    Raises:
+        InvalidInput: They differ from those of the taught data by more than noise explains.
+    """
+    error, noise = rms(run.error), rms(run.noise)
+    allowed = max(OTHERS, SHARE * error, NOISES * noise)
+    if run.set_points_off > allowed:
+        raise InvalidInput(
+            f"{run.source} is the log of another run: its set-points differ from the taught data "
+            f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
+            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the taught data that the robot "
+            "executed; if the controller logs filtered set-points, give a log without them.",
+            limit="set_points",
+            needed=run.set_points_off,
+            allowed=allowed,
+        )
+
+
+def set_points_off(t: FloatArray, command: FloatArray | None, taught: TaughtData) -> float:
     """RMS by which recorded set-points are beside those of the taught data [rad]; 0 without any.
 
     Controllers record them held or interpolated, and stamp them a little early or late. That makes
     differences which go to and fro within an interval, so differences are averaged over several.
 
     Args:
-        recording: What was measured.
-        clock: Its clock.
+        t: Times of the recording, in time of the plan [s], (m,).
+        command: Recorded set-points [rad], (m, dof).
         taught: The set-points that the robot should have executed.
     """
-    if recording.command is None:
+    if command is None:
         return 0.0
-    times = taught.times(len(taught.q), taught.period)
-    at = clock.plan_time(recording.t)
-    off = recording.command - interpolate(at, times, taught.q)
-    part = np.floor((at - at[0]) / (AVERAGED * taught.period)).astype(np.intp)
+    off = command - interpolate(t, taught.t, taught.q)
+    part = np.floor((t - t[0]) / (AVERAGED * taught.period)).astype(np.intp)
     count = np.bincount(part)
     means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
-def _refuse_short(recording: Recording, lifted: Lifted) -> None:
-    """Refuse a recording that cannot hold the whole motion.
-
-    Raises:
-        InvalidInput: It is shorter.
-    """
-    lasts = float(recording.t[-1] - recording.t[0])
-    if lasts * (1 + WORST_RATE) < lifted.plan.duration:
-        raise InvalidInput(
-            f"{recording.source} lasts {lasts:.4g} s, but the motion lasts "
-            f"{lifted.plan.duration:.4g} s: record the whole run, from before its first set-point "
-            "until the arm rests."
-        )
-
-
-def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray) -> Clock:
-    """The clock with which values fit a reference.
+def fit_to(
+    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
+) -> tuple[float, float]:
+    """The clock with which values fit a reference: time of the plan is `offset + rate t`.
 
     Args:
         t: Times of the recording [s], (m,).
         values: Values of the recording, (m, dof).
         times: Regular times of the plan [s], (n,).
         reference: Values of the plan, (n, dof).
-    """
-    from scipy.interpolate import CubicSpline
 
+    Returns:
+        Time of the plan when the recording's clock is at 0 [s], and seconds of the plan in a second
+        of the recording.
+    """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
-    offset, rate = coarse_offset(t, values, times, reference), 1.0
-    middle = float(t.mean())
-    centre = offset + middle
+    middle, rate = float(t.mean()), 1.0
+    centre = coarse_offset(t, values, times, reference) + middle
     for _ in range(STEPS):
         at = centre + rate * (t - middle)
         inside = (at >= times[0]) & (at <= times[-1])
@@ -127,11 +208,10 @@ def fit_to(t: FloatArray, values: FloatArray, times: FloatArray, reference: Floa
         off = off - off.mean(axis=0)
         step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), off.ravel(), rcond=None)
         centre, rate = centre + float(step[0]), rate + float(step[1])
-        if abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR:
+        near = abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR
+        if near or abs(rate - 1) > 2 * WORST_RATE:
             break
-        if abs(rate - 1) > 2 * WORST_RATE:
-            break
-    return Clock(centre - rate * middle, rate)
+    return centre - rate * middle, rate
 
 
 def coarse_offset(
@@ -148,17 +228,85 @@ def coarse_offset(
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
-    edge = WORST_RATE * float(times[-1] - times[0])
+    span = float(np.ptp(times))
     short = np.arange(times[0], times[-1] + step / 2, step)
     # The arm rests before and after its motion: what was not recorded is as at the edges.
-    missing = max(float(times[-1] - times[0]) - float(t[-1] - t[0]), 0.0)
-    long = np.arange(t[0] - edge - missing, t[-1] + edge + missing + step / 2, step)
+    edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
+    long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
     wanted = interpolate(short, times, reference)
-    given = interpolate(long, t, values)
-    middle = wanted.mean(axis=0)
-    wanted, given = wanted - middle, given - middle
+    given = interpolate(long, t, values) - wanted.mean(axis=0)
+    wanted -= wanted.mean(axis=0)
     product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)
     squares = np.concatenate([[0.0], np.cumsum((given**2).sum(axis=1))])
     power = squares[len(short) :] - squares[: len(product)]
     k = int(np.argmin(power - 2 * product))
     return float(short[0] - long[k])
+
+
+def add_tool(
+    tool: tuple[npt.ArrayLike, npt.ArrayLike],
+    lifted: Lifted,
+    error: FloatArray,
+    clock: tuple[float, float] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Errors of the joints that explain what encoders and a tracker have measured.
+
+    What the tracker sees and the encoders do not, as links that give way, is added as the smallest
+    motion of the joints that explains it; with noise, less.
+
+    Args:
+        tool: Times [s], (m,), and positions of the tool point in the frame of the path [m],
+            (m, dimension).
+        lifted: The model.
+        error: Errors of the joints by encoders [rad], (n, dof).
+        clock: The tracker's clock, if known; otherwise it is found from the motion.
+
+    Returns:
+        Errors of the joints [rad], (n, dof), and the standard deviation of the white noise that the
+        tracker adds to them [rad], (dof,).
+
+    Raises:
+        InvalidInput: The positions are not those of this tool along this motion.
+    """
+    arm = lifted.nominal.arm
+    if len(tool) != 2:
+        raise InvalidInput("tool must be two arrays: times, and positions of the tool.")
+    t, points = _checks.numbers("tool times", tool[0], "s"), _checks.points("tool", tool[1])
+    form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
+    if not form or (np.diff(t) <= 0).any():
+        raise InvalidInput(
+            f"The positions of the tool need at least five times, which must increase, and "
+            f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
+            "times."
+        )
+    seen = arm.forward(lifted.planned + error)
+    offset, rate = clock or fit_to(t, points, lifted.t, seen)
+    at = offset + rate * t
+    slack = 2 * np.diff(at).max()
+    if at[0] > slack or at[-1] < lifted.plan.duration - slack:
+        raise InvalidInput(
+            f"The positions of the tool cover the plan from {at[0]:.4g} s to {at[-1]:.4g} s, but "
+            f"it lasts from 0 to {lifted.plan.duration:.4g} s: track the whole run."
+        )
+    off = lifted.at_times(at, points, seen) - seen
+    largest = float(np.linalg.norm(off, axis=1).max())
+    if largest > FAR:
+        raise InvalidInput(
+            f"The measured tool is {1e3 * largest:.4g} mm from where the joints say it is, and "
+            f"more than {1e3 * FAR:g} mm is not compliance: give positions of the tool point in "
+            "the frame of the path, in metres.",
+            needed=largest,
+            allowed=FAR,
+        )
+    noise = float(np.mean(white_noise(points - lifted.between(at, seen)) ** 2))
+    # Joints are as likely to give way as makes the tool move as it does.
+    jacobian = arm.jacobian(lifted.planned)
+    transposed = np.swapaxes(jacobian, 1, 2)
+    product = jacobian @ transposed
+    reach = float(np.trace(product, axis1=1, axis2=2).mean())
+    likely = max(float(np.mean((off**2).sum(axis=1))) / reach, 1e-300)
+    damped = product + noise / likely * np.eye(off.shape[1])
+    inverse = transposed @ np.linalg.pinv(damped, hermitian=True)
+    found = np.einsum("njd,nd->nj", inverse, off)
+    spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
+    return error + found, spread * np.sqrt(max(np.median(np.diff(at)) / lifted.step, 1.0))

@@ -8,10 +8,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from armcontour._checks import FloatArray
-from armcontour.learning.judging import Judge, ToolError
 from armcontour.learning.lesson import LearnedRun
 from armcontour.learning.lifted import Lifted
-from armcontour.learning.recording import Recording
 
 # The relative error of the model's response where the model is right, from tests of `Response`.
 MODEL = 1e-3
@@ -23,50 +21,6 @@ UNTESTED = 0.3
 LINEAR = 0.3
 # Another run is worth while if it can reduce the error by more than this factor.
 WORTH = 1.05
-# The median of absolute values of a normal distribution with standard deviation 1.
-MEDIAN = 0.6745
-# Usual cycle time of a drive [s], where the recording does not tell.
-CYCLE = 2.5e-4
-# Differences that hardly see smooth motion.
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-# Weights of a mean over neighbours.
-NO_MEAN, MEAN = np.array([1.0]), np.array([0.25, 0.5, 0.25])
-
-
-def white_noise(values: FloatArray, kernel: FloatArray = NO_MEAN) -> FloatArray:
-    """Standard deviation of the white noise in columns of regular samples, (dof,).
-
-    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
-    for a short time, as friction at a reversal.
-
-    Args:
-        values: Samples, (n, dof).
-        kernel: Weights of the mean over neighbours that was taken of the noise.
-    """
-    if len(values) < len(FOURTH):
-        return np.zeros(values.shape[1])
-    fourth = np.abs(np.diff(values, 4, axis=0))
-    size = np.linalg.norm(np.convolve(FOURTH, kernel))
-    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
-
-
-def loop_noise(
-    lifted: Lifted, recording: Recording, unexplained: FloatArray, noise: FloatArray
-) -> FloatArray:
-    """Standard deviation of the noise of measured positions in the joints' loops [rad], (dof,).
-
-    Exact positions show this noise in the command that explains them. In measured positions the
-    encoders' noise hides it, but the loops have the same noise in every cycle.
-
-    Args:
-        lifted: The model.
-        recording: What was measured.
-        unexplained: Difference of the joints from what is expected [rad], (n, dof).
-        noise: White noise of the measurement [rad], (dof,).
-    """
-    if recording.exact:
-        return white_noise(lifted.equivalent_command(unexplained), MEAN)
-    return np.asarray(noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step))
 
 
 def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
@@ -91,25 +45,11 @@ def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatA
     return lifted.smooth(error, lifted.choose_penalty(error, variance))
 
 
-def _weigh(apart: FloatArray, error: FloatArray, noise: FloatArray) -> FloatArray:
-    """Weights of runs with which the error of the best run, and of their noise, is smallest.
-
-    Args:
-        apart: Differences of the runs' errors from the best one's [rad], (n, runs).
-        error: The best run's error [rad], (n,).
-        noise: Variance of the runs' noise [rad²], (runs,).
-    """
-    power = (apart**2).sum(axis=0)
-    square = apart.T @ apart + np.diag(LINEAR**2 * power + len(error) * noise)
-    return np.asarray(np.linalg.lstsq(square, -apart.T @ error, rcond=None)[0])
-
-
 class Estimate:
     """What runs tell together.
 
     Args:
         lifted: The model.
-        judge: What errors of joints do to the tool.
         runs: The runs, in order.
 
     Attributes:
@@ -123,12 +63,16 @@ class Estimate:
         penalty: As `Lifted.choose_penalty` gives it, for the error that repeats.
         off: Relative error of the model's response, by the last run that was predicted.
         independent: Number of independent values of the noise in a run.
+        step: The share of a change that leaves least error if its response is off by `off`.
+        expected: RMS error of another run of the best set-points [m].
+        resolution: Standard deviation of a run's RMS error by noise [m].
     """
 
-    def __init__(self, lifted: Lifted, judge: Judge, runs: tuple[LearnedRun, ...]) -> None:
-        self.lifted, self.judge, self.runs = lifted, judge, runs
-        self._moves = [lifted.respond(x.q - runs[0].q) for x in runs]
-        self._rests = [x.error - y for x, y in zip(runs, self._moves, strict=True)]
+    def __init__(self, lifted: Lifted, runs: tuple[LearnedRun, ...]) -> None:
+        self.lifted, self.runs = lifted, runs
+        self._moves = np.array([lifted.respond(x.q - runs[0].q) for x in runs])
+        self._errors = np.array([x.error for x in runs])
+        self._white = np.array([x.noise**2 for x in runs])
         duration = float(lifted.t[-1] - lifted.t[0])
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
         self.spread = self._find_spread()
@@ -137,15 +81,21 @@ class Estimate:
         if self.differs > 0:
             white = runs[-1].noise / np.sqrt(len(runs))
             means = [smooth_error(lifted, self._mean_at(x), white) for x in self._moves]
-            alone = [judge.judge(x).rms for x in means]
+            alone = [lifted.judge(x).rms for x in means]
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
-        self._moved = [x - self._moves[self.best] for x in self._moves]
+        # Noise of a position measurement moves the joint as noise of the command does.
+        loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
+        self._in_loops = lifted.judge(lifted.respond_to(loops))
         self.off = self._compare()
         self.q, self.error, variance = self._combine()
         self.penalty = lifted.choose_penalty(self.error, variance)
-        loops = max(self._noise_in_loops().rms, self.differs)
-        self.noise = float(np.hypot(self._measured_noise(), loops))
+        white = np.random.default_rng(0).normal(size=self.error.shape) * runs[-1].noise
+        measured = lifted.judge(lifted.smooth(white, self.penalty)).rms
+        self.noise = float(np.hypot(measured, max(self._in_loops.rms, self.differs)))
+        self.step = 1 / (1 + self.off**2)
+        self.expected = float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
+        self.resolution = float(self.noise / np.sqrt(self.independent))
 
     def _find_spread(self) -> FloatArray:
         """The standard deviation of errors that differ between runs [rad], (dof,).
@@ -158,16 +108,16 @@ class Estimate:
         found = np.zeros(self.lifted.dof)
         if len(pairs) == 1 and np.any(self._moves[1]):
             return found
-        for j in range(len(found) if pairs else 0):
-            rests, moves = (
-                np.array([np.mean((x[a] - x[b])[:, j] ** 2) for a, b in pairs])
-                for x in (self._rests, self._moves)
-            )
-            white = np.array([sum(self.runs[k].noise[j] ** 2 for k in x) for x in pairs])
-            seen = np.maximum(rests - white - UNTESTED**2 * moves, 0.0)
-            scale = np.maximum(rests + UNTESTED**2 * moves, 1e-300)
-            rows = np.column_stack([np.full(len(pairs), 2.0), moves]) / scale[:, None]
-            found[j] = np.sqrt(nnls(rows, seen / scale)[0][0])
+        if pairs:
+            a, b = np.transpose(pairs)
+            rests = self._errors - self._moves
+            rests, moves = (((x[a] - x[b]) ** 2).mean(axis=1) for x in (rests, self._moves))
+            floor = UNTESTED**2 * moves
+            seen = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
+            scale = np.maximum(rests + floor, 1e-300)
+            for j in range(len(found)):
+                rows = np.column_stack([np.full(len(pairs), 2.0), moves[:, j]])
+                found[j] = np.sqrt(nnls(rows / scale[:, [j]], seen[:, j] / scale[:, j])[0][0])
         # Less than the white noise of one value cannot be told from errors of the model.
         return np.where(found > self.runs[-1].noise, found, 0.0)
 
@@ -175,12 +125,12 @@ class Estimate:
         """RMS error of the tool that differs between runs [m]; how many values of it are free."""
         if not self.spread.any():
             return 0.0
-        mean, squares = np.mean(self._rests, axis=0), []
-        for rest in self._rests:
-            off = smooth_error(self.lifted, rest - mean, self.runs[-1].noise)
+        rests, squares = self._errors - self._moves, []
+        for rest in rests - rests.mean(axis=0):
+            off = smooth_error(self.lifted, rest, self.runs[-1].noise)
             size = np.sqrt((off**2).mean(axis=0))
             off *= self.spread / np.where(size > 0, size, 1.0)
-            squares.append(self.judge.judge(off).rms ** 2)
+            squares.append(self.lifted.judge(off).rms ** 2)
             power = np.abs(np.fft.rfft(off, axis=0)) ** 2
             free = 2 * power.sum() ** 2 / max(float((power**2).sum()), 1e-300)
             self.independent = min(self.independent, max(free, 1.0))
@@ -191,31 +141,29 @@ class Estimate:
 
         Runs count by the inverse variance of their noise and of the error of the model.
         """
-        total, weights = np.zeros_like(moved), np.zeros(self.lifted.dof)
-        for run, rest, own in zip(self.runs, self._rests, self._moves, strict=True):
-            off = UNTESTED**2 * ((moved - own) ** 2).mean(axis=0)
-            weight = 1 / np.maximum(self.spread**2 + run.noise**2 + off, 1e-300)
-            total, weights = total + weight * (rest + moved), weights + weight
-        return np.asarray(total / weights)
+        off = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
+        weights = 1 / np.maximum(self.spread**2 + self._white + off, 1e-300)
+        found = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
+        return np.asarray(found / weights.sum(axis=0))
 
     def _compare(self) -> float:
         """How far the model's response is off, relatively, by the last run but the best one.
 
         White noise, what does not repeat and the noise in the loops of both runs do not count.
         """
-        best, off = self.runs[self.best], UNTESTED
-        for run, moved in zip(self.runs, self._moved, strict=True):
-            size = self.judge.judge(moved).tool_rms if np.any(moved) else 0.0
+        lifted, best = self.lifted, self.best
+        for k in reversed(range(len(self.runs))):
+            moved = self._moves[k] - self._moves[best]
+            size = lifted.judge(moved).tool_rms if np.any(moved) else 0.0
             if size == 0.0:
                 continue
-            miss = run.error - best.error - moved
-            variance = float(np.mean(run.noise**2 + best.noise**2 + MODEL**2 * miss.var(axis=0)))
-            left = self.lifted.smooth(miss, self.lifted.choose_penalty(miss, variance))
+            miss = self._errors[k] - self._errors[best] - moved
+            white = self._white[k] + self._white[best] + MODEL**2 * miss.var(axis=0)
+            left = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
             share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
-            square = float(self.judge.judge(left).tool_rms ** 2) * max(1 - share, 0.0)
-            square -= 2 * self._noise_in_loops().tool_rms ** 2
-            off = float(np.sqrt(max(square, 0.0))) / size
-        return off
+            square = lifted.judge(left).tool_rms ** 2 * max(1 - share, 0.0)
+            return float(np.sqrt(max(square - 2 * self._in_loops.tool_rms**2, 0.0))) / size
+        return UNTESTED
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
         """Set-points between or beyond those of the runs, with the least error by all runs.
@@ -228,61 +176,32 @@ class Estimate:
         Returns:
             The set-points [rad], their error [rad], and the variance of its noise [rad²].
         """
-        best = self.runs[self.best]
-        others = [k for k in range(len(self.runs)) if k != self.best]
-        apart = []
-        for k in others:
-            # What differs between runs is no effect of set-points.
-            moved = np.sum(self._moved[k] ** 2, axis=0)
-            unmoved = 2 * len(best.error) * self.spread**2
-            gain = np.where(unmoved > 0, moved / np.maximum(moved + unmoved, 1e-300), 1.0)
-            apart.append(gain * (self.runs[k].error - best.error))
-        weights = np.zeros((len(others), self.lifted.dof))
+        best, errors, spread = self.best, self._errors, self.spread**2
+        moved = self._moves - self._moves[best]
+        # What differs between runs is no effect of set-points.
+        power, unmoved = (moved**2).sum(axis=1), 2 * len(moved[0]) * spread
+        gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
+        apart = gain[:, None] * (errors - errors[best])
+        squares, count = (apart**2).sum(axis=1), len(errors[0])
         noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
-        total = noise + self.spread**2
-        for j in range(self.lifted.dof):
-            if others:
-                columns = np.stack([x[:, j] for x in apart], axis=1)
-                weights[:, j] = _weigh(columns, best.error[:, j], total[others, j])
-        q, error = best.q.copy(), best.error.copy()
-        for k, weight, off in zip(others, weights, apart, strict=True):
-            q += weight * (self.runs[k].q - best.q)
-            error += weight * (off - self._moved[k])
-        moved = self.lifted.respond(q - best.q)
-        error += moved
-        shares = np.vstack([weights, 1 - weights.sum(axis=0)])
-        variance = (shares**2 * np.vstack([noise[others], noise[self.best]])).sum(axis=0)
+        weights = np.zeros_like(noise)
+        others = np.arange(len(noise)) != best
+        for j in range(self.lifted.dof if others.any() else 0):
+            # The smallest error of the mean, and of its noise.
+            columns = apart[others, :, j]
+            own = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
+            square = columns @ columns.T + np.diag(own)
+            weights[others, j] = np.linalg.lstsq(square, -columns @ errors[best, :, j])[0]
+        weights[best] = 1 - weights.sum(axis=0)
+        q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
+        change = self.lifted.respond(q - self.runs[best].q)
+        error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
+        variance = (weights**2 * noise).sum(axis=0)
         if self.differs > 0:
-            squares = np.array([(x**2).mean(axis=0) for x in apart])
-            own = variance + self.spread**2 * (shares**2).sum(axis=0)
-            own += LINEAR**2 * (weights**2 * squares).sum(axis=0)
-            share = self.spread**2 / (self.spread**2 + own)
-            error += share * (self._mean_at(moved + self._moves[self.best]) - error)
+            own = variance + (weights**2 * (spread + LINEAR**2 * squares / count)).sum(axis=0)
+            mean = self._mean_at(change + self._moves[best])
+            error += spread / (spread + own) * (mean - error)
         return q, error, float(np.mean(variance))
-
-    def _measured_noise(self) -> float:
-        """RMS error of the tool that white noise of the measurement leaves in errors [m]."""
-        noise = np.random.default_rng(0).normal(size=self.error.shape)
-        left = self.lifted.smooth(noise * self.runs[-1].noise, self.penalty)
-        return self.judge.judge(left).rms
-
-    def _noise_in_loops(self) -> ToolError:
-        """Errors of the tool that noise in the loops makes.
-
-        Noise of a position measurement moves the joint as noise of the command does.
-        """
-        noise = np.random.default_rng(1).normal(size=self.lifted.planned.shape)
-        return self.judge.judge(self.lifted.respond_to(noise * self.runs[-1].loop_noise))
-
-    @property
-    def step(self) -> float:
-        """The share of a change that leaves least error if its response is off by `off`."""
-        return 1 / (1 + self.off**2)
-
-    @property
-    def expected(self) -> float:
-        """RMS error of another run of the best set-points [m]."""
-        return float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
 
     @property
     def is_noise(self) -> bool:
@@ -291,8 +210,3 @@ class Estimate:
             return self.repeats - self.noise < self.resolution
         after = np.sqrt(1 + 1 / len(self.runs))
         return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
-
-    @property
-    def resolution(self) -> float:
-        """Standard deviation of a run's RMS error by noise [m]."""
-        return float(self.noise / np.sqrt(self.independent))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,29 +12,23 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError, InvalidInput
-from armcontour.learning.aligning import Clock, fit_clock, set_points_off
-from armcontour.learning.diagnosing import refuse_coarse, refuse_other_set_points, refuse_unlike
-from armcontour.learning.estimating import (
-    UNTESTED,
-    Estimate,
-    loop_noise,
-    smooth_error,
-    unexplained,
-    white_noise,
-)
-from armcontour.learning.judging import Judge
-from armcontour.learning.lesson import LearnedRun, Lesson
-from armcontour.learning.lifted import Lifted, Nominal
-from armcontour.learning.recording import Recording, record
+from armcontour.learning import aligning
+from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
+from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
+from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
-from armcontour.learning.tracking import add_tool
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, refuse_commands
 from armcontour.servo import ServoModel
 
 # What the joints did in a run.
 Executed: TypeAlias = Execution | Log | Recording
+# What they did in runs of the same set-points, and measured positions of the tool.
+Runs: TypeAlias = Executed | Sequence[Executed]
+Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
+# Usual cycle time of a drive [s], where the recording does not tell.
+CYCLE = 2.5e-4
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
 # times as slow.
 MOST_SETBACKS = 3
@@ -54,14 +48,14 @@ SURE = 3.0
 
 def learn(
     taught: TaughtData,
-    executed: Executed | Sequence[Executed],
+    executed: Runs,
     *,
     arm: Arm,
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    tool: Tool = None,
 ) -> Lesson:
     """Set-points for the next run, from those of the last run and what the joints did.
 
@@ -90,23 +84,21 @@ def learn(
         InvalidInput: The log is not of this taught data, or not fit to learn from.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    nominal = _nominal(arm, servo, gravity_feedforward, known)
-    seen = _see(taught, executed, nominal, tool)
+    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
     for run in seen.runs:
-        refuse_other_set_points(run)
-    lesson = _next_lesson(seen, limits)
-    return replace(lesson, delay=more_delay(lesson.servo, nominal.servo), misfits=seen.misfits)
+        aligning.refuse_other_set_points(run)
+    return _next_lesson(seen, lifted, taught if isinstance(taught, Lesson) else None, limits)
 
 
 def judge_run(
     taught: TaughtData,
-    executed: Executed | Sequence[Executed],
+    executed: Runs,
     *,
     arm: Arm,
     servo: ServoModel,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    tool: Tool = None,
 ) -> Lesson:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
 
@@ -125,43 +117,19 @@ def judge_run(
     Raises:
         InvalidInput: The log is not of this taught data, or not fit to be judged.
     """
-    nominal = _nominal(arm, servo, gravity_feedforward, known)
-    seen = _see(taught, executed, nominal, tool)
-    estimate = Estimate(seen.lifted, seen.judge, seen.runs)
-    return _lesson(
-        seen, estimate, seen.runs, q=taught.q, finished=True, reason="learned nothing",
-        predicted=estimate.expected, delay=more_delay(seen.lifted.nominal.servo, nominal.servo),
-    )  # fmt: skip
+    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
+    found = Estimate(lifted, seen.runs)
+    return replace(
+        seen, predicted=found.expected, noise=found.noise, best=found.best, repeats=found.repeats
+    )
 
 
-def _nominal(arm: Arm, servo: ServoModel, gravity_feedforward: bool, known: Arm | None) -> Nominal:
-    """The nominal robot."""
-    return Nominal(
-        arm=arm, servo=servo.for_joints(arm.dof),
-        gravity_feedforward=gravity_feedforward, known=known,
-    )  # fmt: skip
-
-
-class _Seen(NamedTuple):
-    """Runs as learning sees them, with times as the robot has them."""
-
-    taught: TaughtData
-    lifted: Lifted
-    judge: Judge
-    misfits: tuple[float, float]
-    runs: tuple[LearnedRun, ...]
-
-
-def _see(
-    taught: TaughtData,
-    executed: Executed | Sequence[Executed],
-    nominal: Nominal,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> _Seen:
-    """Runs as learning sees them.
+def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tuple[Lesson, Lifted]:
+    """Runs as learning sees them, with times as the robot has them, before any estimate.
 
     Raises:
-        InvalidInput: There is no log, or positions of a tool with several.
+        InvalidInput: There is no log, or positions of a tool with several; or learning knows no
+            such servo.
     """
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs or (tool is not None and len(logs) > 1):
@@ -169,132 +137,110 @@ def _see(
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    lifted, taught, misfits = _model(taught, [record(x, taught) for x in logs], nominal)
-    judge = Judge(nominal.arm, taught.trajectory, lifted.t, lifted.planned)
-    runs = tuple(_judge_run(lifted, judge, taught, record(x, taught), tool) for x in logs)
-    return _Seen(taught, lifted, judge, misfits, runs)
+    servo = nominal.servo.for_joints(nominal.arm.dof)
+    if servo.order not in ("second", "first") or servo.friction.any() or servo.cycle:
+        raise InvalidInput(
+            "learn needs joint servos all of order second, or all of order first, without friction "
+            f"and cycle, but the servo has {servo}: give such a servo, which is fitted to the log."
+        )
+    nominal = nominal._replace(servo=servo)
+    if isinstance(taught, Lesson):
+        nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
+        lifted = taught.lifted or Lifted(taught, nominal)
+    else:
+        taught, lifted, misfits = _fit_model(taught, logs, nominal)
+    fitted = lifted.nominal.servo
+    seen = Lesson(
+        period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
+        start_time=taught.start_time, servo=fitted, misfits=misfits, lifted=lifted,
+        runs=tuple(_judge_run(lifted, taught, record(x, taught), tool) for x in logs),
+        delay=float((fitted.dead_time - servo.dead_time).max()),
+        predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
+    )  # fmt: skip
+    return seen, lifted
 
 
-def _model(
-    taught: TaughtData, recordings: list[Recording], nominal: Nominal
-) -> tuple[Lifted, TaughtData, tuple[float, float]]:
-    """The model, the taught data with times as the robot has them, and misfits.
+def _fit_model(
+    taught: TaughtData, logs: Sequence[Executed], nominal: Nominal
+) -> tuple[TaughtData, Lifted, tuple[float, float]]:
+    """Taught data with times as the robot has them, the model, and misfits, by the first logs.
 
-    The servo is fitted to the mean of the first logs. A robot with more dead time than its model,
+    The servo is fitted to the mean of the logs. A robot with more dead time than its model,
     by whole command intervals, gets its set-points earlier by these: only their times in the plan
     change.
     """
-    lesson = taught if isinstance(taught, Lesson) else None
-    if lesson is not None:
-        nominal = replace(nominal, servo=lesson.servo)
-    known = None if lesson is None else lesson.lifted
-    lifted = Lifted(taught, nominal) if known is None else known
-    if lesson is not None:
-        return lifted, taught, lesson.misfits
+    lifted = Lifted(taught, nominal)
     errors, noises = [], []
-    for recording in recordings:
-        clock, expected = _fit(recording, lifted, taught)
+    for log in logs:
+        recording = record(log, taught)
+        *_, expected, measured, noise = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
-            return lifted, taught, (0.0, 0.0)
-        at = clock.plan_time(recording.t)
-        noises.append(white_noise(recording.q - lifted.between(at, expected)))
-        errors.append(lifted.at_times(at, recording.q, expected) - expected)
+            return taught, lifted, (0.0, 0.0)
+        noises.append(noise)
+        errors.append(measured - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
     variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
     servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
-    taught = start_early(taught, more_delay(servo, nominal.servo))
-    return Lifted(taught, replace(nominal, servo=servo)), taught, misfits
-
-
-def _fit(recording: Recording, lifted: Lifted, taught: TaughtData) -> tuple[Clock, FloatArray]:
-    """The clock of a recording that fits the expected motion, and that motion [rad], (n, dof)."""
-    refuse_coarse(recording, lifted)
-    clock = fit_clock(recording, lifted, taught.q)
-    expected = lifted.expected(taught.q)
-    refuse_unlike(recording, clock, lifted, expected)
-    return clock, expected
-
-
-def more_delay(servo: ServoModel, nominal: ServoModel) -> float:
-    """Dead time of a servo beyond that of the nominal one [s]."""
-    return float((servo.dead_time - nominal.dead_time).max())
-
-
-def start_early(taught: TaughtData, delay: float) -> TaughtData:
-    """Taught data that starts earlier by the whole command intervals in a dead time.
-
-    Args:
-        taught: Taught data.
-        delay: Dead time that its model lacks [s].
-    """
+    delay = float((servo.dead_time - nominal.servo.dead_time).max())
     early = max(int(delay / taught.period), 0) * taught.period
-    return replace(taught, start_time=taught.start_time - early) if early else taught
+    taught = replace(taught, start_time=taught.start_time - early)
+    return taught, Lifted(taught, nominal._replace(servo=servo)), misfits
 
 
-def _judge_run(
-    lifted: Lifted,
-    judge: Judge,
-    taught: TaughtData,
-    recording: Recording,
-    tool: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-) -> LearnedRun:
+def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
     """Errors of a run."""
-    clock, expected = _fit(recording, lifted, taught)
-    t = clock.plan_time(recording.t)
-    error = lifted.at_times(t, recording.q, expected) - lifted.planned
-    noise = white_noise(recording.q - lifted.between(t, expected))
-    in_loop = loop_noise(lifted, recording, lifted.planned + error - expected, noise)
+    offset, rate, expected, measured, noise = aligning.align(recording, lifted, taught)
+    error = measured - lifted.planned
+    # Noise of positions in the joints' loops: exact positions show it in the command that explains
+    # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
+    in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
+    if recording.exact:
+        command = lifted.equivalent_command(measured - expected)
+        in_loop = aligning.white_noise(command, smoothed=True)
     # Noise of samples that are further apart than the model's times counts for all of these.
-    noise *= np.sqrt(max(recording.interval * clock.rate / lifted.step, 1.0))
+    noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
-        error, more = add_tool(tool, lifted, error, clock if recording.in_plan_time else None)
+        clock = (offset, rate) if recording.in_plan_time else None
+        error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
-    smooth = smooth_error(lifted, error, noise)
-    found = judge.judge(smooth)
-    last = taught if isinstance(taught, Lesson) else None
+    smooth, at = smooth_error(lifted, error, noise), offset + rate * recording.t
     return LearnedRun(
-        q=taught.q,
-        error=error,
-        noise=noise,
-        loop_noise=in_loop,
-        joint_rms=np.sqrt((smooth**2).mean(axis=0)),
-        joint_max=np.abs(smooth).max(axis=0),
-        tool_rms=found.tool_rms,
-        tool_max=found.tool_max,
-        contour_rms=found.contour_rms,
-        contour_max=found.contour_max,
-        offset=clock.offset,
-        rate=clock.rate,
-        predicted=None if last is None else last.predicted,
-        set_points_off=set_points_off(recording, clock, taught),
-        source=recording.source,
-    )
+        q=taught.q, error=error, noise=noise, loop_noise=in_loop,
+        joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
+        offset=offset, rate=rate, source=recording.source,
+        predicted=taught.predicted if isinstance(taught, Lesson) else None,
+        set_points_off=aligning.set_points_off(at, recording.command, taught),
+        **lifted.judge(smooth)._asdict(),
+    )  # fmt: skip
 
 
-def _next_lesson(seen: _Seen, limits: Limits | None) -> Lesson:
-    """The lesson after all runs."""
-    taught, lifted, judge = seen.taught, seen.lifted, seen.judge
-    last = taught if isinstance(taught, Lesson) else None
+def _next_lesson(
+    seen: Lesson, lifted: Lifted, last: Lesson | None, limits: Limits | None
+) -> Lesson:
+    """The lesson after the runs that were seen and those of the last lesson."""
     earlier = () if last is None else last.runs
     runs = (*earlier, *seen.runs)
-    known = Estimate(lifted, judge, runs)
+    known = Estimate(lifted, runs)
     best = runs[known.best]
     setbacks = 0 if last is None else last.setbacks
     before = min((x.rms for x in earlier), default=np.inf)
-    now = float(np.sqrt(np.mean([x.rms**2 for x in seen.runs])))
+    now = rms(np.array([x.rms for x in seen.runs]))
     is_setback = now > before + SURE * known.resolution and not (last and last.finished)
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
-    fastest = allowed_accelerations(runs[0].q, taught.period, limits)
+    own = (limits or Limits()).for_joints(lifted.dof)
+    fastest = ROUGHER * _accelerations(runs[0].q, seen.period)
+    if own.joint_acceleration is not None:
+        fastest = np.maximum(own.joint_acceleration, fastest)
     penalty = known.penalty * SLOWER**setbacks
     for _ in range(SMOOTHINGS):
         change, response = lifted.correct(known.error, penalty)
         change = step * (known.q - best.q + change)
-        share, reason = keep_limits(taught, best.q, change, limits, fastest)
+        share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
         if "acceleration" not in reason:
             break
         penalty *= SMOOTHER
-    left = judge.judge(max(known.off, UNTESTED) * response).rms
+    left = lifted.judge(max(known.off, UNTESTED) * response).rms
     left += (1 - float(share.min()) * step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     finished, averaged = True, False
@@ -309,38 +255,12 @@ def _next_lesson(seen: _Seen, limits: Limits | None) -> Lesson:
         )
     else:
         finished = False
-    q = best.q if finished and not averaged else best.q + share * change
-    expected = known.expected if finished else min(predicted, known.expected)
-    return _lesson(
-        seen, known, runs, q=q, method="learning", predicted=expected, setbacks=setbacks,
-        finished=finished, reason=reason,
+    return replace(
+        seen, runs=runs, method="learning", setbacks=setbacks, finished=finished, reason=reason,
+        q=best.q if finished and not averaged else best.q + share * change,
+        predicted=known.expected if finished else min(predicted, known.expected),
+        noise=known.noise, best=known.best, repeats=known.repeats,
     )  # fmt: skip
-
-
-def _lesson(seen: _Seen, known: Estimate, runs: tuple[LearnedRun, ...], **values: Any) -> Lesson:
-    """A lesson of runs; with the values that differ."""
-    taught = seen.taught
-    own = {"method": taught.method, **values}
-    return Lesson(
-        period=taught.period, trajectory=taught.trajectory, start_time=taught.start_time,
-        runs=runs, servo=seen.lifted.nominal.servo, noise=known.noise, best=known.best,
-        repeats=known.repeats, lifted=seen.lifted, **own,
-    )  # fmt: skip
-
-
-def allowed_accelerations(q: FloatArray, period: float, limits: Limits | None) -> FloatArray:
-    """Largest acceleration of the set-points of each joint [rad/s²], (dof,).
-
-    It is the limit of the joint, or so many times that of the set-points before learning if this
-    is more.
-
-    Args:
-        q: The set-points before learning [rad], (n, dof).
-        period: Command interval [s].
-        limits: Limits of the controller.
-    """
-    own = None if limits is None else limits.for_joints(q.shape[1]).joint_acceleration
-    return np.maximum(0.0 if own is None else own, ROUGHER * _accelerations(q, period))
 
 
 def _accelerations(q: FloatArray, period: float) -> FloatArray:
@@ -349,36 +269,26 @@ def _accelerations(q: FloatArray, period: float) -> FloatArray:
 
 
 def keep_limits(
-    taught: TaughtData,
-    q: FloatArray,
-    change: FloatArray,
-    limits: Limits | None,
-    fastest: FloatArray,
+    taught: TaughtData, change: FloatArray, limits: Limits, fastest: FloatArray
 ) -> tuple[FloatArray, str]:
     """The share of each joint's change that keeps the limits, (dof,), and why it is not all of it.
 
     Args:
-        taught: The set-points of the last run.
-        q: The set-points that are changed [rad], (n, dof).
+        taught: The set-points that are changed.
         change: Their change [rad], (n, dof).
-        limits: Limits of the controller.
-        fastest: As `allowed_accelerations` gives it.
+        limits: Limits of the controller, with values per joint.
+        fastest: Largest acceleration of the set-points of each joint [rad/s²], (dof,).
 
     Raises:
         CompensationError: The set-points exceed the limits before the change.
     """
-    share, reason = np.ones(q.shape[1]), ""
-    own = (limits or Limits()).for_joints(q.shape[1])
-    plain = TaughtData(
-        period=taught.period, q=q, trajectory=taught.trajectory, method=taught.method,
-        start_time=taught.start_time,
-    )  # fmt: skip
-    refuse_commands(plain, own)
+    share, reason = np.ones(len(fastest)), ""
+    refuse_commands(taught, limits)
     while True:
-        found = q + share * change
-        rough = _accelerations(found, taught.period) > fastest * (1 + SLACK)
+        found = replace(taught, q=taught.q + share * change)
+        rough = _accelerations(found.q, taught.period) > fastest * (1 + SLACK)
         try:
-            refuse_commands(replace(plain, q=found), own)
+            refuse_commands(found, limits)
             if not rough.any():
                 return share, reason
             name, j = "acceleration", int(np.argmax(rough))

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,10 +14,11 @@ from scipy.sparse import block_array, coo_array, csc_array, diags_array, eye_arr
 from scipy.sparse.linalg import splu
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.drives import Drives, respond_along
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.geometry import Path
+from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.command import command_weights
 
@@ -32,15 +32,24 @@ AFTER = 3.0
 PENALTIES, FIRST = (-8, 6), -3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Nominal:
-    """The nominal robot of which a lifted model is made.
+class ToolError(NamedTuple):
+    """Errors of the tool over a run, as in `LearnedRun`."""
 
-    Args:
-        arm: The arm; with masses, its bodies respond, else its servos alone.
-        servo: The servo, with its nominal dead time.
-        gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it, as in `Drives`.
+    tool_rms: float
+    tool_max: float
+    contour_rms: float | None
+    contour_max: float | None
+
+    @property
+    def rms(self) -> float:
+        """The error by which runs are compared [m]."""
+        return self.tool_rms if self.contour_rms is None else self.contour_rms
+
+
+class Nominal(NamedTuple):
+    """The nominal robot of which a lifted model is made, with fields as those of `Drives`.
+
+    With masses, and a servo of order "second", rigid bodies respond, else the servos alone.
     """
 
     arm: Arm
@@ -49,27 +58,10 @@ class Nominal:
     known: Arm | None = None
 
     @property
-    def has_bodies(self) -> bool:
-        """Whether rigid bodies respond, not servos alone."""
-        return self.arm.has_bodies and self.servo.kv is not None
-
-    @property
-    def drives(self) -> Drives:
-        """The drives that move the bodies."""
-        return Drives(
-            arm=self.arm, servo=self.servo,
-            gravity_feedforward=self.gravity_feedforward, known=self.known,
-        )  # fmt: skip
-
-    def command(self, plan: Trajectory, t: FloatArray) -> FloatArray:
-        """The command that reaches the drives of the nominal robot on its plan [rad], (n, dof).
-
-        At the first time the joints rest.
-        """
-        q, dq, ddq = plan.motion_with_rests(t)
-        dq[0] = ddq[0] = 0.0
-        model = self.drives if self.has_bodies else self.servo
-        return model.command(q, dq, ddq)
+    def drives(self) -> Drives | None:
+        """The drives that move rigid bodies; None if the servos alone respond."""
+        moved = self.arm.has_bodies and self.servo.kv is not None
+        return Drives(**self._asdict()) if moved else None
 
 
 class Lifted:
@@ -94,57 +86,51 @@ class Lifted:
         self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
-        self.t = _times(taught, nominal.servo) if t is None else t
-        self.step = float(self.t[1] - self.t[0])
+        if t is None:
+            parts = int(np.ceil(self.period / LONGEST_STEP * (1 - 1e-9)))
+            rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
+            intervals = self.count - 1 + int(np.ceil(rest / self.period))
+            t = taught.times(intervals * parts + 1, self.period / parts)
+        self.t, self.step = t, float(t[1] - t[0])
         _checks.refuse_too_many(
-            f"Learning {self.t[-1] - self.t[0]:.4g} s of motion, {len(self.t)} times,",
-            len(self.t) * self.dof**2,
+            f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
+            len(t) * self.dof**2,
             "learn contour by contour or at a higher speed",
         )
-        self.planned = self.plan.with_rests(self.t)
-        self.nominal = nominal
-        self._needed = nominal.command(self.plan, self.t)
-        self._make_equations()
-        self._weights = self._weights_at()
-        self._right = csc_array(self._by_command @ self._weights)
-        self._factors: dict[float, tuple[Any, Any]] = {}
-
-    def _make_equations(self) -> None:
-        """The equations of x by the command: `A x = S c`, in units of the command."""
-        nominal = self.nominal
-        response = respond_along(
-            self.plan.with_rests, self.t, nominal.arm, nominal.servo,
-            gravity_feedforward=nominal.gravity_feedforward, known=nominal.known,
-        )  # fmt: skip
+        self.nominal, self.planned = nominal, self.plan.with_rests(t)
+        q, dq, ddq = self.plan.motion_with_rests(t)
+        dq[0] = ddq[0] = 0.0
+        self._needed = (nominal.drives or nominal.servo).command(q, dq, ddq)
+        # The equations of x by the command: `A x = S c`, in units of the command.
+        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         left, right = response.equations()
         # The first rows of `equations` let the joints start where the plan does; here they start
         # in equilibrium at the first set-point.
-        rest = np.arange(self.dof)
+        joints = np.arange(self.dof)
         first = response.stiffness[0] - np.eye(self.dof)
-        where = np.repeat(rest, self.dof), np.tile(rest, self.dof)
+        where = np.repeat(joints, self.dof), np.tile(joints, self.dof)
         left = left + coo_array((first.ravel(), where), shape=left.shape)
-        right = right + coo_array((np.ones(self.dof), (rest, rest)), shape=right.shape)
-        gain = np.tile(response.gain, len(self.t))
+        right = right + coo_array((np.ones(self.dof), (joints, joints)), shape=right.shape)
+        gain = np.tile(response.gain, len(t))
         self._left = csc_array(diags_array(1 / gain) @ left)
         self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
         self._solve = splu(self._left, permc_spec="NATURAL")
+        self._weights = self._weights_at()
+        self._right = csc_array(self._by_command @ self._weights)
+        self._factors: dict[float, tuple[Any, Any]] = {}
 
     def _weights_at(self, shift: float = 0.0) -> csc_array:
         """Weights of the set-points in the command that reaches the drives, with feed-forward."""
         kind = self.nominal.servo.interpolation
         a, b = (np.tile(x, len(self.t)) for x in self.nominal.servo.lead)
         found = self._interpolated(kind, shift)
-        if not (a.any() or b.any()):
-            return found
-        rates = self._rates_at(shift)
-        found = found + diags_array(a) @ rates
-        if kind == "linear":
-            second = (rates - self._rates_at(shift - self.period)) / self.period
-        else:
-            ends = (self._interpolated(kind, shift + x * self.step) for x in (-1, 0, 1))
-            before, here, after = ends
-            second = (after - 2 * here + before) / self.step**2
-        return csc_array(found if kind == "step" else found + diags_array(b) @ second)
+        if a.any():
+            found = found + diags_array(a) @ self._rates_at(shift)
+        if b.any():
+            late, span = (0.0, self.period) if kind == "linear" else (self.step / 2, self.step)
+            change = self._rates_at(shift + late) - self._rates_at(shift + late - span)
+            found = found + diags_array(b / span) @ change
+        return csc_array(found)
 
     def _rates_at(self, shift: float) -> csc_array:
         """Weights of the set-points in the velocity of the command, mean over one step [1/s].
@@ -159,28 +145,21 @@ class Lifted:
 
     def _interpolated(self, kind: str, shift: float) -> csc_array:
         """Weights of the set-points in the delayed command without feed-forward."""
-        n, dead_time = len(self.t), self.nominal.servo.dead_time
-        rows, columns, values = [], [], []
-        for j in range(self.dof):
-            at = self.t - self.start - dead_time[j] + shift
-            index, weight = command_weights(self.count, self.period, kind, at)
-            rows.append(np.repeat(np.arange(n) * self.dof + j, index.shape[1]))
-            columns.append(index.ravel() * self.dof + j)
-            values.append(weight.ravel())
-        where = np.concatenate(rows), np.concatenate(columns)
-        shape = n * self.dof, self.count * self.dof
-        return csc_array(coo_array((np.concatenate(values), where), shape=shape))
+        at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + shift).ravel()
+        index, weight = command_weights(self.count, self.period, kind, at)
+        columns = index * self.dof + np.arange(at.size)[:, None] % self.dof
+        where = np.repeat(np.arange(at.size), index.shape[1]), columns.ravel()
+        shape = at.size, self.count * self.dof
+        return csc_array(coo_array((weight.ravel(), where), shape=shape))
 
-    def rates(self, q: FloatArray, shift: float) -> tuple[FloatArray, FloatArray]:
+    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
 
         Args:
             q: Set-points [rad], (count, dof).
-            shift: Added to the times [s].
         """
-        half = self.step / 2
-        plain = (self._rates_at(shift) @ q.ravel()).reshape(self.planned.shape)
-        after, before = (self.reaching(q, shift + x) for x in (half, -half))
+        plain = (self._rates_at(0.0) @ q.ravel()).reshape(self.planned.shape)
+        after, before = (self.reaching(q, x * self.step / 2) for x in (1, -1))
         return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
@@ -210,21 +189,13 @@ class Lifted:
         cases = command.reshape(len(self.t) * self.dof, -1)
         return np.asarray(self._solve.solve(self._by_command @ cases)).reshape(command.shape)
 
-    def follow(self, command: FloatArray) -> FloatArray:
-        """Joint positions of the nominal robot under a command that reaches the drives [rad].
-
-        Args:
-            command: The command at the times, with feed-forward [rad], (n, dof).
-        """
-        return self.planned + self.respond_to(command - self._needed)
-
     def expected(self, q: FloatArray) -> FloatArray:
         """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
 
         Args:
             q: Set-points [rad], (count, dof).
         """
-        return self.follow(self.reaching(q))
+        return self.planned + self.respond_to(self.reaching(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
         """The change of the set-points that takes an error away, and the joints' response to it.
@@ -274,11 +245,10 @@ class Lifted:
             moments = np.repeat(self.t, self.dof)
             taught = np.repeat(self.start + np.arange(self.count) * self.period, self.dof)
             part = self.step / 3
-            order = np.argsort(
-                np.concatenate([moments, taught + part, moments + 2 * part]), kind="stable"
-            )
-            sorted_ = csc_array(conditions[order][:, order])
-            self._factors[penalty] = splu(sorted_, permc_spec="NATURAL"), order
+            times = np.concatenate([moments, taught + part, moments + 2 * part])
+            order = np.argsort(times, kind="stable")
+            ordered = csc_array(conditions[order][:, order])
+            self._factors[penalty] = splu(ordered, permc_spec="NATURAL"), order
         return self._factors[penalty]
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
@@ -288,18 +258,13 @@ class Lifted:
             error: Errors of the joints [rad], (n, dof).
             variance: Variance of the noise in them [rad²].
         """
-
-        @cache
-        def surprise(power: int) -> float:
-            return self.surprise(error, 10.0**power, max(variance, 1e-300))
-
-        power = FIRST
-        while True:
+        surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
+        power, last = FIRST, None
+        while power != last:
+            last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
-            following = min(around, key=surprise)
-            if following == power:
-                return float(10.0**power)
-            power = following
+            power = min(around, key=surprise)
+        return float(10.0**power)
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
         """How improbable an error is, as -2 log of its probability density, but for a constant.
@@ -353,10 +318,39 @@ class Lifted:
         difference = q - self.between(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
 
+    def judge(self, error: FloatArray) -> ToolError:
+        """Errors of the tool that errors of the joints make.
 
-def _times(taught: TaughtData, servo: ServoModel) -> FloatArray:
-    """Regular times from the first set-point until the joints rest [s], (n,)."""
-    parts = int(np.ceil(taught.period / LONGEST_STEP * (1 - 1e-9)))
-    rest = float(servo.dead_time.max()) + AFTER / float(servo.kp.min())
-    intervals = len(taught.q) - 1 + int(np.ceil(rest / taught.period))
-    return taught.times(intervals * parts + 1, taught.period / parts)
+        A path is judged from its first set-point to the end of the times, contours of a program
+        while the process is at work on them. The tool's place on the path is the nearest one.
+
+        Args:
+            error: Errors of the joints [rad], (n, dof).
+        """
+        planned, tool = (self.nominal.arm.forward(self.planned + x) for x in (0.0, error))
+        off = np.linalg.norm(tool - planned, axis=1)
+        found = [path.project(tool[which]).distance for path, which in self._paths]
+        if not found:
+            return ToolError(rms(off), float(off.max()), None, None)
+        contour = np.concatenate(found)
+        return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
+
+    @cached_property
+    def _paths(self) -> list[tuple[Path, IntArray]]:
+        """The paths of the plan, and which times belong to each; empty if one has no path."""
+        plan = self.plan
+        if not plan.spans:
+            return [] if plan.path is None else [(plan.path, np.arange(len(self.t)))]
+        found: list[tuple[Path, IntArray]] = []
+        for span in plan.contour_spans:
+            if span.trajectory is None or span.trajectory.path is None:
+                return []
+            start, end = span.work or span.t
+            which = np.flatnonzero((self.t >= start) & (self.t <= end))
+            found.append((span.trajectory.path, which))
+        return [x for x in found if len(x[1])]
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of values."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -60,17 +58,21 @@ def fit_servo(
     few = Lifted(taught, lifted.nominal, lifted.t[::every])
     coarse = _Fit(taught, few, error[::every], variance)
     fit = _Fit(taught, lifted, error, variance)
-    nominal = fit.start(lifted.nominal.servo.velocity_feedforward)
-    starts = np.unique([nominal, *(fit.start(np.full(lifted.dof, x)) for x in STARTS)], axis=0)
-    found = min((coarse.solve(x, FIRST) for x in starts), key=coarse.cost)
+    # Without changes, and with each feed-forward.
+    dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
+    starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
+    found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
     fit.penalty = 0.0
     for _ in range(ROUNDS):
         before, fit.penalty = fit.penalty, lifted.choose_penalty(fit.rest(found), variance)
         if fit.penalty == before:
             break
         found = fit.solve(found, NEXT)
-    alone = fit.solve_friction(nominal)
-    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * lifted.dof:
+    # The nominal servo with the most probable friction.
+    alone, of = starts[0], slice(2 * dof, 3 * dof)
+    columns = fit.derivatives(alone)[:, of]
+    alone[of] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
+    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * dof:
         return lifted.nominal.servo, (0.0, 0.0)
     before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
     return fit.servo(found), (before, after)
@@ -96,12 +98,6 @@ class _Fit:
         self.spread = np.append(np.repeat(spread, self.dof), DELAY_PRIOR)
         self._last = np.zeros(len(self.spread)), lifted
 
-    def start(self, feedforward: FloatArray) -> FloatArray:
-        """Parameters of the nominal servo with another feed-forward."""
-        found = np.zeros(len(self.spread))
-        found[self.dof : 2 * self.dof] = feedforward - self.nominal.velocity_feedforward
-        return found
-
     def servo(self, x: FloatArray) -> ServoModel:
         """The servo of parameters."""
         b, a, _, *c = x[:-1].reshape(-1, self.dof)
@@ -116,12 +112,8 @@ class _Fit:
     def response(self, x: FloatArray) -> Lifted:
         """The response with the servo of parameters."""
         if not np.array_equal(x, self._last[0]):
-            self._last = (
-                x.copy(),
-                Lifted(
-                    self.taught, replace(self.lifted.nominal, servo=self.servo(x)), self.lifted.t
-                ),
-            )
+            nominal = self.lifted.nominal._replace(servo=self.servo(x))
+            self._last = x.copy(), Lifted(self.taught, nominal, self.lifted.t)
         return self._last[1]
 
     def rest(self, x: FloatArray) -> FloatArray:
@@ -150,12 +142,15 @@ class _Fit:
     def derivatives(self, x: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
         lifted, nominal, dof = self.response(x), self.nominal, self.dof
-        rate, with_feedforward = lifted.rates(self.taught.q, 0.0)
+        rate, with_feedforward = lifted.rates(self.taught.q)
         expected = lifted.expected(self.taught.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:
-            causes.append(-_driven(lifted, expected, dq) / (nominal.kp * nominal.kv))
+            drives, ddq = lifted.nominal.drives, np.gradient(dq, lifted.step, axis=0)
+            if drives is not None:
+                ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
+            causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
         late = -with_feedforward[:, :, None]
         parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
@@ -165,11 +160,11 @@ class _Fit:
 
     def solve(self, x: FloatArray, steps: int) -> FloatArray:
         """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
-        most, free = np.full(self.dof, MOST_FACTOR), np.full(self.dof, np.inf)
-        least = -self.nominal.velocity_feedforward
-        lower = np.concatenate([1 / most - 1, least, -free, 1 / most - 1])[: len(x) - 1]
-        upper = np.concatenate([most - 1, most, free, most - 1])[: len(x) - 1]
-        lower = np.append(lower, -float(self.nominal.dead_time.min())) - 1e-9
+        least, most, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
+        lower = np.repeat([least, 0.0, -free, least], self.dof)[: len(x) - 1]
+        lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
+        upper = np.repeat([most, MOST_FACTOR, free, most], self.dof)[: len(x) - 1]
+        lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
         upper = np.append(upper, LONGEST_DELAY) + 1e-9
         rest = self.residuals(x)
         cost, damping = float(rest @ rest), DAMPING
@@ -195,22 +190,6 @@ class _Fit:
                 return x
         return x
 
-    def solve_friction(self, x: FloatArray) -> FloatArray:
-        """Parameters with the most probable friction for the servo of x."""
-        of = slice(2 * self.dof, 3 * self.dof)
-        columns, found = self.derivatives(x)[:, of], x.copy()
-        found[of] -= np.linalg.lstsq(columns, self.residuals(x), rcond=None)[0]
-        return found
-
     def cost(self, x: FloatArray) -> float:
         """-2 log likelihood, up to a constant."""
         return float(np.sum(self.residuals(x) ** 2))
-
-
-def _driven(lifted: Lifted, q: FloatArray, dq: FloatArray) -> FloatArray:
-    """Accelerations that the torques of the joints stand for [rad/s²], (n, dof)."""
-    ddq = np.gradient(dq, lifted.step, axis=0)
-    if not lifted.nominal.has_bodies:
-        return np.asarray(ddq)
-    drives = lifted.nominal.drives
-    return np.asarray(drives.moving_torque(q, dq, ddq) / drives.inertia)
