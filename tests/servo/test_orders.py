@@ -93,6 +93,21 @@ def test_drives_hold_their_acceleration_for_a_cycle(cycle, execute):
         assert (done.saturated_time[j] > 0) == np.isfinite(most)
 
 
+def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
+    late = 5e-3
+    servo = ac.ServoModel(
+        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(late, 0.0), cycle=1e-3
+    )
+    done = execute(servo)
+    n = len(Q)
+    np.testing.assert_allclose(done.q[:n, 0], np.interp(T - late, T, Q[:, 0]), atol=1e-12)
+    q, found = Q[0, 1], []
+    for m in range(4 * (n - 1)):
+        found.append(q)
+        q += 1e-3 * 20.0 * (np.interp(m * 1e-3, T, Q[:, 1]) - q)
+    np.testing.assert_allclose(done.q[: n - 1, 1], found[::4], atol=1e-12)
+
+
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
     done = execute(servo)

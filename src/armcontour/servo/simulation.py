@@ -128,9 +128,9 @@ class Simulation:
         """What the drives hold in each cycle between two times, and when the cycles begin."""
         cycle = self.servo.cycle
         first = int(np.floor(begin / cycle + SNAP))
-        count = max(int(np.ceil(end / cycle - SNAP)) - first, 1)
+        count = max(int(np.ceil(end / cycle - SNAP)) - first, 1) + 1
         held = cycle_commands(self.q, self.period, self.servo, first, count)
-        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle)
+        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle, self.joints.kp)
 
     def _refuse_stuck(self, j: int) -> None:
         """Raise ExecutionError for joint j."""
@@ -151,10 +151,12 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
     return np.where(np.isinf(kv), 0.0, kv)
 
 
-def hold(values: FloatArray, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pieces of commands that are held, and their starts, of `march`."""
+def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pieces of commands that are held, and their starts; joints that only delay follow lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
+    lines = np.isinf(kp)
+    pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / np.diff(starts)
     return pieces, np.tile(starts, (len(values), 1))
 
 
@@ -232,10 +234,10 @@ def follow(
     kind = STRAIGHT
     if cycle:
         kind = HELD
-        count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP))
+        count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
         starts = command.t[0] + np.arange(-2, count) * cycle
         u = np.stack([command.at(starts - late) for late in each.dead_time])
-        pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:])
+        pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:], each.kp)
     else:
         pieces = command.for_servo(each, rows)
         starts = command.t + each.dead_time[:, None]
