@@ -40,7 +40,7 @@ def servo_yaml(found: Identification) -> str:
     servo = found.servo_model()
     lines = [
         f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {joint.name}: {joint.note or _ranges(joint.estimates)}" for joint in found.joints),
+        *(f"# {x.note or f'{x.name}: {_ranges(x.estimates)}'}" for x in found.joints),
         *([] if len(found.logs) > 1 else [f"# {ONE_PROGRAM}"]),
         *servo_lines(servo, len(found.joints)),
     ]
