@@ -121,6 +121,21 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
         np.testing.assert_allclose(found[np.isin(more, T)], done.q[: len(T), j], atol=1e-12)
 
 
+@pytest.mark.parametrize("feed", [0.0, 0.9])
+@pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
+def test_set_points_compensate_dry_friction(kind, feed):
+    path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
+    plan = ac.plan(path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), intervals=200)
+    off = []
+    for friction in (0.0, 1e-4):
+        servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, friction=friction, **kind)
+        taught = ac.compensate(plan, servo, method="inverse", period=PERIOD)
+        done = ac.execute(taught, ac.ServoPlant(ARM, servo))
+        inside = (done.t > 0.1) & (done.t < plan.duration - 0.1)
+        off.append(np.abs((done.q - plan(np.clip(done.t, 0, plan.duration)))[inside]).mean())
+    assert off[1] < off[0] + 0.1 * 1e-4
+
+
 def test_parameters_of_joint_servos_are_refused(refuses):
     for values, *words in (
         ({"order": ("second", "first"), "kp": 20.0, "kv": np.inf}, "kv is missing"),

@@ -329,7 +329,15 @@ def sliders(run="own", text=TEXT):
     return {x["key"]: x for x in found}
 
 
-@pytest.mark.parametrize(("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own")])
+# A joint of order delay has no gain to slide.
+MIXED = TEXT.replace(
+    "{kp: 25 1/s, kv: 150}", "{order: [second, delay], kp: [25, none], kv: [150, none]}"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own"), (MIXED, "mac")]
+)
 def test_every_slider_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))

@@ -48,12 +48,15 @@ def for_feedforward(
     """
     allowed = max(int(_longest_tail(duration) / period), 1)
     rows = int(np.ceil(min(tail_duration(servo, duration) / period, allowed) + SETTLING))
-    want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), period, _without(servo))
+    # What compensates friction is a part of the set-points.
+    frictionless = servo.replace(friction=0.0)
+    prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
+    want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), period, prompt)
     start = plain[0]
     found = _solved(want - start, period, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MOST_CORRECTIONS):
-            error = want - _means(found, period, servo)
+            error = want - _means(found, period, frictionless)
             found += _solved(error, period, servo)
             if np.abs(error).max() <= EXACT:
                 break
@@ -99,13 +102,6 @@ def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) 
     between = dq.max(axis=0) * period / 2 + servo.velocity_feedforward * change
     after = 0.0 if servo.kv is None else dq[-1] / servo.kv
     return np.asarray(q.max(axis=0) + between + after + 2 * servo.friction)
-
-
-def _without(servo: ServoModel) -> ServoModel:
-    """The same servo without feed-forward."""
-    return servo.replace(velocity_feedforward=0.0, acceleration_feedforward=0.0).for_joints(
-        len(servo.kp)
-    )
 
 
 def _means(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:

@@ -95,11 +95,12 @@ def _sliders(
     kind = quantity_of(JobModel, keys)
     assert kind is not None
     if isinstance(value, np.ndarray):
-        different = len(set(value.tolist())) > 1
-        if isinstance(written, list) or different:
-            for k, x in enumerate(value):
+        # A joint without such a loop has no gain to slide.
+        given = np.flatnonzero(np.isfinite(value))
+        if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(given):
+            for k in given.tolist():
                 own = written[k] if isinstance(written, list) else written
-                yield _slider(slider, float(x), own, kind, (data, job, run), joint=k)
+                yield _slider(slider, float(value[k]), own, kind, (data, job, run), joint=k)
             return
         value = float(value[0])
     yield _slider(slider, value, written, kind, (data, job, run))
