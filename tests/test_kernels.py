@@ -158,3 +158,26 @@ def test_a_function_comes_after_those_that_it_calls(kernels):
             callee = getattr(function.__globals__.get(name), "py_func", None)
             key = (getattr(callee, "__module__", None), name)
             assert place.get(key, -1) <= place[item.key]
+
+
+def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(kernels):
+    """Directly or not: otherwise the old functions would go on after an update."""
+
+    def callees(kernel):
+        function = kernel.py_func
+        found = (function.__globals__.get(x) for x in function.__code__.co_names)
+        return [x for x in found if getattr(x, "py_func", None) is not None]
+
+    apart = 0
+    for kernel in kernels.values():
+        kept = {x[0] for x in kernel._cache._cache_file._source_stamp}
+        new, known = [kernel], set()
+        while new:
+            for x in callees(new.pop()):
+                if x not in known:
+                    known.add(x)
+                    new.append(x)
+        files = {Path(x.py_func.__code__.co_filename).name for x in known}
+        assert files <= kept, kernel
+        apart += len(files) > 1
+    assert apart > 20

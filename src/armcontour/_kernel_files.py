@@ -8,14 +8,19 @@ time on that than on many plans.
 from __future__ import annotations
 
 import functools
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from llvmlite.binding import parse_assembly, parse_bitcode
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime.nrt import rtsys
+
+ROOT = Path(__file__).parent
+IMPORT = re.compile(r"^from (armcontour\.[\w.]+) import", re.MULTILINE)
 
 
 def files_of(
@@ -38,6 +43,21 @@ class _Files(FunctionCache):
 
     waiting: Sequence[Callable[[Any], None]] = ()
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        index: Any = self._cache_file
+        index._source_stamp = _state_of(Path(function.__code__.co_filename))
+        load = index._load_index
+
+        def load_known() -> Any:
+            """What is kept; nothing where types of an earlier version no longer exist."""
+            try:
+                return load()
+            except (ImportError, AttributeError):
+                return {}
+
+        index._load_index = load_known
+
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled function that is kept, as soon as nobody is compiling it; else None."""
         for wait in tuple(self.waiting):
@@ -47,6 +67,28 @@ class _Files(FunctionCache):
         rtsys.initialize(target)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(signature, target)
+
+
+@functools.cache
+def _state_of(file: Path) -> tuple[tuple[str, float, int], ...]:
+    """State of a file and of all files with compiled functions that it imports from.
+
+    Numba looks at the file of a function only, not at those of the functions that it calls.
+    """
+    known, new = {file}, [file]
+    while new:
+        found = _kernels_imported(new.pop()) - known
+        known |= found
+        new += found
+    return tuple((x.name, x.stat().st_mtime, x.stat().st_size) for x in sorted(known))
+
+
+@functools.cache
+def _kernels_imported(file: Path) -> frozenset[Path]:
+    """Files with compiled functions that a file imports from."""
+    names = IMPORT.findall(file.read_text(encoding="utf-8"))
+    files = (ROOT.joinpath(*x.split(".")[1:]).with_suffix(".py") for x in names)
+    return frozenset(x for x in files if x.is_file() and "@compiled" in x.read_text("utf-8"))
 
 
 class _Content(CompileResultCacheImpl):
