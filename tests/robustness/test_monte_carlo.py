@@ -180,6 +180,13 @@ def test_the_worst_of_a_monotone_box_is_a_corner(job):
     assert abs(worst["kp of joint 1"]) == pytest.approx(0.1)
 
 
+def test_robots_that_do_not_settle_have_errors_too(job):
+    taught, path, arm, servo, limits = job
+    slow = servo.replace(kp=0.02)
+    usual, found = (spread(taught, path, arm, x, limits, Box(), samples=1) for x in (servo, slow))
+    assert 10 * usual.nominal_max < found.nominal_max < path.length
+
+
 def test_too_many_corners_are_searched():
     weights = np.random.default_rng(1).normal(size=15)
     signs = robustness._search_corners(lambda x: x @ weights + 0.1 * x[:, 0] * x[:, 1], 15)

@@ -26,8 +26,6 @@ FINER = 16
 CORNER = 1e-3
 # Times that differ by less than this many intervals between results are equal.
 SNAP = 1e-9
-# Status at the end of an execution.
-SETTLED, RESTLESS, STUCK = 0, 1, 2
 
 
 class Line(NamedTuple):
@@ -92,7 +90,7 @@ class Rest(NamedTuple):
 
     Attributes:
         reach: Largest distance of the tool from a joint [m].
-        patience: Time by which the tool must have come to rest [s].
+        patience: Time at which an execution ends that does not come to rest [s].
     """
 
     reach: float
@@ -124,7 +122,7 @@ class Found(NamedTuple):
         until: End of the time over which errors are evaluated [s].
         saturated: Fraction of this time in saturation.
         demand_ratio: Largest demand over its limit.
-        status: SETTLED, RESTLESS or STUCK.
+        stuck: 1 where time steps as short as the servo needs make no progress, else 0.
     """
 
     rms: FloatArray
@@ -132,7 +130,7 @@ class Found(NamedTuple):
     until: FloatArray
     saturated: FloatArray
     demand_ratio: FloatArray
-    status: IntArray
+    stuck: IntArray
 
 
 class States(NamedTuple):
@@ -463,7 +461,7 @@ def _execute(
     states: States,
     anchors: FloatArray,
 ) -> tuple[Errors, int]:
-    """Execute sample i; returns its contour errors and its status.
+    """Execute sample i; returns its contour errors, and whether it is stuck.
 
     The other arguments are those of `run`; `states` and `anchors` are memory for the states of the
     joints and for `tool_point`.
@@ -488,19 +486,17 @@ def _execute(
     while True:
         end = min(done + CHUNK, stop)
         if not _advance_joints(clock, drive, gains, commands, starts, done, end, states, places):
-            return e, STUCK
+            return e, 1
         segment, e = _measure(robot, line, clock, done, end, segment, places, anchors, e)
         done = end
         now = clock.start + done * period
         speed = rest.reach * _bound_speed(kp, kv, commands[:, knots, 0], states)
         if done >= quiet and speed < STILL_SPEED:
             if now < clock.finish:
-                return _finish(e, (clock.finish - now) * e.square), SETTLED
-            return e, SETTLED
-        if done == stop:
-            return e, SETTLED
-        if now > rest.patience:
-            return e, RESTLESS
+                return _finish(e, (clock.finish - now) * e.square), 0
+            return e, 0
+        if done == stop or now > rest.patience:
+            return e, 0
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -538,11 +534,11 @@ def run(
     anchors = np.empty((dof, 3))
     anchors[:, :2], anchors[:, 2] = 0.0, 1.0
     for i in range(len(samples.kp)):
-        e, status = _execute(i, robot, line, clock, drive, rest, samples, states, anchors)
+        e, stuck = _execute(i, robot, line, clock, drive, rest, samples, states, anchors)
         found.rms[i] = math.sqrt(e.end_integral / (e.end - max(clock.begin, 0.0)))
         # A tool that is slower than REST_SPEED can still leave the path.
         found.max[i] = math.sqrt(e.end_peak if clock.fixed else e.peak)
         found.until[i] = e.end
         found.saturated[i] = states.saturated.max() / e.end
         found.demand_ratio[i] = states.ratio.max()
-        found.status[i] = status
+        found.stuck[i] = stuck

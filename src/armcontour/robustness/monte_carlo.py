@@ -21,8 +21,6 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.transitions import draw_arcs
 from armcontour.motion import TaughtData
 from armcontour.robustness._monte_carlo import (
-    SETTLED,
-    STUCK,
     Clock,
     Drive,
     Found,
@@ -51,9 +49,8 @@ LAGS_AHEAD = 1.0
 # Number of points at which the planned arc length is computed: per command interval, and least.
 PLACES_PER_INTERVAL = 2
 FEWEST_PLACES = 4000
-# As in `ServoPlant`: time to come to rest after the last set-point [s], or in durations.
+# As in `ServoPlant`: time to come to rest after the last set-point [s].
 PATIENCE = 60.0
-PATIENCE_IN_DURATIONS = 10.0
 # Number of samples that a thread executes at a time.
 BATCH = 32
 
@@ -197,7 +194,7 @@ def spread(
     Raises:
         InvalidInput: Box, servo, path or taught data do not fit the arm, or the samples do not fit
             in the memory.
-        ExecutionError: A joint does not come to rest.
+        ExecutionError: A joint cannot be simulated with its gains.
     """
     number = _checks.whole("samples", samples, 1, 10**7)
     _checks.refuse_too_many(
@@ -293,7 +290,6 @@ class _Model:
         lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
         duration = taught.trajectory.duration
         end = duration if until is None else _checks.positive("until", until, "s")
-        patience = max(PATIENCE, PATIENCE_IN_DURATIONS * len(taught.q) * taught.period)
         steps = self._steps()
         last = taught.start_time + len(taught.q) * taught.period
         begin = taught.start_time if since is None else _checks.number("since", since, "s")
@@ -303,7 +299,7 @@ class _Model:
             )
         fixed = until is not None
         self.clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed)
-        self.rest = Rest(reach, last + patience)
+        self.rest = Rest(reach, last + PATIENCE)
         self.line = _line(path, taught, arm, self._lag())
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
         own_servo = self.servo
@@ -330,7 +326,7 @@ class _Model:
             threads: Number of threads.
 
         Raises:
-            ExecutionError: A joint does not come to rest.
+            ExecutionError: A joint cannot be simulated with its gains.
         """
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
@@ -347,7 +343,7 @@ class _Model:
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
         found = self._run(kp, kv, late, payload, seed, threads)
-        _refuse_unsettled(found, kp, kv)
+        _refuse_stuck(found, kp, kv)
         return Spread(
             rms=found.rms[:-1],
             max=found.max[:-1],
@@ -386,8 +382,8 @@ class _Model:
         """
         n = len(kp)
         rms, largest, until, saturated, ratio = np.full((5, n), np.nan)
-        status = np.zeros(n, dtype=np.intp)
-        found = Found(rms, largest, until, saturated, ratio, status)
+        stuck = np.zeros(n, dtype=np.intp)
+        found = Found(rms, largest, until, saturated, ratio, stuck)
 
         def batch(first: int) -> None:
             last = min(first + BATCH, n)
@@ -396,7 +392,7 @@ class _Model:
             of = slice(first, last)
             samples = Samples(kp[of], kv[of], late[of], payload[of], jitter)
             errors = (rms[of], largest[of], until[of], saturated[of], ratio[of])
-            own = Found(*errors, status[of])
+            own = Found(*errors, stuck[of])
             run(self.robot, self.line, self.clock, self.drive, self.rest, samples, own)
 
         # The first batch is executed alone, because it compiles the kernels.
@@ -464,26 +460,19 @@ class _Model:
         return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
 
 
-def _refuse_unsettled(found: Found, kp: FloatArray, kv: FloatArray) -> None:
-    """Refuse results if an execution did not come to rest or could not be computed.
+def _refuse_stuck(found: Found, kp: FloatArray, kv: FloatArray) -> None:
+    """Refuse results if an execution could not be computed.
 
     Raises:
         ExecutionError: Names the first such execution.
     """
-    failed = np.flatnonzero(found.status != SETTLED)
-    if not len(failed):
-        return
-    i = int(failed[0])
-    gains = f"the gains kp {kp[i].tolist()} and kv {kv[i].tolist()} 1/s"
-    if found.status[i] == STUCK:
+    if found.stuck.any():
+        i = int(np.argmax(found.stuck))
         raise ExecutionError(
-            f"Execution {i} cannot be simulated with {gains}: time steps as short as the servo "
-            "needs make no progress, so lower the gains."
+            f"Execution {i} cannot be simulated with the gains kp {kp[i].tolist()} and kv "
+            f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, so "
+            "lower the gains."
         )
-    raise ExecutionError(
-        f"Execution {i} does not come to rest with {gains}: make the box smaller, or raise the "
-        "acceleration limits."
-    )
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
