@@ -111,8 +111,8 @@ class RigidBodyPlant(Locked, Plant):
     Raises:
         InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
             servo is not of second order or has friction, cycle or acceleration limit, the step is
-            outside STEPS, the noise is too large, a drive with
-            a spring has no inertia, or mujoco is not installed.
+            outside STEPS, the noise is too large, a drive with a spring has no inertia, or mujoco
+            is not installed.
     """
 
     def __init__(
