@@ -123,7 +123,26 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
 @pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
-def test_set_points_compensate_dry_friction(kind, feed):
+def test_set_points_compensate_the_cycle_of_drives(kind, feed):
+    path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
+    limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[50.0, 50.0], speed=0.1)
+    plan = ac.plan(path, ARM, limits, intervals=200)
+    for period in (PERIOD, 2e-4):
+        off = []
+        for cycle in (0.0, 2e-3):
+            servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, cycle=cycle, **kind)
+            taught = ac.compensate(plan, servo, method="inverse", period=period)
+            # What the joints do between cycles is not compensated.
+            done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=period)
+            inside = (done.t > 0) & (done.t < plan.duration)
+            inside &= np.abs(done.t / 2e-3 - np.round(done.t / 2e-3)) < 1e-6
+            off.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration)))[inside].max())
+        assert off[1] < off[0] + 3e-5
+
+
+@pytest.mark.parametrize("feed", [0.0, 0.9])
+@pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
+def test_set_points_compensate_dry_dry_friction(kind, feed):
     path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
     plan = ac.plan(path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), intervals=200)
     off = []

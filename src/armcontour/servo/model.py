@@ -275,9 +275,7 @@ class ServoModel(Value):
         The servo responds to u as one without feed-forward to `u + a du + b ddu`.
         """
         a = np.asarray(self.velocity_feedforward / self.kp)
-        b = np.asarray(self.acceleration_feedforward / (self.kp * self._of_second(1.0)))
-        # Differences over a cycle are half a cycle late.
-        return a, b - a * self.cycle / 2
+        return a, np.asarray(self.acceleration_feedforward / (self.kp * self._of_second(1.0)))
 
     def _of_second(self, other: float) -> FloatArray:
         """Velocity loop gains [1/s], and `other` for joints without a velocity loop."""
@@ -371,9 +369,10 @@ class ServoModel(Value):
         """
         at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
         found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
-        # A velocity that is held for a cycle is late by half of it.
-        bend = 1 / self._of_second(np.inf) + self.cycle / 2 * np.isinf(self._of_second(np.inf))
-        bend = np.asarray(bend / self.kp)
+        loops = self._of_second(np.inf)
+        # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
+        late = self.cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
+        bend = np.asarray((1 / loops + late) / self.kp)
         if not bend.any():
             return found
         if ddq is None:
