@@ -42,7 +42,6 @@ from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job
-from armcontour.jobs.programs import trace_run
 from armcontour.motion import Execution, JointPath, Law, Span, TaughtData, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.timing import intervals_of
@@ -139,9 +138,8 @@ class Assembly:
         objective: The program before its corners were rounded.
         program: The program to plan.
         progress: Called with a step before each trial.
+        traced: The traced program. Tracing does not depend on timing: all rounds share it.
         executor: What executes robots of a box as rigid bodies; None is processes of this machine.
-        traced: The traced program; None if it is not traced yet. Tracing does not depend on timing:
-            all rounds share it.
 
     Attributes:
         trials: Number of plans of contours that were made.
@@ -154,8 +152,8 @@ class Assembly:
     objective: Program
     program: Program
     progress: Progress
+    traced: Tracing
     executor: Executor | None = None
-    traced: Tracing | None = None
     trials: int = 0
     # Plans in the order in which they are needed, and the number of them that this round has used.
     _done: list[Planned] = field(default_factory=list)
@@ -195,8 +193,6 @@ class Assembly:
     def _assemble(self) -> Whole:
         """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
-        if self.traced is None:
-            self.traced = trace_run(self.job, self.robot.run, self.program)
         trajectory = time_program(self.traced, self)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans

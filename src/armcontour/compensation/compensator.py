@@ -119,7 +119,7 @@ def default_method(servo: ServoModel, arm: Arm | None) -> str:
         "inverse_dynamics" for bodies of known masses and a servo of second order without friction
         and cycle, else "inverse".
     """
-    plain = servo.order == "second" and not servo.friction.any() and not servo.cycle
+    plain = servo.is_plain("second")
     return "inverse_dynamics" if plain and arm is not None and arm.has_bodies else "inverse"
 
 

@@ -165,7 +165,7 @@ def is_implausible(found: Fit) -> bool:
 
 
 def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
-    """The stretches with fewer samples, if their set-points tell the same command."""
+    """The stretches with fewer samples, if their set-points give the same command."""
     interval = float(np.median(np.diff(stretches[0].command.t)))
     every = int(COARSE / interval * (1 + 1e-6))
     if every < 2 or not stretches[0].command.linear:

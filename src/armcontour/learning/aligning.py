@@ -76,7 +76,7 @@ def align(
 
     Raises:
         InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
-            what it is instead, if that can be told.
+            what it is instead, if that is found.
     """
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo

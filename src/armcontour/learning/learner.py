@@ -138,7 +138,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
             "are given."
         )
     servo = nominal.servo.for_joints(nominal.arm.dof)
-    if servo.order not in ("second", "first") or servo.friction.any() or servo.cycle:
+    if not servo.is_plain("second", "first"):
         raise InvalidInput(
             "learn needs joint servos all of order second, or all of order first, without friction "
             f"and cycle, but the servo has {servo}: give such a servo, which is fitted to the log."

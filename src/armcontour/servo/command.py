@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.servo.model import ServoModel, sliding
+from armcontour.servo.model import ServoModel, lead_of, sliding
 
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
@@ -43,12 +43,12 @@ def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
 
 
 def cycle_commands(
-    q: FloatArray, period: float, servo: ServoModel, first: int, count: int
+    pieces: FloatArray, period: float, servo: ServoModel, first: int, count: int
 ) -> FloatArray:
     """The commands that drives with a cycle hold [rad], with feed-forward and friction.
 
     Args:
-        q: Set-points [rad], (n, dof).
+        pieces: Coefficients of the command from `command_and_rates`, (dof, n + 1, 4).
         period: Command interval [s].
         servo: Servo model with values per joint and a cycle.
         first: The first cycle; cycle 0 begins at the first set-point.
@@ -57,9 +57,8 @@ def cycle_commands(
     Returns:
         Commands, (dof, count).
     """
-    raw = command_and_rates(q, period, servo.interpolation)[0]
     times = np.asarray((first + np.arange(-2, count)) * servo.cycle, np.float64)
-    u = sample_command(raw, period, servo.dead_time, times).T
+    u = sample_command(pieces, period, servo.dead_time, times).T
     return cycle_feedforward(u, servo.cycle, servo)
 
 
@@ -74,11 +73,8 @@ def cycle_feedforward(u: FloatArray, cycle: float, servo: ServoModel | JointServ
     Returns:
         Commands [rad], (rows, count).
     """
-    kp, kv = (np.inf if x is None else x for x in (servo.kp, servo.kv))
     du, ddu = np.diff(u, axis=1)[:, 1:] / cycle, np.diff(u, 2, axis=1) / cycle**2
-    a = servo.velocity_feedforward / kp
-    b = servo.acceleration_feedforward / (kp * np.where(np.isinf(kv), 1.0, kv))
-    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (a, b, servo.friction))
+    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
     return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
 
 
@@ -92,6 +88,12 @@ class JointServo(NamedTuple):
     dead_time: Any = 0.0
     acceleration_limit: Any = np.inf
     friction: Any = 0.0
+
+    @property
+    def lead(self) -> tuple[FloatArray, FloatArray]:
+        """As `ServoModel.lead`."""
+        feed = self.velocity_feedforward, self.acceleration_feedforward
+        return lead_of(self.kp, self.kv, *feed)
 
 
 class LoggedCommand:
@@ -119,12 +121,8 @@ class LoggedCommand:
 
     def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
         """Pieces with feed-forward and friction of some servos, (rows, n + 1, 4)."""
-        a = servo.velocity_feedforward / servo.kp
-        b = servo.acceleration_feedforward / (
-            servo.kp * np.where(np.isinf(servo.kv), 1.0, servo.kv)
-        )
         found = np.tile(self.pieces, (rows, 1, 1))
-        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (a, b, servo.friction))
+        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
         found[:, :, 0] += a * self.rate + b * self.bend - c * self.slide
         return found
 

@@ -228,15 +228,13 @@ class ServoModel(Value):
         """
         given: dict[str, Any] = {}
         for x in PER_JOINT:
-            value = getattr(self, x)
-            if value is not None:
-                shape = np.shape(value)
-                if shape not in ((), (1,), (dof,)):
-                    raise InvalidInput(
-                        f"{NAMES.get(x, x)} has {value.size} values, but the arm has {dof} joints: "
-                        f"give one value for all joints or {dof}."
-                    )
-                given[x] = np.broadcast_to(value, (dof,))
+            values = getattr(self, x)
+            if values is None:
+                continue
+            if values.ndim:
+                # Infinite values are none, and their number is refused.
+                _checks.per_joint(NAMES.get(x, x), np.where(np.isinf(values), 0.0, values), dof)
+            given[x] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
             raise InvalidInput(
                 f"order of the servo has {len(self.order)} values, but the arm has {dof} joints: "
@@ -274,19 +272,18 @@ class ServoModel(Value):
 
         The servo responds to u as one without feed-forward to `u + a du + b ddu`.
         """
-        a = np.asarray(self.velocity_feedforward / self.kp)
-        return a, np.asarray(self.acceleration_feedforward / (self.kp * self._of_second(1.0)))
+        feed = self.velocity_feedforward, self.acceleration_feedforward
+        return lead_of(self.kp, np.inf if self.kv is None else self.kv, *feed)
 
-    def _of_second(self, other: float) -> FloatArray:
-        """Velocity loop gains [1/s], and `other` for joints without a velocity loop."""
-        if self.kv is None:
-            return np.full_like(self.kp, other)
-        return np.where(np.isinf(self.kv), other, self.kv)
+    @property
+    def _loops(self) -> FloatArray:
+        """Velocity loop gains [1/s], infinite for joints without a velocity loop."""
+        return np.full_like(self.kp, np.inf) if self.kv is None else self.kv
 
     @property
     def slowest(self) -> float:
         """Smallest decay rate of any joint [1/s]; infinite where all joints only delay."""
-        kp, kv = np.broadcast_arrays(self.kp, self._of_second(np.inf))
+        kp, kv = np.broadcast_arrays(self.kp, self._loops)
         # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
         # sum of the rates is kv and their product kp kv.
         loop = np.isfinite(kv)
@@ -307,19 +304,23 @@ class ServoModel(Value):
         if self.acceleration_limit is not None:
             upper = np.broadcast_to(self.acceleration_limit, upper.shape)
             lower = -upper
-        loop = np.isfinite(self._of_second(np.inf))
+        loop = np.isfinite(self._loops)
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
+
+    def is_plain(self, *orders: str) -> bool:
+        """Whether all joints are of the same one of some orders, without friction and cycle."""
+        return self.order in orders and not self.friction.any() and not self.cycle
 
     def refuse_mixed(self, who: str) -> None:
         """Refuse joints of another order than "second", friction and a drive's cycle.
 
         Args:
-            who: What cannot use them, as the begin of the message.
+            who: What cannot use them, which begins the message.
 
         Raises:
             InvalidInput: The servo has them.
         """
-        if self.order != "second" or self.friction.any() or self.cycle:
+        if not self.is_plain("second"):
             raise InvalidInput(
                 f"{who} needs joint servos of order second without friction and cycle, but the "
                 f"servo has {self}: take the compensation inverse and independent joints."
@@ -369,7 +370,7 @@ class ServoModel(Value):
         """
         at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
         found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
-        loops = self._of_second(np.inf)
+        loops = self._loops
         # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
         late = self.cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
         bend = np.asarray((1 / loops + late) / self.kp)
@@ -396,6 +397,12 @@ class ServoModel(Value):
         if self.kv is not None:
             slow = slow + at**2 / np.atleast_1d(self.kp * self.kv)
         return np.asarray(found / slow)
+
+
+def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatArray, FloatArray]:
+    """Factors of `ServoModel.lead` of servos; kv is infinite without a velocity loop."""
+    loops = np.where(np.isinf(kv), 1.0, kv)
+    return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
 def sliding(rate: FloatArray) -> FloatArray:

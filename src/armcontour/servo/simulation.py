@@ -11,6 +11,7 @@ from armcontour.servo.command import (
     SNAP,
     JointServo,
     LoggedCommand,
+    command_and_rates,
     cycle_commands,
     cycle_feedforward,
     polynomials,
@@ -50,6 +51,7 @@ class Simulation:
         self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
         if servo.cycle:
             self.kind = HELD
+            self.commands = command_and_rates(q, period, servo.interpolation)[0]
             return
         self.commands = polynomials(q, period, servo)
         self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
@@ -129,7 +131,7 @@ class Simulation:
         cycle = self.servo.cycle
         first = int(np.floor(begin / cycle + SNAP))
         count = max(int(np.ceil(end / cycle - SNAP)) - first, 1) + 1
-        held = cycle_commands(self.q, self.period, self.servo, first, count)
+        held = cycle_commands(self.commands, self.period, self.servo, first, count)
         return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle, self.joints.kp)
 
     def _refuse_stuck(self, j: int) -> None:
@@ -230,7 +232,7 @@ def follow(
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
-    joints = Joints(each.kp, np.where(np.isinf(each.kv), 0.0, each.kv), -limit, limit)
+    joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit)
     kind = STRAIGHT
     if cycle:
         kind = HELD
