@@ -126,8 +126,10 @@ class LearningStudy:
             f"{lesson.repeats * 1e3:.3g} mm RMS repeats, {lesson.noise * 1e3:.3g} mm RMS does not"
         )
         if lesson.finished:
-            best = f"the set-points are those of run {lesson.best + 1}, the best"
-            return f"Finished: {lesson.reason}; {best}, and {noise}."
+            whose = f"those of run {lesson.best + 1}, the best"
+            if not np.array_equal(lesson.q, lesson.runs[lesson.best].q):
+                whose = "learned from all runs"
+            return f"Finished: {lesson.reason}; the set-points are {whose}, and {noise}."
         because = f" ({lesson.reason})" if lesson.reason else ""
         expected = f"the next run should have {lesson.predicted * 1e3:.3g} mm RMS"
         return f"Go on{because}: {expected}; {noise}."

@@ -212,7 +212,8 @@ class Lesson(TaughtData):
         best: Index of the run whose set-points have the smallest error, as far as it repeats.
         repeats: RMS error of these set-points that repeats [m], by all runs.
         setbacks: Number of times that a run was worse than the best before it.
-        finished: Whether nothing more is to be had. The set-points are then those of the best run.
+        finished: Whether nothing more is to be had. The set-points are then those of the best run,
+            or where errors differ between runs, learned from all of them.
         reason: Why learning is finished, or what keeps the step small; may be empty.
         lifted: The model, kept from run to run because it takes most of the time; None makes it
             again.

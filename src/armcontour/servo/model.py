@@ -308,7 +308,11 @@ class ServoModel(Value):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of the same one of some orders, without friction and cycle."""
+        """Whether all joints are of the same order, without friction and cycle.
+
+        Args:
+            orders: Orders that count.
+        """
         return self.order in orders and not self.friction.any() and not self.cycle
 
     def refuse_mixed(self, who: str) -> None:
