@@ -6,9 +6,10 @@ from soak.certificates import random_job
 
 import armcontour as ac
 from armcontour.arms.tube import Tube
+from armcontour.geometry._segments import search_along
+from armcontour.geometry.nearest import pack
 from armcontour.motion import LapLaw
 from armcontour.robustness import monte_carlo as robustness
-from armcontour.robustness._nearest_place import find_nearest
 from armcontour.robustness.monte_carlo import Box, jitter_of, spread, worst_corner
 
 PERIOD = 4e-3
@@ -262,23 +263,23 @@ def test_a_serial_arm_in_space():
 def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
     """There and back again, 0.1 mm beside the way there."""
     path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
-    d2, segment = find_nearest(0.1, 9e-5, 0.0, robustness._table(path), 0.0, 0, 0.05, 0.15)
+    d2, segment = search_along((0.1, 9e-5, 0.0), pack(path.segments), 0.0, 0, 0.05, 0.15)
     assert segment == 0 and np.sqrt(d2) == pytest.approx(9e-5)
     # The window of time is behind; from joint to joint the nearest place is found all the same.
     path = ac.Path.polyline([(0.01 * i, 0.002 * (i % 2)) for i in range(40)])
     x, y = path(np.array([0.3]))[0] + [0.0, 0.02]
-    table, segment = robustness._table(path), 0
+    rows, segment = pack(path.segments), 0
     for _ in range(40):
-        found, segment = find_nearest(x, y, 0.0, table, 0.0, segment, -1.0, 0.0)
+        found, segment = search_along((x, y, 0.0), rows, 0.0, segment, -1.0, 0.0)
     expected = path.project(np.array([[x, y]])).distance[0]
     assert np.sqrt(found) == pytest.approx(expected)
     starts = (0.40, 0.2), (0.30, 0.2)
     half = [ac.Arc(start=x, center=(0.35, 0.2), angle=np.pi) for x in starts]
     path = ac.Path.from_segments(half)
     x, y = path(np.array([0.01]))[0]
-    table, window = robustness._table(path), (1, path.length - 0.02, path.length)
-    open_, _ = find_nearest(x, y, 0.0, table, 0.0, *window)
-    closed, segment = find_nearest(x, y, 0.0, table, path.length, *window)
+    rows, window = pack(path.segments), (1, path.length - 0.02, path.length)
+    open_, _ = search_along((x, y, 0.0), rows, 0.0, *window)
+    closed, segment = search_along((x, y, 0.0), rows, path.length, *window)
     assert np.sqrt(closed) < 1e-12 and segment == 0 and np.sqrt(open_) > 5e-3
 
 

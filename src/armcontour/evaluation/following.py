@@ -33,7 +33,7 @@ class Followed:
         missed: Largest distance from the path to the tool, of the places that are passed from each
             point to the next [m], (n,); -1 where it cannot be the largest one.
         missed_s: Where these distances are [m], (n,).
-        geometry: The path from `geometry.nearest.pack`, (rows, 12).
+        geometry: The path from `geometry.nearest.pack`, (rows, 15).
     """
 
     distance: FloatArray
@@ -104,7 +104,7 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.evaluation._following import measure_missed
+    from armcontour.evaluation._following import Way, measure_missed
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -117,9 +117,10 @@ def follow_path(
             break
         leash *= 2
     of = slice(0, max(reached, 2))
-    missed, where = measure_missed(
-        padded[of], distance[of], s[of], geometry, begin, min(end, path.length)
-    )
+    chords = length(np.diff(padded[of], axis=0))
+    later = np.minimum.accumulate(s[of][::-1])[::-1].copy()
+    way = Way(padded[of], distance[of], s[of], chords, later)
+    missed, where = measure_missed(way, geometry, begin, min(end, path.length))
     own = slice(first, last)
     for at, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
         if len(missed[others]) and missed[others].max() > missed[at]:

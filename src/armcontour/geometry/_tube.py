@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.geometry._nearest import nearest_within, offsets
+from armcontour.geometry._segments import Point, nearest_within, point_at
 
 # A part is halved at most this often, and into at most this many parts.
 DEPTH = 48
@@ -21,36 +21,50 @@ CLOSE = 1e-6
 FINE = 50
 
 
+class Pieces(NamedTuple):
+    """The m pieces of a tube.
+
+    Attributes:
+        rows: The pieces from `pack`, (m, 15).
+        tolerance: Their tolerances [m], (m,).
+        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
+    """
+
+    rows: FloatArray
+    tolerance: FloatArray
+    given_up: BoolArray
+
+
+@compiled(inner=True)
+def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[float, float]:
+    """Distance of a point from a part of piece j, less its tolerance, and the nearest place [m].
+
+    The distance is infinite if the part is empty or a neighbour has the nearest point.
+    """
+    if low > high:
+        return math.inf, 0.0
+    g = pieces.rows[j]
+    d2, u = nearest_within(p, g, low, high)
+    if (pieces.given_up[j, 0] and u <= 0.0) or (pieces.given_up[j, 1] and u >= g[10]):
+        return math.inf, u
+    return math.sqrt(d2) - pieces.tolerance[j], u
+
+
 @compiled()
-def find_room(
-    points: FloatArray,
-    windows: IntArray,
-    pieces: FloatArray,
-    tolerance: FloatArray,
-    given_up: BoolArray,
-) -> FloatArray:
+def find_room(points: FloatArray, windows: IntArray, pieces: Pieces) -> FloatArray:
     """Largest tolerance less distance over the pieces of each point's window [m], (n,).
 
     Args:
         points: Points, padded to space [m], (n, 3).
         windows: First and last piece for each point, (n, 2).
-        pieces: Pieces from `pack`, (m, 12).
-        tolerance: Tolerances of the pieces [m], (m,).
-        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
+        pieces: The pieces.
     """
     room = np.full(len(points), -np.inf)
     for i in range(len(points)):
+        p = points[i, 0], points[i, 1], points[i, 2]
         for j in range(windows[i, 0], windows[i, 1] + 1):
-            d2, u = nearest_within(points[i], pieces[j], 0.0, pieces[j, 10])
-            if _owns(u, pieces[j], given_up[j]):
-                room[i] = max(room[i], tolerance[j] - math.sqrt(d2))
+            room[i] = max(room[i], -_excess(p, pieces, j, 0.0, pieces.rows[j, 10])[0])
     return room
-
-
-@compiled(inner=True)
-def _owns(u: float, g: FloatArray, given_up: BoolArray) -> Any:
-    """Whether a piece has the point at distance u along it, and not its neighbour."""
-    return not ((given_up[0] and u <= 0.0) or (given_up[1] and u >= g[10]))
 
 
 @compiled()
@@ -63,56 +77,20 @@ def nearest_in_range(
         points: Points, padded to space [m], (n, 3).
         ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
         windows: First and last segment of that range, (n, 2).
-        rows: Segments of the path from `pack`, (m, 12).
+        rows: Segments of the path from `pack`, (m, 15).
     """
     distance = np.full(len(points), np.inf)
     s = np.zeros(len(points))
     for i in range(len(points)):
+        p = points[i, 0], points[i, 1], points[i, 2]
         for j in range(windows[i, 0], windows[i, 1] + 1):
             g = rows[j]
             low = min(max(ranges[i, 0] - g[11], 0.0), g[10])
             high = min(max(ranges[i, 1] - g[11], low), g[10])
-            d2, u = nearest_within(points[i], g, low, high)
+            d2, u = nearest_within(p, g, low, high)
             if math.sqrt(d2) < distance[i]:
                 distance[i], s[i] = math.sqrt(d2), g[11] + u
     return distance, s
-
-
-@compiled(inner=True)
-def _put_point(g: FloatArray, u: float, p: FloatArray) -> None:
-    """Write the point at distance u along segment g into p."""
-    along, across = offsets(g[9], u)
-    for axis in range(3):
-        p[axis] = g[axis] + along * g[3 + axis] + across * g[6 + axis]
-
-
-@compiled(inner=True)
-def _own_part(g: FloatArray, place: float, reach: float) -> tuple[float, float]:
-    """Part of a piece within reach of a place, as distances along it; empty if low > high."""
-    return max(place - reach - g[11], 0.0), min(place + reach - g[11], g[10])
-
-
-@compiled(inner=True)
-def _normal_gap(g: FloatArray, u: float, h: FloatArray, v: float) -> Any:
-    """Distance between the unit normals of two arcs at distances u and v along them."""
-    cg, sg = math.cos(g[9] * u), math.sin(g[9] * u)
-    ch, sh = math.cos(h[9] * v), math.sin(h[9] * v)
-    total = 0.0
-    for axis in range(3):
-        gap = cg * g[6 + axis] - sg * g[3 + axis] - ch * h[6 + axis] + sh * h[3 + axis]
-        total += gap * gap
-    return math.sqrt(total)
-
-
-@compiled(inner=True)
-def _plane_gap(g: FloatArray, h: FloatArray) -> Any:
-    """Distance between the unit vectors about which the tangents of two arcs turn."""
-    total = 0.0
-    for axis in range(3):
-        a, b = (axis + 1) % 3, (axis + 2) % 3
-        gap = g[3 + a] * g[6 + b] - g[3 + b] * g[6 + a] - h[3 + a] * h[6 + b] + h[3 + b] * h[6 + a]
-        total += gap * gap
-    return math.sqrt(total)
 
 
 @compiled()
@@ -127,23 +105,33 @@ def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: flo
     bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
         return (bend_g + bend_h) / 8
-    apart = max(_normal_gap(g, u0, h, v0), _normal_gap(g, u1, h, v1))
-    if apart > 1.0:
+    # Distances of the unit normals at both ends, and of the axes about which the tangents turn.
+    apart2, plane2 = 0.0, 0.0
+    for u, v in ((u0, v0), (u1, v1)):
+        cg, sg, ch, sh = (
+            math.cos(g[9] * u),
+            math.sin(g[9] * u),
+            math.cos(h[9] * v),
+            math.sin(h[9] * v),
+        )
+        total = 0.0
+        for a in range(3):
+            total += (cg * g[6 + a] - sg * g[3 + a] - ch * h[6 + a] + sh * h[3 + a]) ** 2
+        apart2 = max(apart2, total)
+    if apart2 > 1.0:
         return (bend_g + bend_h) / 8
-    tilt = 2 * abs(turn_h) * _plane_gap(g, h)
-    apart += min((turn_g * turn_g + turn_h * turn_h) / 8, tilt)
+    for axis in range(3):
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        gap = g[3 + a] * g[6 + b] - g[3 + b] * g[6 + a] - h[3 + a] * h[6 + b] + h[3 + b] * h[6 + a]
+        plane2 += gap * gap
+    apart = math.sqrt(apart2)
+    apart += min((turn_g * turn_g + turn_h * turn_h) / 8, 2 * abs(turn_h) * math.sqrt(plane2))
     return (abs(bend_g - bend_h) + min(bend_g, bend_h) * apart) / 8
 
 
 @compiled(inner=True)
 def _judge(
-    g: FloatArray,
-    part: FloatArray,
-    window: IntArray,
-    pieces: FloatArray,
-    tolerance: FloatArray,
-    given_up: BoolArray,
-    points: FloatArray,
+    g: FloatArray, part: FloatArray, window: IntArray, pieces: Pieces
 ) -> tuple[float, float, float, float]:
     """Excess at both ends of a part of a path segment, and a bound of it over the whole part.
 
@@ -151,37 +139,25 @@ def _judge(
         g: The path segment's row of `pack`.
         part: Distance along the segment, place and reach at its start, then at its end [m], (6,).
         window: First and last piece within reach of any of its places, (2,).
-        pieces: Pieces from `pack`, (m, 12).
-        tolerance: Tolerances of the pieces [m], (m,).
-        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
-        points: Room for two points, (2, 3).
+        pieces: The pieces.
 
     Returns:
         Excess at the start, at the end, the bound, and the tolerance of its piece [m].
     """
     u0, u1 = part[0], part[3]
-    _put_point(g, u0, points[0])
-    _put_point(g, u1, points[1])
+    p, q = point_at(g, u0), point_at(g, u1)
     at_start, at_end, bound, own = np.inf, np.inf, np.inf, 0.0
     for j in range(window[0], window[1] + 1):
-        h = pieces[j]
-        low0, high0 = _own_part(h, part[1], part[2])
-        low1, high1 = _own_part(h, part[4], part[5])
-        d0, v0, d1, v1 = np.inf, 0.0, np.inf, 0.0
-        if low0 <= high0:
-            d2, v0 = nearest_within(points[0], h, low0, high0)
-            if _owns(v0, h, given_up[j]):
-                d0 = math.sqrt(d2) - tolerance[j]
-            at_start = min(at_start, d0)
-        if low1 <= high1:
-            d2, v1 = nearest_within(points[1], h, low1, high1)
-            if _owns(v1, h, given_up[j]):
-                d1 = math.sqrt(d2) - tolerance[j]
-            at_end = min(at_end, d1)
-        if low0 <= high0 and low1 <= high1 and max(d0, d1) < bound:
+        h = pieces.rows[j]
+        low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
+        high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
+        d0, v0 = _excess(p, pieces, j, low[0], high[0])
+        d1, v1 = _excess(q, pieces, j, low[1], high[1])
+        at_start, at_end = min(at_start, d0), min(at_end, d1)
+        if max(d0, d1) < bound:
             found = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
             if found < bound:
-                bound, own = found, tolerance[j]
+                bound, own = found, pieces.tolerance[j]
     return at_start, at_end, bound, own
 
 
@@ -191,21 +167,17 @@ def bound_excess(
     segment: IntArray,
     parts: FloatArray,
     windows: IntArray,
-    pieces: FloatArray,
-    tolerance: FloatArray,
-    given_up: BoolArray,
+    pieces: Pieces,
     slack: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bounds of distance less tolerance over parts of a path, and the largest values found.
 
     Args:
-        rows: Segments of the path from `pack`, (n, 12).
+        rows: Segments of the path from `pack`, (n, 15).
         segment: The segment of each part, (k,).
         parts: As in `_judge`, (k, 6).
         windows: As in `_judge`, (k, 2).
-        pieces: Pieces from `pack`, (m, 12).
-        tolerance: Tolerances of the pieces [m], (m,).
-        given_up: As in `_judge`, (m, 2).
+        pieces: The pieces.
         slack: A bound up to this is not made any closer [m].
 
     Returns:
@@ -214,7 +186,6 @@ def bound_excess(
     """
     n = len(parts)
     bounds, found, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
-    points = np.empty((2, 3))
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
     enough, left = slack, FINE * (n + 1000)
     for i in range(n):
@@ -226,9 +197,7 @@ def bound_excess(
             depth = depths[top]
             top -= 1
             count += 1
-            at_start, at_end, bound, own = _judge(
-                g, part, windows[i], pieces, tolerance, given_up, points
-            )
+            at_start, at_end, bound, own = _judge(g, part, windows[i], pieces)
             at_ends = max(at_start, at_end)
             if at_ends > found[i]:
                 found[i] = at_ends

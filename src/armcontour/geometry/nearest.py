@@ -1,8 +1,7 @@
-"""Nearest points of a path, by a tree of boxes or, for tangled plane paths, a grid of cells.
+"""Nearest points of a path, by a tree of boxes.
 
-Neither index serves both kinds of paths: for 10,000 segments and 100,000 random points
-(benchmarks/projection) the tree takes 0.09 s on a spiral and 0.27 s on chords across a square, the
-grid 12 s and 0.09 s.
+For 10,000 segments and 100,000 random points (benchmarks/projection) it takes 0.09 s on a spiral
+and 0.27 s on chords across a square.
 """
 
 from __future__ import annotations
@@ -26,9 +25,6 @@ OVERLAP = 8
 PIECES_PER_SEGMENT = 32
 # Pieces in a leaf of the tree: with fewer, searching nodes dominates; with more, searching pieces.
 LEAF_SIZE = 4
-# About this many segments run through a cell of the grid, which has at most this many cells.
-THROUGH_A_CELL = 16
-MOST_CELLS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +47,7 @@ def find_nearest(
 
     On transitions it is the nearest one of arcs within a nanometre of them (`draw_arcs`).
 
-    An index is built at the first call for a table of segments and kept as long as the table. A
+    A tree is built at the first call for a table of segments and kept as long as the table. A
     query then takes time about proportional to the logarithm of the number of segments.
 
     Args:
@@ -68,24 +64,26 @@ def find_nearest(
             f"Points to project have {queries.shape[1]} coordinates, "
             f"the path has {segments.dimension}."
         )
-    index = _indices.get(segments)
-    if index is None:
-        index = _indices[segments] = _build_index(*draw_arcs(segments))
+    from armcontour.geometry._segments import search_tree
+
+    tree = _trees.get(segments)
+    if tree is None:
+        tree = _trees[segments] = _build_tree(segments)
     if in_order:
-        return Projection(*index.search(pad(queries)))
+        return Projection(*search_tree(pad(queries), *tree))
     # Queries are searched in spatial order: each starts from a good guess and finds memory cached.
     order = _sort_along_a_curve(queries)
-    found = index.search(pad(queries[order]))
     distance, s = np.empty(len(queries)), np.empty(len(queries))
-    distance[order], s[order] = found
+    distance[order], s[order] = search_tree(pad(queries[order]), *tree)
     return Projection(distance, s)
 
 
 def pack(segments: Segments) -> FloatArray:
-    """Segments as an array for compiled functions, padded to space, (n, 12).
+    """Segments as an array for compiled functions, padded to space, (n, 15).
 
     Transitions are drawn as arcs (`draw_arcs`), so that there may be more rows than segments.
-    Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start.
+    Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start, end
+    (3).
     """
     return pack_arcs(*draw_arcs(segments))
 
@@ -93,7 +91,8 @@ def pack(segments: Segments) -> FloatArray:
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
     """What `pack` gives, from what `draw_arcs` gives."""
     vectors = [pad(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
-    return np.column_stack([*vectors, arcs.curvatures, arcs.lengths, begin])
+    numbers = [arcs.curvatures, arcs.lengths, begin]
+    return np.column_stack([*vectors, *numbers, pad(arcs.ends)])
 
 
 def pad(points: FloatArray) -> FloatArray:
@@ -103,101 +102,26 @@ def pad(points: FloatArray) -> FloatArray:
     return padded
 
 
-@dataclass(frozen=True, slots=True)
-class _Tree:
-    """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve.
-
-    Args:
-        geometry: Segments from `pack`, (n, 12).
-        pieces: Index of the segment of each piece, in tree order, (pieces,).
-        boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6) for m leaves.
-    """
-
-    geometry: FloatArray
-    pieces: IntArray
-    boxes: FloatArray
-
-    @classmethod
-    def build(cls, segments: Segments, begin: FloatArray) -> _Tree:
-        """The tree of lines and arcs from `draw_arcs`, in O(n log n)."""
-        segment, low, high = _divide(segments)
-        order = _sort_along_a_curve((low + high) / 2, digits=4)
-        leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
-        # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so that none is empty.
-        first = (np.arange(leaves + 1) * len(order)) // leaves
-        levels_low = [np.minimum.reduceat(low[order], first[:-1], axis=0)]
-        levels_high = [np.maximum.reduceat(high[order], first[:-1], axis=0)]
-        while len(levels_low[-1]) > 1:
-            levels_low.append(np.minimum(levels_low[-1][0::2], levels_low[-1][1::2]))
-            levels_high.append(np.maximum(levels_high[-1][0::2], levels_high[-1][1::2]))
-        return cls(
-            geometry=pack_arcs(segments, begin),
-            pieces=segment[order],
-            boxes=np.hstack([np.concatenate(levels_low[::-1]), np.concatenate(levels_high[::-1])]),
-        )
-
-    def search(self, queries: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance and arc length of the nearest point for each query, (n, 3)."""
-        from armcontour.geometry._nearest import search_tree
-
-        return search_tree(queries, self.geometry, self.pieces, self.boxes)
+# Rows of a table of segments, the segment of each piece in tree order, and the nodes' boxes in heap
+# order, (2 m - 1, 6) for m leaves.
+Tree = tuple[FloatArray, IntArray, FloatArray]
+_trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
 
 
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """A grid of cells over a plane path, each with a list of the segments that run through it.
-
-    Args:
-        geometry: Segments from `pack`, (n, 12).
-        low: Lower corner of the grid [m], (2,).
-        size: Edge length of a cell [m].
-        columns, rows: Numbers of cells along x and y.
-        first: Index in `entries` at which the list of each cell starts, (cells + 1,).
-        entries: Indices of segments, cell by cell.
-    """
-
-    geometry: FloatArray
-    low: FloatArray
-    size: float
-    columns: int
-    rows: int
-    first: IntArray
-    entries: IntArray
-
-    @classmethod
-    def build(cls, segments: Segments, begin: FloatArray) -> _Grid:
-        """The grid of lines and arcs from `draw_arcs` in the plane."""
-        from armcontour.geometry._nearest import fill_cells
-
-        diameter = np.where(segments.curvatures > 0, 2 / np.maximum(segments.curvatures, 1e-300), 0)
-        diameter = np.minimum(diameter, segments.lengths)[:, None]
-        last = segments[-1:].ends
-        low = np.min(np.concatenate([segments.starts - diameter, last]), axis=0)
-        high = np.max(np.concatenate([segments.starts + diameter, last]), axis=0)
-        extent = np.maximum(high - low, 1e-3 * (high - low).max())
-        area, length = float(extent.prod()), float(segments.lengths.sum())
-        # A line of length l runs through about 4 l / (pi size) cells.
-        size = max(THROUGH_A_CELL * np.pi * area / (4 * length), np.sqrt(area / MOST_CELLS))
-        columns, rows = (int(np.ceil(x / size)) + 1 for x in extent)
-        geometry = pack_arcs(segments, begin)
-        lists = fill_cells(geometry, low, size, columns, rows)
-        return cls(geometry, low, float(size), columns, rows, *lists)
-
-    def search(self, queries: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance and arc length of the nearest point for each query, (n, 3)."""
-        from armcontour.geometry._nearest import search_cells
-
-        cells = self.low, self.size, self.columns, self.rows, self.first, self.entries
-        return search_cells(queries, self.geometry, *cells)
-
-
-_indices: WeakKeyDictionary[Segments, _Tree | _Grid] = WeakKeyDictionary()
-
-
-def _build_index(segments: Segments, begin: FloatArray) -> _Tree | _Grid:
-    """A tree; or a grid, for a plane path so tangled that a tree would need too many pieces."""
-    tangled = _target_pieces(segments) > PIECES_PER_SEGMENT * len(segments)
-    return (_Grid if tangled and segments.dimension == 2 else _Tree).build(segments, begin)
+def _build_tree(segments: Segments) -> Tree:
+    """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve."""
+    arcs, begin = draw_arcs(segments)
+    segment, low, high = _divide(arcs)
+    order = _sort_along_a_curve((low + high) / 2, digits=4)
+    leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
+    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so that none is empty.
+    first = (np.arange(leaves) * len(order)) // leaves
+    # Lower corners and the negative of upper corners, from the leaves to the root.
+    levels = [np.minimum.reduceat(np.hstack([low, -high])[order], first, axis=0)]
+    while len(levels[-1]) > 1:
+        levels.append(np.minimum(levels[-1][0::2], levels[-1][1::2]))
+    boxes = np.concatenate(levels[::-1]) * np.repeat([1.0, -1.0], 3)
+    return pack_arcs(arcs, begin), segment[order], boxes
 
 
 def _target_pieces(segments: Segments) -> float:

@@ -96,8 +96,7 @@ class Tube:
     tolerance: FloatArray
     vertex: IntArray
     vertex_tolerance: FloatArray
-    _rows: FloatArray = field(init=False, repr=False)
-    _given_up: BoolArray = field(init=False, repr=False)
+    _pieces: tuple[FloatArray, FloatArray, BoolArray] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("breaks", "tolerance", "vertex_tolerance"):
@@ -106,12 +105,11 @@ class Tube:
         _refuse_transitions(self.segments)
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
-        object.__setattr__(self, "_rows", _checks.lock_floats(rows))
         # Where the tolerance changes, the smaller one holds: points beyond the end of the piece
         # with the larger one belong to its neighbour.
         step = np.diff(self.tolerance)
-        ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
-        object.__setattr__(self, "_given_up", _checks.lock_copy(ends))
+        given_up = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
+        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
 
     @classmethod
     def of(
@@ -193,7 +191,7 @@ class Tube:
 
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
-        _, found = nearest_in_range(pad(points), ranges, windows, self._rows)
+        _, found = nearest_in_range(pad(points), ranges, windows, self._pieces[0])
         return np.asarray(np.clip(found, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
@@ -204,11 +202,9 @@ class Tube:
             windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
                 piece counts that leaves the most room.
         """
-        from armcontour.geometry._tube import find_room
+        from armcontour.geometry._tube import Pieces, find_room
 
-        return np.asarray(
-            find_room(pad(points), windows, self._rows, self.tolerance, self._given_up)
-        )
+        return np.asarray(find_room(pad(points), windows, Pieces(*self._pieces)))
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
@@ -226,7 +222,7 @@ class Tube:
             InvalidInput: The places do not lead along both paths, or the path has another
                 dimension than the objective, or transitions.
         """
-        from armcontour.geometry._tube import bound_excess
+        from armcontour.geometry._tube import Pieces, bound_excess
 
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
@@ -243,14 +239,7 @@ class Tube:
         place, around = parts[:, 1::3], parts[:, 2::3]
         windows = self.windows_between((place - around).min(axis=1), (place + around).max(axis=1))
         bounds, found, where = bound_excess(
-            pack(path.segments),
-            segment,
-            parts,
-            windows,
-            self._rows,
-            self.tolerance,
-            self._given_up,
-            slack,
+            pack(path.segments), segment, parts, windows, Pieces(*self._pieces), slack
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)

@@ -16,19 +16,11 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.arms._tool_point import Robot
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
-from armcontour.geometry.nearest import pack_arcs, pad
+from armcontour.geometry.nearest import pack_arcs
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.transitions import draw_arcs
 from armcontour.motion import TaughtData
-from armcontour.robustness._monte_carlo import (
-    Clock,
-    Drive,
-    Found,
-    Line,
-    Rest,
-    Samples,
-    run,
-)
+from armcontour.robustness._monte_carlo import Clock, Line, Sample, Setting, execute
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
 from armcontour.servo.command import command_and_rates, polynomials
@@ -280,7 +272,7 @@ class _Model:
             self.varies[2 * dof + 1 : 3 * dof] = False
         if not self.second:
             self.varies[dof : 2 * dof] = False
-        self.robot, reach = _robot(arm, path)
+        robot, reach = _robot(arm, path)
         if taught.q.shape[1] != dof:
             raise InvalidInput(
                 f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
@@ -297,19 +289,14 @@ class _Model:
             raise InvalidInput(
                 f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
             )
-        fixed = until is not None
-        self.clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed)
-        self.rest = Rest(reach, last + PATIENCE)
-        self.line = _line(path, taught, arm, self._lag())
+        fixed, patience = until is not None, last + PATIENCE
+        clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        own_servo = self.servo
-        _, first, second = command_and_rates(taught.q, taught.period, servo.interpolation)
-        command = polynomials(taught.q, taught.period, own_servo.without_feedforward())
-        rates = bends = np.zeros((dof, 0, 4))
-        if servo.has_feedforward:
-            rates = own_servo.velocity_feedforward[:, None, None] * first
-            bends = own_servo.acceleration_feedforward[:, None, None] * second
-        self.drive = Drive(command, rates, bends, _inertia(arm, taught, box), kind, lower, upper)
+        line = _line(path, taught, arm, self._lag())
+        inertia = _inertia(arm, taught, box)
+        self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
+        self.commands = polynomials(taught.q, taught.period, self.servo.without_feedforward())
+        _, *self.rates = command_and_rates(taught.q, taught.period, servo.interpolation)
 
     def span(self, signs: FloatArray) -> FloatArray:
         """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
@@ -342,14 +329,32 @@ class _Model:
         # Below zero by rounding only; larger errors have been refused.
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
-        found = self._run(kp, kv, late, payload, seed, threads)
-        _refuse_stuck(found, kp, kv)
+
+        def batch(first: int) -> list[tuple[float, ...]]:
+            # The nominal robot is the last one; it has no jitter.
+            return [
+                execute(
+                    self.setting,
+                    self._sample(
+                        kp[i], kv[i], late[i], float(payload[i]), None if i == nominal else seed, i
+                    ),
+                )
+                for i in range(first, min(first + BATCH, len(rows)))
+            ]
+
+        nominal = len(rows) - 1
+        # The first batch is executed alone, because it compiles the kernels.
+        found = batch(0)
+        with ThreadPoolExecutor(threads) as pool:
+            found += sum(pool.map(batch, range(BATCH, len(rows), BATCH)), [])
+        rms, largest, until, saturated, ratio = np.array(found).T
+        _refuse_stuck(np.isnan(rms), kp, kv)
         return Spread(
-            rms=found.rms[:-1],
-            max=found.max[:-1],
-            until=found.until[:-1],
-            saturated=found.saturated[:-1],
-            demand_ratio=found.demand_ratio[:-1],
+            rms=rms[:-1],
+            max=largest[:-1],
+            until=until[:-1],
+            saturated=saturated[:-1],
+            demand_ratio=ratio[:-1],
             kp=kp[:-1],
             kv=np.where(kv[:-1] > 0, kv[:-1], np.inf) if self.second else None,
             dead_time=late[:-1],
@@ -357,61 +362,46 @@ class _Model:
             seed=seed,
             names=tuple(x for x, on in zip(self._names(), self.varies, strict=True) if on),
             deviations=errors[:-1, self.varies],
-            nominal_rms=float(found.rms[-1]),
-            nominal_max=float(found.max[-1]),
+            nominal_rms=float(rms[-1]),
+            nominal_max=float(largest[-1]),
         )
 
-    def _run(
+    def _sample(
         self,
         kp: FloatArray,
         kv: FloatArray,
         late: FloatArray,
-        payload: FloatArray,
+        load: float,
         seed: int | None,
-        threads: int,
-    ) -> Found:
-        """Execute all robots in batches, by several threads; the last robot is the nominal one.
+        number: int,
+    ) -> Sample:
+        """A robot for the compiled code.
 
         Args:
-            kp: Position gains [1/s], (n, dof).
-            kv: Velocity gains [1/s], (n, dof); 0 for a servo of first order.
-            late: Dead times [s], (n, dof).
-            payload: Errors of the payload's mass [kg], (n,).
+            kp: Position gains [1/s], (dof,).
+            kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
+            late: Dead times [s], (dof,).
+            load: Error of the payload's mass [kg].
             seed: Seed of the jitter; None for no jitter.
-            threads: Number of threads.
+            number: Number of the sample.
         """
-        n = len(kp)
-        rms, largest, until, saturated, ratio = np.full((5, n), np.nan)
-        stuck = np.zeros(n, dtype=np.intp)
-        found = Found(rms, largest, until, saturated, ratio, stuck)
-
-        def batch(first: int) -> None:
-            last = min(first + BATCH, n)
-            # The nominal robot is the last one; it has no jitter.
-            jitter = self._jitter(first, last, n - 1, seed)
-            of = slice(first, last)
-            samples = Samples(kp[of], kv[of], late[of], payload[of], jitter)
-            errors = (rms[of], largest[of], until[of], saturated[of], ratio[of])
-            own = Found(*errors, stuck[of])
-            run(self.robot, self.line, self.clock, self.drive, self.rest, samples, own)
-
-        # The first batch is executed alone, because it compiles the kernels.
-        batch(0)
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(batch, range(BATCH, n, BATCH)))
-        return found
-
-    def _jitter(self, first: int, last: int, nominal: int, seed: int | None) -> FloatArray:
-        """Delays of the set-points of samples first to last [s], (last - first, n or 0)."""
-        count = len(self.taught.q)
-        if seed is None or self.box.jitter == 0.0:
-            return np.zeros((last - first, 0))
-        return np.array(
-            [
-                np.zeros(count) if i == nominal else jitter_of(seed, i, count, self.box.jitter)
-                for i in range(first, last)
-            ]
-        )
+        commands, count, period = self.commands, len(self.taught.q), self.taught.period
+        starts = np.arange(count) * period + late[:, None]
+        servo = self.servo
+        if servo.has_feedforward:
+            rate = servo.velocity_feedforward / kp
+            bend = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
+            more = (rate, bend)
+            commands = commands + sum(
+                x[:, None, None] * y for x, y in zip(more, self.rates, strict=True)
+            )
+        if seed is not None and self.box.jitter > 0.0:
+            # The controller interpolates between two set-points over the time between arrivals.
+            starts += jitter_of(seed, number, count, self.box.jitter)
+            rates = period / np.diff(starts, axis=1)
+            commands = commands.copy()
+            commands[:, 1:count] *= rates[:, :, None] ** np.arange(4)
+        return Sample(kp, kv, load, commands, starts)
 
     def _names(self) -> list[str]:
         """Names of all parameters, in the order of the columns of `executed`."""
@@ -460,14 +450,14 @@ class _Model:
         return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
 
 
-def _refuse_stuck(found: Found, kp: FloatArray, kv: FloatArray) -> None:
+def _refuse_stuck(stuck: BoolArray, kp: FloatArray, kv: FloatArray) -> None:
     """Refuse results if an execution could not be computed.
 
     Raises:
         ExecutionError: Names the first such execution.
     """
-    if found.stuck.any():
-        i = int(np.argmax(found.stuck))
+    if stuck.any():
+        i = int(np.argmax(stuck))
         raise ExecutionError(
             f"Execution {i} cannot be simulated with the gains kp {kp[i].tolist()} and kv "
             f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, so "
@@ -610,7 +600,6 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     point on the path is searched only near this arc length: elsewhere it would be on another part
     of the path that passes close by.
     """
-    table = _table(path)
     plan = taught.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(taught.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
@@ -620,24 +609,12 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     begin = taught.start_time + np.arange(len(taught.q) + 1) * taught.period
     low = np.interp(begin - LAGS_BEHIND * lag, t, drawn) - margin
     high = np.interp(begin + taught.period + LAGS_AHEAD * lag, t, drawn) + margin
-    closed = bool(np.linalg.norm(table[-1, 15:18] - table[0, :3]) <= REPEATED_POINT)
-    return Line(table, path.length if closed else 0.0, low, high)
-
-
-def _table(path: Path) -> FloatArray:
-    """The segments of a path for the compiled code, (n, 19).
-
-    The columns are those of `pack`; then sine, cosine and value of the swept angle; the end point;
-    and the turn angle at the vertex before the segment [rad], for the first segment that of a
-    closed path.
-    """
-    arcs, begin = draw_arcs(path.segments)
-    turn = arcs.curvatures * arcs.lengths
-    ends = pad(arcs.ends)
+    arcs, starts = draw_arcs(path.segments)
+    rows = pack_arcs(arcs, starts)
     # At the first segment the path closes, if it does.
-    corner = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
-    table = [pack_arcs(arcs, begin), np.sin(turn), np.cos(turn), turn, ends, corner]
-    return np.ascontiguousarray(np.column_stack(table))
+    corners = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
+    closed = bool(np.linalg.norm(rows[-1, 12:] - rows[0, :3]) <= REPEATED_POINT)
+    return Line(rows, corners, path.length if closed else 0.0, low, high)
 
 
 def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
