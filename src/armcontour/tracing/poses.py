@@ -11,7 +11,6 @@ from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding import OUT_OF_PLANE
-from armcontour.tracing import _path_points
 from armcontour.tracing._knots import find_ends
 from armcontour.tracing.knots import Knots
 
@@ -131,8 +130,15 @@ def turning_too_fast(path: Path, s: float) -> str:
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
     poses = np.empty((len(u), 3, 4))
-    _write_points(path, knots, u, poses, np.empty((0, 4, 3)))
-    _write_rotations(path, knots, u, poses)
+    poses[:, :, 3] = path.on_segment(knots.segment, u)
+    orientation = path.orientation
+    if orientation is None:
+        poses[:, :, :3] = np.eye(3)
+    elif orientation.fixed:
+        poses[:, :, :3] = orientation.starts[knots.piece]
+    else:
+        after = knots.at(u) - orientation.breaks[knots.piece]
+        poses[:, :, :3] = orientation.on_piece(knots.piece, after)
     return poses
 
 
@@ -142,41 +148,13 @@ def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, Floa
     The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
     derivative.
     """
-    poses, rates = np.empty((len(u), 3, 4)), np.zeros((len(u), 4, 3))
-    _write_points(path, knots, u, poses, rates)
-    _write_rotations(path, knots, u, poses)
-    orientation = path.orientation
+    rates, orientation = np.zeros((len(u), 4, 3)), path.orientation
+    for order in (1, 2):
+        rates[:, order - 1] = path.on_segment(knots.segment, u, order)
     if orientation is not None and not orientation.fixed:
         after = knots.at(u) - orientation.breaks[knots.piece]
         rates[:, 2], rates[:, 3] = orientation.rates_on_piece(knots.piece, after)
-    return poses, rates
-
-
-def _write_points(
-    path: Path, knots: Knots, u: FloatArray, poses: FloatArray, rates: FloatArray
-) -> None:
-    """Write positions into poses, and their derivatives into rates, which may be empty."""
-    if type(path).on_segment is not Path.on_segment:  # shaped paths are other curves
-        poses[:, :, 3] = path.on_segment(knots.segment, u)
-        for order in (1, 2) if len(rates) else ():
-            rates[:, order - 1] = path.on_segment(knots.segment, u, order)
-        return
-    x = path.segments
-    columns = (x.starts, x.tangents, x.normals, x.curvatures[:, None], x.lengths[:, None])
-    quintics = np.array(x.quintics, order="C") if x.quintics.size else np.empty((0, 6, 3))
-    table = np.concatenate(columns, axis=1)
-    _path_points.write_points(table, quintics, knots.segment, u, poses, rates)
-
-
-def _write_rotations(path: Path, knots: Knots, u: FloatArray, poses: FloatArray) -> None:
-    """Write the orientation of the tool into poses."""
-    if path.orientation is None:
-        poses[:, :, :3] = np.eye(3)
-    elif path.orientation.fixed:
-        poses[:, :, :3] = path.orientation.starts[knots.piece]
-    else:
-        after = knots.at(u) - path.orientation.breaks[knots.piece]
-        poses[:, :, :3] = path.orientation.on_piece(knots.piece, after)
+    return poses_at(path, knots, u), rates
 
 
 def row_of_poses(path: Path, knots: Knots) -> FloatArray:
