@@ -8,13 +8,16 @@ jump, a blend is a connection (connecting.py). See docs/concepts/rounding.md.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import biarcs, dot, length, unit
 from armcontour.geometry.connecting import around_vertices, connect, draw_connections
+from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn
+from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_demand
 
 # A search for a tangent length may end this fraction below it; halving alone comes there from a
@@ -27,29 +30,10 @@ SHORTEST = 2 * REPEATED_POINT
 # them turns back, so that the corner is where blend and path are farthest apart.
 WIDEST = np.pi / 2
 ROUNDING = 1e-9
+# A blend counts as one that uses its tolerance within this fraction, by which its search may miss.
+FULL = 1e-6
 # Shares of each half of a connection at which it is compared with what it replaces.
 LOOKS = np.linspace(0.0, 1.0, 17)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Blends:
-    """The blends of n corners.
-
-    Args:
-        rows: Their segments in order.
-        of: The blend of each segment.
-        lengths: Lengths of the blends [m], (n,).
-        radius: Smallest radii of the blends [m], infinite for a straight one, (n,).
-        error: Distance from each corner to its blend [m], (n,).
-        bend: Largest curvature towards the inside of the corner [1/m], (n,).
-    """
-
-    rows: Segments
-    of: IntArray
-    lengths: FloatArray
-    radius: FloatArray
-    error: FloatArray
-    bend: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,76 +58,151 @@ class _Pairs:
         return np.asarray(self.first.lengths + self.second.lengths)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bounds:
-    """What n blends have to keep.
+class _Blend(CornerKind):
+    """A kind of blend."""
 
-    Args:
-        error: Largest corner errors [m], (n,).
-        radius: Radii that are large enough for the corner speeds [m], infinite without one, (n,).
-        turn: Largest `t / 2 - middle length`, which the tool's orientation allows [m], (n,).
-        tangent: Largest tangent lengths [m], (n,).
-        middle: The factor of the length there; see `rounded_orientation.middle_of`.
-        smooth: Whether the blends have continuous curvature.
-    """
+    @abstractmethod
+    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The largest share of a bound that blends take, and their bend [1/m], (n,)."""
 
-    error: FloatArray
-    radius: FloatArray
-    turn: FloatArray
-    tangent: FloatArray
-    middle: float
-    smooth: bool
+    def shortest(self, half: FloatArray) -> FloatArray:
+        return np.full(len(half), REPEATED_POINT)
 
-    def __getitem__(self, rows: IntArray) -> Bounds:
-        """The bounds of the selected corners."""
-        return Bounds(
-            error=self.error[rows],
-            radius=self.radius[rows],
-            turn=self.turn[rows],
-            tangent=self.tangent[rows],
-            middle=self.middle,
-            smooth=self.smooth,
+    def fit(self, bounds: Bounds) -> FloatArray:
+        before, after = bounds.before, bounds.after
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
+            high = np.minimum(bent, np.minimum(before.lengths, after.lengths))
+            high = np.minimum(high, bounds.tangent)
+            over = self._excess(bounds, high)[0]
+            if (over <= 0).all():
+                return high
+            low = np.minimum(SHORTEST, high)
+            under, least = self._excess(bounds, low)
+            # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
+            found = np.where(least <= 0, low, 0.0)
+            found[over <= 0] = high[over <= 0]
+            left = np.flatnonzero((under <= 0) & (over > 0))
+            if len(left):
+                ends = np.log(np.stack([low, high])[:, left])
+                state = np.concatenate([ends, np.stack([under, over])[:, left]])
+                found[left] = self._search(bounds[left], state)
+        return found
+
+    def _search(self, bounds: Bounds, state: FloatArray) -> FloatArray:
+        """Largest tangent lengths within bounds [m], (n,).
+
+        False position in logarithms, in which errors are nearly straight lines; every third step
+        halves.
+
+        Args:
+            bounds: What the blends have to keep.
+            state: Logarithms of tangent lengths that do and that do not fit, and the excess of
+                both, (4, n).
+        """
+        active = np.arange(len(bounds.half))
+        for step in range(STEPS):
+            low, high, under, over = state[:, active]
+            near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
+            halve = ~((near > low) & (near < high)) | (step % 3 == 2)
+            middle = np.where(halve, (low + high) / 2, near)
+            found, _ = self._excess(bounds[active], np.exp(middle))
+            fits = found <= 0
+            state[0::2, active[fits]] = middle[fits], found[fits]
+            state[1::2, active[~fits]] = middle[~fits], found[~fits]
+            low, high, under, _ = state
+            active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
+            if not len(active):
+                break
+        return np.asarray(np.exp(state[0]))
+
+    def _excess(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """By how much blends exceed their bounds, as logarithms, (n,): not above 0 if they fit.
+
+        Returns:
+            The excess, and that without regard to the radius.
+        """
+        any_radius, bend = self.shares(bounds, t)
+        need = 1 / (bounds.radius * np.maximum(bend, 0.0))
+        wide = np.where(np.isfinite(bounds.radius), need, 0.0)
+        both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
+        return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
+
+
+class _Pair(_Blend):
+    """Two tangent arcs."""
+
+    smooth = False
+
+    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = _make_pairs(bounds.before, bounds.after, t)
+        turns = [
+            x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)
+        ]
+        off = t / 2 - middle_of(False) * found.lengths
+        shares = [*turns, found.error / bounds.error, off / bounds.turn]
+        return np.max(shares, axis=0), found.bend
+
+    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+        found = _make_pairs(bounds.before, bounds.after, tangent)
+        order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
+        return _drawn(
+            bounds,
+            Segments.join([found.first, found.second])[order],
+            np.repeat(np.arange(len(tangent)), 2),
+            np.maximum(found.first.curvatures, found.second.curvatures),
+            found.error,
+            found.bend,
         )
 
 
-def make_blends(before: Segments, after: Segments, t: FloatArray, smooth: BoolArray) -> Blends:
-    """Blends with given tangent lengths.
+class _Connection(_Blend):
+    """A connection, whose curvature nowhere jumps."""
 
-    Args:
-        before: Segments before the corners.
-        after: Segments after the corners.
-        t: Tangent lengths, no longer than the segments [m], (n,).
-        smooth: Mask of the blends with continuous curvature; the others are pairs of arcs, (n,).
-    """
-    if not len(t):
-        none = np.zeros(0)
-        of = np.zeros(0, dtype=np.intp)
-        return Blends(rows=before, of=of, lengths=none, radius=none, error=none, bend=none)
-    plain, bent = np.flatnonzero(~smooth), np.flatnonzero(smooth)
-    pairs = _make_pairs(before[plain], after[plain], t[plain])
-    found = connect(before[bent], after[bent], t[bent])
-    nearest = found.nearest
-    drawn, of, _ = draw_connections(found, after.starts[bent], nearest)
-    drawn = drawn.replace(**share_demand(before[bent[of]], after[bent[of]]))
-    rows = Segments.join([pairs.first, pairs.second, drawn])
-    which = np.concatenate([plain, plain, bent[of]])
-    lengths = np.bincount(which, rows.lengths, minlength=len(t))
-    error, bend, tightest = np.empty(len(t)), np.empty(len(t)), np.empty(len(t))
-    error[plain], bend[plain] = pairs.error, pairs.bend
-    tightest[plain] = np.maximum(pairs.first.curvatures, pairs.second.curvatures)
-    error[bent] = length(found.begin + found.at(EVERY, nearest))
-    bend[bent] = tightest[bent] = found.largest_bend
-    order = np.argsort(which, kind="stable")
+    smooth = True
+
+    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = connect(bounds.before, bounds.after, t)
+        back, ahead = around_vertices(bounds.before, bounds.after)
+        x, peaks = found.nearest, []
+        for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
+            # A half and what it replaces, both passed evenly.
+            off = [
+                found.begin
+                + found.at(EVERY, begin + share * (end - begin))
+                - old.at(EVERY, np.abs(old_begin - share * t))
+                for share in LOOKS
+            ]
+            peaks.append(_peak(length(np.stack(off))))
+        turn = t / 2 - middle_of(True) * found.lengths_to(EVERY, np.ones(len(t)))
+        shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
+        largest = np.where(found.sound, np.max(shares, axis=0), np.inf)
+        return largest, found.largest_bend
+
+    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+        found = connect(bounds.before, bounds.after, tangent)
+        nearest, bend = found.nearest, found.largest_bend
+        rows, of, _ = draw_connections(found, bounds.after.starts, nearest)
+        rows = rows.replace(**share_demand(bounds.before[of], bounds.after[of]))
+        error = length(found.begin + found.at(EVERY, nearest))
+        return _drawn(bounds, rows, of, bend, error, bend)
+
+
+PAIR, CONNECTION = _Pair(), _Connection()
+
+
+def _drawn(
+    bounds: Bounds,
+    rows: Segments,
+    of: IntArray,
+    tightest: FloatArray,
+    error: FloatArray,
+    bend: FloatArray,
+) -> Drawn:
+    """Blends with their largest curvatures, corner errors and bends, (n,) each."""
+    full = (error >= bounds.error * (1 - FULL)) | (bend <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
-        radius = 1 / tightest
-    return Blends(
-        rows=rows[order],
-        of=which[order],
-        lengths=np.asarray(lengths, dtype=float),
-        radius=radius,
-        error=error,
-        bend=bend,
-    )
+        return Drawn(rows=rows, of=of, radius=1 / tightest, error=error, shrunk=~full)
 
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
@@ -165,123 +224,6 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
         error=error,
         bend=bend,
     )
-
-
-def widest_blends(before: Segments, after: Segments, bounds: Bounds) -> FloatArray:
-    """Largest tangent lengths of blends within bounds [m], (n,); 0 where none fits.
-
-    Args:
-        before: Segments before the corners.
-        after: Segments after the corners.
-        bounds: What the blends have to keep.
-    """
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
-        high = np.minimum(bent, np.minimum(before.lengths, after.lengths))
-        high = np.minimum(high, bounds.tangent)
-        excess = _excess(before, after, high, bounds)
-        if (excess[0] <= 0).all():
-            return high
-        low = np.minimum(SHORTEST, high)
-        need = _excess(before, after, low, bounds)
-        # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
-        found = np.where(need[1] <= 0, low, 0.0)
-        found[excess[0] <= 0] = high[excess[0] <= 0]
-        left = np.flatnonzero((need[0] <= 0) & (excess[0] > 0))
-        if len(left):
-            ends = np.stack([low[left], high[left]]), np.stack([need[0][left], excess[0][left]])
-            found[left] = _search(before[left], after[left], bounds[left], *ends)
-    return found
-
-
-def _search(
-    before: Segments, after: Segments, bounds: Bounds, ends: FloatArray, excess: FloatArray
-) -> FloatArray:
-    """Largest tangent lengths within bounds, between one that fits and one that does not [m], (n,).
-
-    False position in logarithms, in which errors are nearly straight lines; every third step
-    halves.
-
-    Args:
-        before: Segments before the corners.
-        after: Segments after the corners.
-        bounds: What the blends have to keep.
-        ends: The tangent lengths that do and do not fit [m], (2, n).
-        excess: What `_excess` says of them, (2, n).
-    """
-    state = np.concatenate([np.log(ends), excess])
-    active = np.arange(len(before))
-    for step in range(STEPS):
-        low, high, under, over = state[:, active]
-        near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
-        halve = ~((near > low) & (near < high)) | (step % 3 == 2)
-        middle = np.where(halve, (low + high) / 2, near)
-        found, _ = _excess(before[active], after[active], np.exp(middle), bounds[active])
-        fits = found <= 0
-        state[0::2, active[fits]] = middle[fits], found[fits]
-        state[1::2, active[~fits]] = middle[~fits], found[~fits]
-        low, high, under, _ = state
-        active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
-        if not len(active):
-            break
-    return np.asarray(np.exp(state[0]))
-
-
-def _excess(
-    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
-) -> tuple[FloatArray, FloatArray]:
-    """By how much blends exceed their bounds, as logarithms, (n,): none where it is not above 0.
-
-    Args:
-        before: Segments before the corners.
-        after: Segments after the corners.
-        t: Tangent lengths [m], (n,).
-        bounds: What the blends have to keep.
-
-    Returns:
-        The excess, and that without regard to the radius.
-    """
-    excess = _excess_of_connections if bounds.smooth else _excess_of_pairs
-    any_radius, bend = excess(before, after, t, bounds)
-    need = 1 / (bounds.radius * np.maximum(bend, 0.0))
-    wide = np.where(np.isfinite(bounds.radius), need, 0.0)
-    both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
-    return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
-
-
-def _excess_of_pairs(
-    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
-) -> tuple[FloatArray, FloatArray]:
-    """The largest share of a bound that pairs of arcs take, and their bend [1/m], (n,)."""
-    found = _make_pairs(before, after, t)
-    turns = [x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)]
-    off = t / 2 - bounds.middle * found.lengths
-    shares = [*turns, found.error / bounds.error, off / bounds.turn]
-    return np.max(shares, axis=0), found.bend
-
-
-def _excess_of_connections(
-    before: Segments, after: Segments, t: FloatArray, bounds: Bounds
-) -> tuple[FloatArray, FloatArray]:
-    """The largest share of a bound that connections take, and their bend [1/m], (n,)."""
-    found = connect(before, after, t)
-    back, ahead = around_vertices(before, after)
-    x, peaks = found.nearest, []
-    for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-        # A half and what it replaces, both passed evenly.
-        places = [begin + share * (end - begin) for share in LOOKS]
-        olds = [np.abs(old_begin - share * t) for share in LOOKS]
-        off = np.stack(
-            [
-                length(found.begin + found.at(EVERY, own) - old.at(EVERY, u))
-                for own, u in zip(places, olds, strict=True)
-            ]
-        )
-        peaks.append(_peak(off))
-    turn = t / 2 - bounds.middle * found.lengths_to(EVERY, np.ones(len(t)))
-    shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-    largest = np.where(found.sound, np.max(shares, axis=0), np.inf)
-    return largest, found.largest_bend
 
 
 def _peak(values: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
-"""Curves that replace the corner between two lines: an arc, a parabola, or a smooth bend.
+"""Kinds of curves that replace corners, one entry each; the kinds next to arcs are in blends.py.
 
-All are symmetric about the bisector and replace the same length of either line, the tangent
-length. Each is told by its smallest radius, that in the middle of the corner. h is half the turn.
+ARC, PARABOLA and SMOOTH, a smooth bend, replace corners between two lines. They are symmetric about
+the bisector and replace the same length of either line, the tangent length. Each is given by its
+smallest radius, that in the middle of the corner. h is half the turn.
 
 The parabola is that of a quadratic Bézier curve with the corner point as its middle control point:
 with smallest radius r it is y = x² / (2 r) about its apex. Its tangent length is r sin h / cos² h,
@@ -18,14 +19,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, unit
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, share_demand
-from armcontour.geometry.transitions import join_up, spread_out
+from armcontour.geometry.rounded_orientation import middle_of
+from armcontour.geometry.segments import REPEATED_POINT, Segments, share_demand
+from armcontour.geometry.transitions import join_up
 
 # A parabola is drawn by two arcs for each step of asinh(tan(angle of its tangent)) up to this: from
 # one arc to the next the curvature changes by a factor of 1.7 at most, 1.34 at a turn of 90°, and
@@ -41,180 +44,183 @@ QUINTICS = 7.8
 FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
 
 
-class CornerCurve(ABC):
-    """A kind of curve for corners between two lines, by smallest radius r and half turn h.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bounds:
+    """What n corners have to keep, and the segments beside them.
 
-    Attributes:
-        smooth: Whether its curvature is 0 at its ends and nowhere jumps.
+    Args:
+        before: Segments before the corners, n.
+        after: Segments after the corners, n.
+        half: Half of the turns [rad], (n,).
+        error: Largest corner errors [m], (n,).
+        radius: Radii that are large enough for the corner speeds [m], infinite without one, (n,).
+        turn: Largest `t / 2 - middle length` for a tangent length t, which the tool's orientation
+            allows [m], (n,); see `middle_of`.
+        tangent: Largest tangent lengths [m], (n,).
     """
 
-    smooth = False
+    before: Segments
+    after: Segments
+    half: FloatArray
+    error: FloatArray
+    radius: FloatArray
+    turn: FloatArray
+    tangent: FloatArray
 
-    @abstractmethod
-    def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
-        """Smallest radius of the curve with corner error `error` [m], (n,)."""
+    def __getitem__(self, rows: IntArray) -> Bounds:
+        """The bounds of the selected corners, in increasing order."""
+        if len(rows) == len(self.half):
+            return self
+        return Bounds(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
-    @abstractmethod
-    def error(self, radius: FloatArray, half: FloatArray) -> FloatArray:
-        """Corner error [m], (n,)."""
 
-    @abstractmethod
-    def stretch(self, half: FloatArray) -> FloatArray:
-        """Tangent length over smallest radius, (n,)."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawn:
+    """What replaces n corners.
 
-    @abstractmethod
-    def length(self, half: FloatArray) -> FloatArray:
-        """Length of what is drawn over smallest radius, (n,)."""
+    Args:
+        rows: The segments, in order at each corner.
+        of: The corner of each segment.
+        radius: Smallest radii [m], infinite for a straight one, (n,).
+        error: Corner errors [m], (n,).
+        shrunk: Mask of the corners that are rounded less than their bounds allow, (n,).
+    """
+
+    rows: Segments
+    of: IntArray
+    radius: FloatArray
+    error: FloatArray
+    shrunk: BoolArray
+
+
+class CornerKind(ABC):
+    """A kind of curve that replaces corners.
+
+    Attributes:
+        smooth: Whether its curvature nowhere jumps, also at its ends.
+    """
+
+    smooth: bool
 
     @abstractmethod
     def shortest(self, half: FloatArray) -> FloatArray:
         """Tangent lengths up to which the curve is smaller than a point's resolution [m], (n,)."""
 
     @abstractmethod
-    def draw(
-        self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
-    ) -> tuple[Segments, IntArray]:
-        """The curves of n corners, and the corner of each of their segments.
+    def fit(self, bounds: Bounds) -> FloatArray:
+        """Largest tangent lengths of curves within bounds [m], (n,); 0 where none fits."""
 
-        Args:
-            before: The lines before the corners, n.
-            after: The lines after the corners, n.
-            radius: Smallest radii [m], (n,).
-            half: Half of the turns [rad], (n,).
-        """
+    @abstractmethod
+    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+        """Curves with given tangent lengths [m], above 0 and no longer than the segments, (n,)."""
 
 
-class _CircularArc(CornerCurve):
+@dataclass(frozen=True, slots=True)
+class LineCorner(CornerKind):
+    """A curve between two lines, given by its measures over its smallest radius.
+
+    Args:
+        gap: Corner error, by half the turn.
+        stretch: Tangent length.
+        length: Length of what is drawn.
+        least: As `shortest`, over `REPEATED_POINT`.
+        lay: Draws curves by bounds and smallest radii [m]; gives the segments and their corners.
+        smooth: Whether its curvature nowhere jumps.
+    """
+
+    gap: Callable[[FloatArray], FloatArray]
+    stretch: Callable[[FloatArray], FloatArray]
+    length: Callable[[FloatArray], FloatArray]
+    least: Callable[[FloatArray], FloatArray]
+    lay: Callable[[Bounds, FloatArray], tuple[Segments, IntArray]]
+    smooth: bool = False
+
+    def shortest(self, half: FloatArray) -> FloatArray:
+        """Tangent lengths up to which the curve is too small [m], (n,)."""
+        return REPEATED_POINT * self.least(half)
+
+    def fit(self, bounds: Bounds) -> FloatArray:
+        """Largest tangent lengths within bounds [m], (n,)."""
+        half, stretch = bounds.half, self.stretch(bounds.half)
+        turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_of(self.smooth))
+        wide = self._radius(bounds) * stretch
+        return np.asarray(np.minimum(np.minimum(wide, turn), bounds.tangent))
+
+    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+        """Curves with given tangent lengths [m], (n,)."""
+        stretch, radius = self.stretch(bounds.half), self._radius(bounds)
+        shrunk = tangent < radius * stretch * (1 - 1e-12)
+        radius = np.where(shrunk, tangent / stretch, radius)
+        rows, of = self.lay(bounds, radius)
+        demand = share_demand(bounds.before, bounds.after)
+        rows = rows.replace(**{name: column[of] for name, column in demand.items()})
+        error = radius * self.gap(bounds.half)
+        return Drawn(rows=rows, of=of, radius=radius, error=error, shrunk=shrunk)
+
+    def _radius(self, bounds: Bounds) -> FloatArray:
+        """Smallest radii of the curves by case I or case II [m], (n,)."""
+        return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
+
+
+def _lay_arcs(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One arc per corner, (10)-(16)."""
-
-    def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
-        # (11), without cancellation at small turns.
-        return np.asarray(error * np.cos(half) / (2 * np.sin(half / 2) ** 2))
-
-    def error(self, radius: FloatArray, half: FloatArray) -> FloatArray:
-        return corner_error(radius, half)
-
-    def stretch(self, half: FloatArray) -> FloatArray:
-        return np.asarray(np.tan(half))
-
-    def length(self, half: FloatArray) -> FloatArray:
-        return np.asarray(2 * half)
-
-    def shortest(self, half: FloatArray) -> FloatArray:
-        return np.full(len(half), REPEATED_POINT)
-
-    def draw(
-        self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
-    ) -> tuple[Segments, IntArray]:
-        across = np.sum(before.tangents * after.tangents, axis=1, keepdims=True)
-        normals = after.tangents - across * before.tangents
-        arcs = before.replace(
-            starts=after.starts - (radius * np.tan(half))[:, None] * before.tangents,
-            normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-            curvatures=1 / radius,
-            lengths=radius * 2 * half,
-            **share_demand(before, after),
-        )
-        return arcs, np.arange(len(radius))
+    before, after, half = bounds.before, bounds.after, bounds.half
+    normals = after.tangents - dot(before.tangents, after.tangents)[:, None] * before.tangents
+    arcs = before.replace(
+        starts=after.starts - (radius * np.tan(half))[:, None] * before.tangents,
+        normals=unit(normals),
+        curvatures=1 / radius,
+        lengths=radius * 2 * half,
+    )
+    return arcs, np.arange(len(radius))
 
 
-class _Parabola(CornerCurve):
+def _lay_parabolas(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One parabola per corner, drawn as four or more tangent arcs."""
+    arcs, corner = _draw_parabolas(bounds.half)
+    along, across = _axes(bounds)
+    apex = bounds.after.starts + (radius * PARABOLA.gap(bounds.half))[:, None] * across
+    along, across, scale = along[corner], across[corner], radius[corner]
 
-    def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
-        return np.asarray(2 * error / np.tan(half) ** 2)
+    def turned(v: FloatArray) -> FloatArray:
+        return np.asarray(v[:, :1] * along + v[:, 1:] * across)
 
-    def error(self, radius: FloatArray, half: FloatArray) -> FloatArray:
-        return np.asarray(radius * np.tan(half) ** 2 / 2)
-
-    def stretch(self, half: FloatArray) -> FloatArray:
-        return np.asarray(np.sin(half) / np.cos(half) ** 2)
-
-    def length(self, half: FloatArray) -> FloatArray:
-        arcs, corner = _draw_parabolas(half)
-        return np.asarray(np.bincount(corner, arcs.lengths, minlength=len(half)), dtype=float)
-
-    def shortest(self, half: FloatArray) -> FloatArray:
-        # Its smallest radius must not be below that resolution either.
-        return REPEATED_POINT * np.maximum(self.stretch(half), 1.0)
-
-    def draw(
-        self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
-    ) -> tuple[Segments, IntArray]:
-        arcs, corner = _draw_parabolas(half)
-        along, across = _axes(before, after)
-        apex = after.starts + self.error(radius, half)[:, None] * across
-        along, across, scale = along[corner], across[corner], radius[corner]
-
-        def lay(v: FloatArray) -> FloatArray:
-            return np.asarray(v[:, :1] * along + v[:, 1:] * across)
-
-        drawn = before[corner].replace(
-            starts=apex[corner] + scale[:, None] * lay(arcs.starts),
-            tangents=lay(arcs.tangents),
-            normals=lay(arcs.normals),
-            curvatures=arcs.curvatures / scale,
-            lengths=arcs.lengths * scale,
-            **share_demand(before[corner], after[corner]),
-        )
-        return drawn, corner
+    drawn = bounds.before[corner].replace(
+        starts=apex[corner] + scale[:, None] * turned(arcs.starts),
+        tangents=turned(arcs.tangents),
+        normals=turned(arcs.normals),
+        curvatures=arcs.curvatures / scale,
+        lengths=arcs.lengths * scale,
+    )
+    return drawn, corner
 
 
-class _SmoothBend(CornerCurve):
+def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One smooth bend per corner, drawn as transitions."""
+    half = bounds.half
+    parts = _count_quintics(half)
+    corner, number = number_parts(2 * parts)
+    along, across = (x[corner] for x in _axes(bounds))
+    h, size = half[corner], (half * BEND * radius)[corner]
+    x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
 
-    smooth = True
+    def turned(cos: FloatArray, sin: FloatArray) -> FloatArray:
+        return np.asarray(cos[:, None] * along + sin[:, None] * across)
 
-    def largest_radius(self, error: FloatArray, half: FloatArray) -> FloatArray:
-        return np.asarray(error / self.error(np.ones(1), half))
-
-    def error(self, radius: FloatArray, half: FloatArray) -> FloatArray:
-        # In the frame of the apex, without cancellation at small turns.
-        rest = _over_half(half, lambda angle: np.sin(half - angle))
-        return np.asarray(radius * half * BEND * rest / np.cos(half))
-
-    def stretch(self, half: FloatArray) -> FloatArray:
-        return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
-
-    def length(self, half: FloatArray) -> FloatArray:
-        return np.asarray(2 * half * BEND)
-
-    def shortest(self, half: FloatArray) -> FloatArray:
-        # Each of its quintics is longer than that resolution, and so is its smallest radius.
-        return REPEATED_POINT * np.maximum(2 * _count_quintics(half), self.stretch(half))
-
-    def draw(
-        self, before: Segments, after: Segments, radius: FloatArray, half: FloatArray
-    ) -> tuple[Segments, IntArray]:
-        parts = _count_quintics(half)
-        corner, number = spread_out(2 * parts)
-        along, across = (x[corner] for x in _axes(before, after))
-        h, size = half[corner], (half * BEND * radius)[corner]
-        x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
-
-        def lay(cos: FloatArray, sin: FloatArray) -> FloatArray:
-            return np.asarray(cos[:, None] * along + sin[:, None] * across)
-
-        angles = [h * _share_of_turn(end) for end in x]
-        tangents = [lay(np.cos(angle), np.sin(angle)) for angle in angles]
-        bends = [
-            lay(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
-            for angle, end in zip(angles, x, strict=True)
-        ]
-        places = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
-        turned = h * _share_of_turn(places)
-        step = size / parts[corner]
-        steps = lay(*(step / 2 * (FEW[1] @ of(turned)) for of in (np.cos, np.sin)))
-        first = after.starts - (radius * self.stretch(half))[:, None] * before.tangents
-        sums = np.cumsum(steps, axis=0) - steps
-        starts = first[corner] + sums - sums[number == 0][corner]
-        drawn = join_up((starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step)
-        return drawn.replace(**share_demand(before[corner], after[corner])), corner
-
-
-ARC = _CircularArc()
-PARABOLA = _Parabola()
-SMOOTH = _SmoothBend()
+    angles = [h * _share_of_turn(end) for end in x]
+    tangents = [turned(np.cos(angle), np.sin(angle)) for angle in angles]
+    bends = [
+        turned(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
+        for angle, end in zip(angles, x, strict=True)
+    ]
+    places = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
+    angle = h * _share_of_turn(places)
+    step = size / parts[corner]
+    steps = turned(*(step / 2 * (FEW[1] @ of(angle)) for of in (np.cos, np.sin)))
+    back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
+    sums = np.cumsum(steps, axis=0) - steps
+    starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
+    return join_up((starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step), corner
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
@@ -227,10 +233,10 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
 
 
-def _axes(before: Segments, after: Segments) -> tuple[FloatArray, FloatArray]:
+def _axes(bounds: Bounds) -> tuple[FloatArray, FloatArray]:
     """Unit vectors along the middle tangents of corners between lines, and to their insides."""
-    along = unit(before.tangents + after.tangents)
-    across = unit(after.tangents - before.tangents)
+    along = unit(bounds.before.tangents + bounds.after.tangents)
+    across = unit(bounds.after.tangents - bounds.before.tangents)
     # At a slight turn rounding errors have tilted the direction across.
     return along, unit(across - dot(across, along)[:, None] * along)
 
@@ -244,6 +250,11 @@ def _over_half(half: FloatArray, of: Callable[[FloatArray], FloatArray]) -> Floa
     """Mean of a function of the tangent's angle over half of a smooth bend, (n,)."""
     angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
     return np.asarray(MANY[1] @ of(angles) / 2)
+
+
+def _stretch_of_bends(half: FloatArray) -> FloatArray:
+    """Tangent lengths of smooth bends over their smallest radii, (n,)."""
+    return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
 
 
 def _count_quintics(half: FloatArray) -> IntArray:
@@ -263,8 +274,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
         The arcs in the plane, in order, and the parabola of each.
     """
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
-    # Where the path turns back no parabola is drawn, but its length is asked for.
-    most = np.arcsinh(np.tan(np.minimum(half, (np.pi - TANGENT_TOLERANCE) / 2)))
+    most = np.arcsinh(np.tan(half))
     steps = 2 * np.maximum(np.ceil(most / STEP), 1.0).astype(np.intp)
     which, k = number_parts(steps)
     ends = []
@@ -276,3 +286,37 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
     first, second = biarcs(*ends)
     order = np.arange(2 * len(which)).reshape(2, -1).T.ravel()
     return Segments.join([first, second])[order], np.repeat(which, 2)
+
+
+def _length_of_parabolas(half: FloatArray) -> FloatArray:
+    """Lengths of the arcs along parabolas over their smallest radii, (n,)."""
+    arcs, corner = _draw_parabolas(half)
+    return np.asarray(np.bincount(corner, arcs.lengths, minlength=len(half)), dtype=float)
+
+
+ARC = LineCorner(
+    # (11), without cancellation at small turns.
+    gap=lambda h: corner_error(np.ones(1), h),
+    stretch=np.tan,
+    length=lambda h: 2 * h,
+    least=np.ones_like,
+    lay=_lay_arcs,
+)
+PARABOLA = LineCorner(
+    gap=lambda h: np.tan(h) ** 2 / 2,
+    stretch=lambda h: np.sin(h) / np.cos(h) ** 2,
+    length=_length_of_parabolas,
+    # Its smallest radius must not be below the resolution of a point either.
+    least=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
+    lay=_lay_parabolas,
+)
+SMOOTH = LineCorner(
+    # In the frame of the apex, without cancellation at small turns.
+    gap=lambda h: h * BEND * _over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
+    stretch=_stretch_of_bends,
+    length=lambda h: 2 * h * BEND,
+    # Each of its quintics is longer than that resolution, and so is its smallest radius.
+    least=lambda h: np.maximum(2 * _count_quintics(h), _stretch_of_bends(h)),
+    lay=_lay_bends,
+    smooth=True,
+)

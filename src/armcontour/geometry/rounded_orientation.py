@@ -65,32 +65,13 @@ def middle_of(smooth: bool) -> float:
     return SMOOTH_MIDDLE if smooth else MIDDLE
 
 
-def largest_tangent(
-    path: Path, vertex: IntArray, ratio: FloatArray, allowed: float, *, smooth: bool = False
-) -> FloatArray:
-    """Largest tangent lengths that keep the angular tolerance in the middle of each corner.
+def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
+    """Largest k that keeps the angular tolerance in the middle of each corner [m], (k,).
 
     With tangent length t and the length l of the curve, the middle is `exp(k b) exp(-k a) R` with
-    `k = t / 2 - l / 8`, or, where the derivative of the rate must not jump, `t / 2 - 5 l / 32`.
-
-    Args:
-        path: The objective path.
-        vertex: Indices of the vertices, (k,).
-        ratio: Length of the curve at each vertex over its tangent length, at most 2, (k,).
-        allowed: Largest angle between the orientation and its value at the vertex [rad].
-        smooth: Whether the derivative of the angular rate must not jump.
-
-    Returns:
-        Tangent lengths [m], (k,); infinite if the rate does not jump or the orientation follows
-        the tangent.
-    """
-    return np.asarray(largest_blend(path, vertex, allowed) / (0.5 - ratio * middle_of(smooth)))
-
-
-def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """The largest k of `largest_tangent`, whatever the curve [m], (k,).
-
-    It is 0 where the orientation jumps, so that the tool stops.
+    `k = t / 2 - l / 8`, or, where the derivative of the rate must not jump, `t / 2 - 5 l / 32`. It
+    is infinite if the rate does not jump or the orientation follows the tangent, and 0 where the
+    orientation jumps, so that the tool stops.
 
     Args:
         path: The objective path.

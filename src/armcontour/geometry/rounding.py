@@ -10,10 +10,8 @@ docs/concepts/rounding.md.
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from dataclasses import dataclass, fields
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
 
@@ -24,9 +22,16 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, line_up, mm, several
 from armcontour.errors import InvalidInput
-from armcontour.geometry.blends import Blends, Bounds, make_blends, widest_blends
-from armcontour.geometry.corner_curves import ARC, PARABOLA, SMOOTH, CornerCurve
-from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
+from armcontour.geometry.blends import CONNECTION, PAIR
+from armcontour.geometry.corner_curves import (
+    ARC,
+    PARABOLA,
+    SMOOTH,
+    Bounds,
+    CornerKind,
+    LineCorner,
+)
+from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
@@ -34,11 +39,10 @@ from armcontour.geometry.rounded_orientation import (
     find_kinks,
     follow_rounded,
     largest_blend,
-    largest_tangent,
     middle_of,
     round_orientation,
 )
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
+from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped import ShapedPath
 
 # What does not jump along a rounded path: its tangent, or its curvature, too.
@@ -49,8 +53,6 @@ CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
 SHORTEST_SMOOTH = 1e-6
 # Planes that differ by less than this are one [rad].
 SAME_PLANE = 1e-9
-# A blend counts as one that uses its tolerance within this fraction, by which its search may miss.
-FULL = 1e-6
 # Why the tool stops at a corner.
 TURN_BACK = "turn-back"
 NO_TOLERANCE = "tolerance zero"
@@ -60,8 +62,6 @@ NO_ROOM = "no room"
 NOT_ROUNDED = "rounding off"
 NOT_FASTER = "faster than a curve"
 ORIENTATION = "tool orientation"
-# What is wanted of corners, with units.
-WISHES = {"corner error tolerance": "m", "corner speed": "m/s", "corner acceleration": "m/s²"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -291,250 +291,191 @@ def blend_vertices(
         turn: The path's turns there [rad], (n,).
         tolerance: Largest distance of each vertex from the new path [m], (n,).
     """
-    half = turn / 2
-    radius = ARC.largest_radius(tolerance, half)
-    wishes = _Wishes(
-        corner=vertex,
-        half=half,
-        error=tolerance,
-        enough=np.full(len(vertex), np.inf),
-        radius=radius,
-        acceleration=np.full(len(vertex), np.nan),
-        most=np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2,
-        curve=ARC,
-        long=ARC.length(half),
-    )
-    return _round(path, wishes, NOWHERE, np.inf)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Wishes:
-    """What is wanted of n corners.
-
-    Args:
-        corner: Segments after which there is a corner, (n,).
-        half: Half of the turn at each corner [rad], (n,).
-        error: Largest corner error [m], (n,).
-        enough: Radius that is large enough for the corner speed [m], infinite without one, (n,).
-        radius: Smallest radius of the curve between two lines by case I or case II [m], (n,).
-        acceleration: Centripetal acceleration of the corner speed [m/s²], (n,).
-        most: Largest tangent lengths [m], (n,).
-        curve: The curve that replaces corners between two lines.
-        long: Length of that curve over its smallest radius, (n,).
-    """
-
-    corner: IntArray
-    half: FloatArray
-    error: FloatArray
-    enough: FloatArray
-    radius: FloatArray
-    acceleration: FloatArray
-    most: FloatArray
-    curve: CornerCurve
-    long: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """How n corners are rounded.
-
-    Args:
-        tangent: Tangent lengths [m], 0 for a sharp corner, (n,).
-        radius: Smallest radius of what replaces each corner [m], 0 for a sharp corner, (n,).
-        length: Length of what replaces each corner [m], (n,).
-        error: Corner error [m], (n,).
-        shrunk: Mask of corners that are rounded less than their case requires, (n,).
-        bent: Mask of corners beside an arc, (n,).
-        blends: Blends of the rounded ones among them.
-    """
-
-    tangent: FloatArray
-    radius: FloatArray
-    length: FloatArray
-    error: FloatArray
-    shrunk: BoolArray
-    bent: BoolArray
-    blends: Blends
+    none = np.full(len(vertex), np.inf)
+    most = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
+    bounds = _bounds(path, vertex, turn, tolerance, none, np.inf, most)
+    return _round(path, vertex, bounds, np.nan * none, ARC, NOWHERE, np.inf)
 
 
 def _round_all(
     path: Path,
     given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
     angular_tolerance: float | None,
-    curve: CornerCurve,
+    curve: LineCorner,
 ) -> RoundedPath:
     """The path with all corners replaced; tolerance, speed and acceleration are given."""
-    if len(path) == 1 and (path.orientation is None or path.orientation.fixed):
-        # Programs have thousands of circles; values are checked for them, too.
-        needed_angle(path, angular_tolerance, NOWHERE)
-        plain = [x for x in given if x is None or type(x) is float]
-        if len(plain) == len(given):
-            _check_numbers(*plain)
-        else:
-            _wishes(path, NOWHERE, np.empty(0), given, curve)
-        return _without_corners(path)
+    tolerance, speed, acceleration = given
+    n = len(path) - 1
+    error = _checks.per_vertex("corner error tolerance", tolerance, n, "m")
+    slowest = _checks.per_vertex("corner speed", speed, n, "m/s")
+    accelerations = np.full(n, np.nan)
+    if acceleration is not None:
+        accelerations = _checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
+        if n:
+            _checks.positive("corner acceleration", accelerations.min(), "m/s²")
     turn = path.turns
-    corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
-    kinked = find_kinks(path)
+    corner, kinked = np.flatnonzero(turn > TANGENT_TOLERANCE), find_kinks(path)
     if len(kinked):
         kinked = np.setdiff1d(kinked, corner)
     angle = needed_angle(path, angular_tolerance, kinked)
-    wishes = _wishes(path, corner, turn[corner] / 2, given, curve)
-    return _round(path, wishes, kinked, angle)
-
-
-@lru_cache(maxsize=32)
-def _check_numbers(*given: float | None) -> None:
-    """Check tolerance, speed and acceleration, one number each, as `_wishes` does.
-
-    Raises:
-        InvalidInput: A value is negative or not a number.
-    """
-    for (name, unit), value in zip(WISHES.items(), given, strict=True):
-        _checks.per_vertex(name, value, 0, unit)
+    if n == 0 and (path.orientation is None or path.orientation.fixed):
+        # Programs have thousands of circles.
+        return _without_corners(path)
+    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    error = np.minimum(error, np.minimum(own[:-1], own[1:]))[corner]
+    none = np.full(len(corner), np.inf)
+    enough = none if speed is None else slowest[corner] ** 2 / accelerations[corner]
+    bounds = _bounds(path, corner, turn[corner], error, enough, angle, none)
+    return _round(path, corner, bounds, accelerations[corner], curve, kinked, angle)
 
 
 def _without_corners(path: Path) -> RoundedPath:
     """A path of one segment as a rounded path."""
-    return RoundedPath(
-        segments=path.segments,
-        orientation=path.orientation,
-        merged=path.merged,
-        waypoints=path.waypoints,
-        objective=path,
-        corners=_no_corners(path.dimension),
-    )
-
-
-@cache
-def _no_corners(dimension: int) -> Corners:
-    """The corners of a path in the plane or in space that has none."""
-    numbers = np.empty(0)
-    return Corners(
+    none = np.empty(0)
+    numbers = ("turn", "radius", "error", "tangent", "start", "end", "speed", "angular_error")
+    corners = Corners(
         vertex=NOWHERE,
-        point=np.empty((0, dimension)),
-        turn=numbers,
-        radius=numbers,
-        error=numbers,
-        tangent=numbers,
-        start=numbers,
-        end=numbers,
+        point=np.empty((0, path.dimension)),
         shrunk=NOWHERE > 0,
-        speed=numbers,
-        angular_error=numbers,
-        reason=np.empty(0, dtype=object),
+        reason=none.astype(object),
+        **dict.fromkeys(numbers, none),
+    )
+    kept = {x.name: getattr(path, x.name) for x in fields(Path) if x.init}
+    return RoundedPath(**kept, objective=path, corners=corners)
+
+
+def _bounds(
+    path: Path,
+    corner: IntArray,
+    turn: FloatArray,
+    error: FloatArray,
+    radius: FloatArray,
+    angle: float,
+    tangent: FloatArray,
+) -> Bounds:
+    """What corners have to keep; angular tolerance `angle` [rad], all others as in `Bounds`."""
+    return Bounds(
+        before=path.segments[corner],
+        after=path.segments[corner + 1],
+        half=turn / 2,
+        error=error,
+        radius=radius,
+        turn=largest_blend(path, corner, angle),
+        tangent=tangent,
     )
 
 
-def _round(path: Path, wishes: _Wishes, kinked: IntArray, angle: float) -> RoundedPath:
-    """The rounded path, by what is wanted of its corners.
+def _round(
+    path: Path,
+    corner: IntArray,
+    bounds: Bounds,
+    acceleration: FloatArray,
+    curve: LineCorner,
+    kinked: IntArray,
+    angle: float,
+) -> RoundedPath:
+    """The rounded path.
 
     Args:
         path: The objective path.
-        wishes: What is wanted of its corners.
+        corner: Segments after which there is a corner, (n,).
+        bounds: What its corners have to keep, n of them.
+        acceleration: Centripetal acceleration of the corner speed [m/s²], (n,).
+        curve: The curve that replaces corners between two lines.
         kinked: Segments after which only the angular rate jumps, (k,).
         angle: Angular tolerance [rad].
     """
-    tangents, wanted, smooth = _tangent_lengths(path, wishes, kinked, angle)
-    found = _rounded_corners(path, wishes, tangents[: len(wishes.corner)], wanted, smooth)
-    table, source, ends = _replace_corners(path, wishes, found)
-    which = np.concatenate([wishes.corner, kinked])
-    lengths = np.append(found.length, 2 * tangents[len(wishes.corner) :])
-    tangents = np.append(found.tangent, tangents[len(wishes.corner) :])
-    even = wishes.curve.smooth
-    orientation, off = _rounded_orientation(
-        path, table, source, which, tangents, lengths, angle, smooth=even
+    n, rows = len(corner), path.segments
+    follows = path.orientation is not None and path.orientation.follows
+    turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
+    # A frame that follows the tangent out of the plane would come round turned about it.
+    flat = _in_plane(bounds) if follows else np.ones(n, dtype=bool)
+    free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
+    bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)
+    # A connection that is too short or not possible leaves the corner to a pair of arcs.
+    kinds: list[tuple[CornerKind, float]] = [(curve, 0.0), (PAIR, 0.0)]
+    kinds[1:1] = [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
+    wanted, least, parts = np.zeros(n), np.zeros(n), []
+    for kind, shortest in kinds:
+        part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
+        if len(part):
+            found, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
+            fits = found > np.maximum(small, shortest)
+            part = part[fits]
+            wanted[part], least[part], free[part] = found[fits], small[fits], False
+        parts.append(part)
+    # Blends of the orientation alone share the segments with the corners' curves.
+    which = np.concatenate([corner, kinked])
+    middle = middle_of(curve.smooth)
+    order, tangents = np.argsort(which), np.empty(len(which))
+    kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
+    tangents[order] = fit_lengths(
+        np.concatenate([wanted, kinks])[order], which[order], rows.lengths
     )
-    corner = wishes.corner
+    # On a very short segment between two corners the curves may be too small.
+    tangent = tangents[:n]
+    tangent[tangent <= least / 4] = 0.0
+    radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), wanted > 0
+    tables, after = [rows[:0]], [NOWHERE]
+    for (kind, _), part in zip(kinds, parts, strict=True):
+        part = part[tangent[part] > 0]
+        if len(part):
+            drawn = kind.draw(bounds[part], tangent[part])
+            radius[part], error[part], shrunk[part] = drawn.radius, drawn.error, drawn.shrunk
+            length[part] = np.bincount(drawn.of, drawn.rows.lengths, minlength=len(part))
+            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.of]]]
+    cut = np.zeros(len(path) + 1)
+    cut[which + 1] = np.append(tangent, np.zeros(len(kinked)))
+    table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))
+    table = table.check()
+    ends = np.append(0.0, table.breaks[1:])[np.searchsorted(source, corner, side="right")]
+    lengths = np.append(length, 2 * tangents[n:])
+    orientation, off = path.orientation, np.zeros(len(which))
+    if follows:
+        cut[which + 1] = tangents
+        orientation = follow_rounded(table, path, source, cut[:-1], angle, smooth=curve.smooth)
+    elif orientation is not None:
+        whole = table.breaks[-1]
+        orientation, off = round_orientation(
+            path, which, tangents, lengths, whole, smooth=curve.smooth
+        )
+    reasons = np.full(n, NO_ROOM, dtype=object)
+    reasons[(angle == 0) & (bounds.turn == 0)] = NO_ANGLE
+    reasons[(bounds.error == 0) | (bounds.radius == 0)] = NO_TOLERANCE
+    reasons[~flat] = OUT_OF_PLANE
+    if path.orientation is not None and not follows:
+        reasons[path.orientation.jumps[corner] > SAME_ORIENTATION] = ORIENTATION
+    reasons[turns_back] = TURN_BACK
+    reasons[radius > 0] = None
     return RoundedPath(
         segments=table,
         merged=path.merged,
         # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
-        waypoints=EVERY_VERTEX if (found.radius > 0).any() else path.waypoints,
+        waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
         orientation=orientation,
         objective=path,
         corners=Corners(
             vertex=corner + 1,
             point=path.starts[corner + 1],
-            turn=2 * wishes.half,
-            radius=found.radius,
-            error=found.error,
-            tangent=found.tangent,
-            start=ends - found.length,
+            turn=2 * bounds.half,
+            radius=radius,
+            error=error,
+            tangent=tangent,
+            start=ends - length,
             end=ends,
-            shrunk=found.shrunk,
-            speed=np.sqrt(wishes.acceleration * found.radius),
-            angular_error=off[: len(corner)],
-            reason=_stop_reasons(path, wishes, found, angle),
+            shrunk=shrunk,
+            speed=np.sqrt(acceleration * radius),
+            angular_error=off[:n],
+            reason=reasons,
         ),
     )
 
 
-def _rounded_corners(
-    path: Path, wishes: _Wishes, tangent: FloatArray, wanted: FloatArray, smooth: BoolArray
-) -> _Found:
-    """How corners are rounded with given tangent lengths [m], where others were wanted, (n,).
-
-    Args:
-        path: The objective path.
-        wishes: What is wanted of its corners.
-        tangent: The tangent lengths [m], (n,).
-        wanted: Those that were wanted [m], (n,).
-        smooth: Mask of the corners beside arcs whose blends have continuous curvature, (n,).
-    """
-    corner, half = wishes.corner, wishes.half
-    bent = _beside_arcs(path, corner)
-    stretch = wishes.curve.stretch(half)
-    shrunk = (tangent < wishes.radius * stretch * (1 - 1e-12)) & (wanted > 0)
-    radius = np.where(tangent > 0, np.where(shrunk, tangent / stretch, wishes.radius), 0.0)
-    length, error = radius * wishes.long, wishes.curve.error(radius, half)
-    drawn = np.flatnonzero(bent & (tangent > 0))
-    before = after = path.segments[:0]
-    if len(drawn):
-        before, after = path.segments[corner[drawn]], path.segments[corner[drawn] + 1]
-    blends = make_blends(before, after, tangent[drawn], smooth[drawn])
-    if len(drawn):
-        radius[drawn], length[drawn], error[drawn] = blends.radius, blends.lengths, blends.error
-        full = blends.error >= wishes.error[drawn] * (1 - FULL)
-        shrunk[drawn] = ~(full | (blends.bend <= (1 + FULL) / wishes.enough[drawn]))
-    return _Found(
-        tangent=tangent,
-        radius=radius,
-        length=length,
-        error=error,
-        shrunk=shrunk,
-        bent=bent,
-        blends=blends,
-    )
-
-
-def _beside_arcs(path: Path, corner: IntArray) -> BoolArray:
-    """Mask of the corners of which a side is an arc, (n,)."""
-    return np.asarray((path.curvatures[corner] > 0) | (path.curvatures[corner + 1] > 0))
-
-
-def _stop_reasons(
-    path: Path, wishes: _Wishes, found: _Found, angle: float
-) -> npt.NDArray[np.object_]:
-    """Why the tool stops at each corner; None where it does not, (n,)."""
-    reasons = np.full(len(wishes.corner), NO_ROOM, dtype=object)
-    if angle == 0:
-        reasons[_largest_tangent(path, wishes, angle) == 0] = NO_ANGLE
-    reasons[(wishes.error == 0) | (wishes.enough == 0)] = NO_TOLERANCE
-    if path.orientation is not None and path.orientation.follows:
-        reasons[~_in_plane(path, wishes.corner)] = OUT_OF_PLANE
-    elif path.orientation is not None:
-        reasons[path.orientation.jumps[wishes.corner] > SAME_ORIENTATION] = ORIENTATION
-    reasons[np.pi - 2 * wishes.half <= TANGENT_TOLERANCE] = TURN_BACK
-    reasons[found.radius > 0] = None
-    return reasons
-
-
-def _in_plane(path: Path, corner: IntArray) -> BoolArray:
+def _in_plane(bounds: Bounds) -> BoolArray:
     """Mask of the corners whose two segments lie in one plane, (n,)."""
-    if path.dimension == 2 or not len(corner):
-        return np.ones(len(corner), dtype=bool)
-    before, after = path.segments[corner], path.segments[corner + 1]
+    before, after = bounds.before, bounds.after
+    if before.dimension == 2 or not len(before):
+        return np.ones(len(before), dtype=bool)
     sides = [
         np.cross(before.tangents, before.normals),
         np.cross(after.tangents, after.normals),
@@ -542,174 +483,6 @@ def _in_plane(path: Path, corner: IntArray) -> BoolArray:
     ]
     off = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
     return np.asarray(np.max(off, axis=0) <= SAME_PLANE)
-
-
-def _tangent_lengths(
-    path: Path, wishes: _Wishes, kinked: IntArray, angle: float
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Tangent lengths that keep the tolerances and fit the segments.
-
-    Args:
-        path: The objective path.
-        wishes: What is wanted of its corners, n of them.
-        kinked: Segments after which only the angular rate jumps, (k,).
-        angle: Angular tolerance [rad].
-
-    Returns:
-        Tangent lengths of corners, then of kinks [m], (n + k,); 0 for sharp corners. Those that
-        the corners would take if their segments were long enough [m], (n,). And the mask of the
-        corners beside arcs whose blends have continuous curvature, (n,).
-    """
-    corner, half = wishes.corner, wishes.half
-    bent = _beside_arcs(path, corner)
-    allowed = _largest_tangent(path, wishes, angle)
-    wanted = np.minimum(wishes.radius * wishes.curve.stretch(half), allowed)
-    smooth = np.zeros(len(corner), dtype=bool)
-    if bent.any():
-        wanted[bent], smooth[bent] = _wanted_blends(path, wishes, bent, angle)
-    wanted = np.minimum(wanted, wishes.most)
-    # Arcs smaller than the resolution of a point are dropped; at a turn of 180° no radius is left.
-    shortest = np.where(bent, REPEATED_POINT, wishes.curve.shortest(half))
-    wanted[wanted <= shortest] = 0.0
-    wanted[np.pi - 2 * half <= TANGENT_TOLERANCE] = 0.0
-    # Blends of the orientation alone share the segments with the corners' arcs.
-    which = np.concatenate([corner, kinked])
-    even = wishes.curve.smooth
-    blends = largest_tangent(path, kinked, np.full(len(kinked), 2.0), angle, smooth=even)
-    order = np.argsort(which)
-    tangents = np.empty(len(which))
-    tangents[order] = fit_lengths(
-        np.concatenate([wanted, blends])[order], which[order], path.lengths
-    )
-    # A very short segment between two corners can leave an arc below that resolution, too.
-    tangent = tangents[: len(corner)]
-    tangent[tangent <= shortest / 4] = 0.0
-    return tangents, wanted, smooth
-
-
-def _largest_tangent(path: Path, wishes: _Wishes, angle: float) -> FloatArray:
-    """Largest tangent lengths of corners between two lines that keep the angular tolerance [m]."""
-    ratio = wishes.long / wishes.curve.stretch(wishes.half)
-    return largest_tangent(path, wishes.corner, ratio, angle, smooth=wishes.curve.smooth)
-
-
-def _wanted_blends(
-    path: Path, wishes: _Wishes, bent: BoolArray, angle: float
-) -> tuple[FloatArray, BoolArray]:
-    """Tangent lengths of corners beside arcs [m], if nothing else used their segments.
-
-    Where the curvature must not jump, but no such blend is possible, a pair of arcs is taken.
-
-    Args:
-        path: The objective path.
-        wishes: What is wanted of its corners.
-        bent: Mask of the corners beside arcs.
-        angle: Angular tolerance [rad].
-
-    Returns:
-        The tangent lengths, and the mask of the blends with continuous curvature.
-    """
-    corner = wishes.corner[bent]
-    bounds = Bounds(
-        error=wishes.error[bent],
-        radius=wishes.enough[bent],
-        turn=largest_blend(path, corner, angle),
-        tangent=wishes.most[bent],
-        middle=middle_of(wishes.curve.smooth),
-        smooth=wishes.curve.smooth,
-    )
-    free = (bounds.error > 0) & (bounds.radius > 0)
-    if path.orientation is not None and path.orientation.follows:
-        # A frame that follows the tangent out of the plane would come round turned about it.
-        free &= _in_plane(path, corner)
-    sides = path.segments[corner], path.segments[corner + 1]
-    found = np.where(free, widest_blends(*sides, bounds), 0.0)
-    smooth = bounds.smooth & (found > SHORTEST_SMOOTH)
-    rest = np.flatnonzero(free & ~smooth)
-    if bounds.smooth and len(rest):
-        plain = dataclasses.replace(bounds, smooth=False)[rest]
-        found[rest] = widest_blends(sides[0][rest], sides[1][rest], plain)
-    return found, smooth
-
-
-def _wishes(
-    path: Path,
-    corner: IntArray,
-    half: FloatArray,
-    given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
-    curve: CornerCurve,
-) -> _Wishes:
-    """What is wanted of the corners, by case I or case II.
-
-    Args:
-        path: The objective path.
-        corner: Segments after which there is a corner, (n,).
-        half: Half of the turn at each corner [rad], (n,).
-        given: Tolerance, speed and acceleration as in `round_corners`.
-        curve: The curve that replaces corners between two lines.
-
-    Raises:
-        InvalidInput: A value is negative or not a number, or their number is wrong.
-    """
-    tolerance, speed, acceleration = given
-    vertices = len(path) - 1
-    allowed = _checks.per_vertex("corner error tolerance", tolerance, vertices, "m")
-    slowest = _checks.per_vertex("corner speed", speed, vertices, "m/s")
-    accelerations = np.full(vertices, np.nan)
-    if acceleration is not None:
-        accelerations = _checks.per_vertex("corner acceleration", acceleration, vertices, "m/s²")
-        if vertices:
-            _checks.positive("corner acceleration", accelerations.min(), "m/s²")
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    allowed = np.minimum(allowed, np.minimum(own[:-1], own[1:]))[corner]
-    enough = np.full(len(corner), np.inf)
-    if speed is not None:
-        enough = slowest[corner] ** 2 / accelerations[corner]
-    return _Wishes(
-        corner=corner,
-        half=half,
-        error=allowed,
-        enough=enough,
-        radius=np.minimum(curve.largest_radius(allowed, half), enough),
-        acceleration=accelerations[corner],
-        most=np.full(len(corner), np.inf),
-        curve=curve,
-        long=curve.length(half),
-    )
-
-
-def _rounded_orientation(
-    path: Path,
-    table: Segments,
-    source: IntArray,
-    which: IntArray,
-    tangent: FloatArray,
-    length: FloatArray,
-    angle: float,
-    *,
-    smooth: bool,
-) -> tuple[Orientation | None, FloatArray]:
-    """The rounded orientation, and its angular errors in the middles of what is replaced [rad].
-
-    Args:
-        path: The objective path.
-        table: The segments of the rounded path.
-        source: Index of the objective segment of each of them, from `_replace_corners`.
-        which: Segments after which there is a corner, then those after which there is a kink, (k,).
-        tangent: Tangent length of each of these vertices [m], (k,).
-        length: Length of what replaces them [m], (k,).
-        angle: Angular tolerance [rad].
-        smooth: Whether the derivative of the angular rate must not jump.
-    """
-    if path.orientation is None:
-        return None, np.zeros(len(which))
-    if path.orientation.follows:
-        cut = np.zeros(len(path))
-        cut[which + 1] = tangent
-        found = follow_rounded(table, path, source, cut, angle, smooth=smooth)
-        return found, np.zeros(len(which))
-    whole = table.breaks[-1]
-    return round_orientation(path, which, tangent, length, whole, smooth=smooth)
 
 
 def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
@@ -739,34 +512,3 @@ def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
             "corners.angular_tolerance; 0 stops there)."
         )
     return np.inf
-
-
-def _replace_corners(
-    path: Path, wishes: _Wishes, found: _Found
-) -> tuple[Segments, IntArray, FloatArray]:
-    """Segments of the rounded path.
-
-    Args:
-        path: The objective path.
-        wishes: What was wanted of its corners, n of them.
-        found: How they are rounded.
-
-    Returns:
-        The segments; for each, the index of its objective segment, or of the one before its
-        corner; and the arc lengths at which the corners' arcs end [m], (n,).
-    """
-    corner, n = wishes.corner, len(path)
-    cut = np.zeros(n + 1)
-    cut[corner + 1] = found.tangent
-    plain = (found.radius > 0) & ~found.bent
-    blended = corner[(found.tangent > 0) & found.bent]
-    before = corner[plain]
-    curves, row = wishes.curve.draw(
-        path.segments[before], path.segments[before + 1], found.radius[plain], wishes.half[plain]
-    )
-    drawn = Segments.join([curves, found.blends.rows] if len(blended) else [curves])
-    after = np.concatenate([before[row], blended[found.blends.of]])
-    table, source, _ = replace_vertices(path.segments, cut, drawn, after)
-    table = table.check()
-    ends = np.append(0.0, np.cumsum(table.lengths))[np.searchsorted(source, corner, side="right")]
-    return table, source, ends
