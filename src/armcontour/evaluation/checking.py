@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -209,8 +210,6 @@ def check(
     Raises:
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
-    options: dict[str, Any] = {"tolerance": tolerance, "velocity_step": velocity_step}
-    options |= {"points": points, "seed": seed, "resolution": resolution}
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
     between = any(x.kind != "contour" for x in getattr(samples, "spans", ()))
     if (between and program is None) or (program is not None and len(program.moves) > 1):
@@ -219,34 +218,14 @@ def check(
             "missed": missed,
             "orientation_deviation": orientation_deviation,
         }
+        options: dict[str, Any] = {"tolerance": tolerance, "velocity_step": velocity_step}
+        options |= {"points": points, "seed": seed, "resolution": resolution}
         return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
-    single_path = None if program is None else program.path
-    return _check_one(
-        samples, arm, limits, single_path, deviation, missed, orientation_deviation, **options
-    )
-
-
-def _check_one(
-    samples: TimeSamples | Law,
-    arm: Arm,
-    limits: Limits | None,
-    path: Path | None,
-    deviation: float | None,
-    missed: float | None,
-    orientation_deviation: float | None,
-    *,
-    tolerance: float,
-    velocity_step: float,
-    points: int,
-    seed: int,
-    resolution: Mapping[str, npt.ArrayLike] | None,
-) -> Check:
-    """Check all limits along one path, or without a path; arguments as in `check`."""
     _checks.refuse_other("check", arm, Arm, "such as load_arm('ur5e')")
-    dof = arm.dof
-    _refuse_path(arm, path, deviation, missed, orientation_deviation)
+    single_path = None if program is None else program.path
+    _refuse_path(arm, single_path, deviation, missed, orientation_deviation)
     bounds = choose_limits("check", arm, limits)
-    tally = Tally(arm, bounds, path, deviation, orientation_deviation)
+    tally = Tally(arm, bounds, single_path, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
     if callable(samples):
@@ -254,14 +233,14 @@ def _check_one(
         motion: Any = samples
         judged = _judge_law(samples, tally, points, seed, step)
     else:
-        motion = _check_samples(samples, dof, resolution)
+        motion = _check_samples(samples, arm.dof, resolution)
         judged = _judge_log(motion, tally)
     if missed is not None:
         judge_missed(motion, tally, missed)
     uses = tally.uses(tolerance)
     return Check(
         uses=uses,
-        not_judged=_not_judged(bounds, path, {use.name for use in uses}),
+        not_judged=_not_judged(bounds, single_path, {use.name for use in uses}),
         tolerance=tolerance,
         path_deviation=None if path is None else PathDeviation(**tally.farthest),
         **judged,
@@ -283,17 +262,6 @@ class _Part:
     path: Path | None
     t: float
     s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Samples:
-    """Some of the samples of a motion, with the fields that `check` reads."""
-
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray | None
-    ddq: FloatArray | None
-    resolution: Mapping[str, npt.ArrayLike] | None
 
 
 def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
@@ -318,18 +286,12 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
         ]
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
-    resolution = getattr(samples, "resolution", None)
-    found = []
     windows = find_windows(arm.forward(log.q), program)
+    found = []
     for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
-        here = slice(first, last + 1)
-        motion = _Samples(
-            t=log.t[here],
-            q=log.q[here],
-            dq=None if log.dq is None else log.dq[here],
-            ddq=None if log.ddq is None else log.ddq[here],
-            resolution=resolution,
-        )
+        rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
+        part = {x: None if y is None else y[first : last + 1] for x, y in rows.items()}
+        motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
         found.append(_Part(motion=motion, path=path, t=0.0, s=start))
     return found
 
@@ -360,9 +322,8 @@ def _check_parts(
         # Without spans, `check` judges the law as a whole.
         motion = replace(cast("Any", motion), spans=())
     bounds = choose_limits("check", arm, limits)
-    joints = bounds.of_joints
     tool = bounds.of_tool
-    whole = check(motion, arm, joints, **options)
+    whole = check(motion, arm, bounds.of_joints, **options)
     uses = {x.name: x for x in whole.uses}
     left = dict.fromkeys(whole.not_judged)
     farthest = None

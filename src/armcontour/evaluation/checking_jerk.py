@@ -62,8 +62,7 @@ class JerkOfSamples:
         if limits.joint_jerk is not None:
             given = [(k, x) for k, x in enumerate((log.q, log.dq, log.ddq)) if x is not None]
             order, values = given[-1]
-            off = np.tile(log.errors[order], (len(values), 1))
-            joints = _Column(order=order, values=values, off=off)
+            joints = _Column(order=order, values=values, off=log.errors_of(order))
         return cls(
             joints=joints, tool=None if limits.tool_jerk is None else _tool_column(log, tally)
         )
@@ -77,14 +76,14 @@ class JerkOfSamples:
         limits, slack = tally.limits, 0.0
         if self.joints is not None and limits.joint_jerk is not None:
             width, x = self.joints.jerk(log, k)
-            t, q = _middles(log, width)
+            t, q = log.middles(width)
             size = np.abs(x.mean)
             slack = tally.offer("joint_jerk", t, size, limits.joint_jerk, q, x.error)
             if log.dq is not None:
                 _offer_both(log, log.dq, tally, limits.joint_jerk, k)
         if self.tool is not None and limits.tool_jerk is not None:
             width, x = self.tool.jerk(log, k)
-            t, q = _middles(log, width)
+            t, q = log.middles(width)
             size = np.linalg.norm(x.mean, axis=1)
             off = x.error[:, 0]
             slack = max(slack, tally.offer("tool_jerk", t, size, limits.tool_jerk, q, off))
@@ -111,11 +110,6 @@ def _offer_both(log: Log, dq: FloatArray, tally: Tally, limit: FloatArray, k: in
     # As numbers of positions are rounded, this says nothing about the motion as it stands.
     narrow, tally.narrow = tally.narrow, False
     error = mean - 6 * (rest - off) / (span + late) ** 3
-    t, q = _middles(log, k)
+    t, q = log.middles(k)
     tally.offer("joint_jerk", t, mean, limit, q, error)
     tally.narrow = narrow
-
-
-def _middles(log: Log, k: int) -> tuple[FloatArray, FloatArray]:
-    """Middle times of windows of k samples [s], and joint positions near them [rad]."""
-    return (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]

@@ -69,7 +69,7 @@ class _AngularMotion:
         Returns:
             Largest share of a limit that rounding may have made.
         """
-        t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+        t, q = log.middles(k)
         limits, slack = tally.limits, 0.0
         span, late = (x[:, 0] for x in log.spans(k))
         if limits.angular_speed is not None:
@@ -88,13 +88,17 @@ class _AngularMotion:
 
 def judge_samples(log: Log, tally: Tally) -> None:
     """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
-    _offer_samples(log, tally)
+    states = None
+    if log.dq is not None:
+        tally.states(States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors))
+        states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
+    else:
+        tally.joint_range(log.t, log.q, log.errors[0])
+        if log.ddq is not None:
+            tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
     tool, tool_error = tally.tool(log.q, log.errors[0])
     turning, jerk = _AngularMotion.of(log, tally), JerkOfSamples.of(log, tally)
-    velocity, velocity_error = None, None
-    if log.dq is not None:
-        states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
-        velocity, velocity_error = tally.tool_velocity(states)
+    velocity = None if states is None else tally.tool_velocity(states)
     width = 1
     while width < len(log.t):
         tally.narrow = width == 1
@@ -103,8 +107,8 @@ def judge_samples(log: Log, tally: Tally) -> None:
             0.0 if turning is None else turning.offer(log, tally, width),
             jerk.offer(log, tally, width),
             _offer_from_positions(log, tally, tool, tool_error, width)
-            if log.dq is None or velocity is None or velocity_error is None
-            else _offer_from_velocities(log, log.dq, tally, velocity, velocity_error, width),
+            if log.dq is None or velocity is None
+            else _offer_from_velocities(log, log.dq, tally, *velocity, width),
         )
         if slack <= NEGLIGIBLE:
             break
@@ -116,16 +120,6 @@ def judge_samples(log: Log, tally: Tally) -> None:
             # The weights of dq sum to at most a quarter of the interval.
             off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
             tally.pose(*_interpolate(log.t, log.q, log.dq), off)
-
-
-def _offer_samples(log: Log, tally: Tally) -> None:
-    """Offer the values at the samples."""
-    if log.dq is not None:
-        tally.states(States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors))
-        return
-    tally.joint_range(log.t, log.q, log.errors[0])
-    if log.ddq is not None:
-        tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
 
 
 def _offer_velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray, k: int) -> float:
@@ -141,10 +135,10 @@ def _offer_velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray,
     Returns:
         Largest share of a limit that rounding may have made.
     """
-    t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+    t, q = log.middles(k)
     limits, slack = tally.limits, 0.0
     if limits.joint_velocity is not None:
-        x = mean_rate(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+        x = mean_rate(log, log.q, log.errors_of(0), k)
         slack = tally.offer("joint_velocity", t, np.abs(x.mean), limits.joint_velocity, q, x.error)
     if limits.speed is not None:
         x = mean_rate(log, tool, off[:, None], k)
@@ -161,10 +155,10 @@ def _offer_from_velocities(
     Returns:
         Largest share of a limit that rounding may have made.
     """
-    t, q = (log.t[k:] + log.t[:-k]) / 2, log.q[k // 2 : len(log.q) - k + k // 2]
+    t, q = log.middles(k)
     span, late = log.spans(k)
     q_error, dq_error = log.errors[0], log.errors[1]
-    x = mean_rate(log, dq, np.tile(dq_error, (len(dq), 1)), k)
+    x = mean_rate(log, dq, log.errors_of(1), k)
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
     step = log.q[k:] - log.q[:-k]
     for v, sign in ((dq[:-k], 1.0), (dq[k:], -1.0)):
@@ -186,7 +180,7 @@ def _offer_from_positions(
     if len(log.t) <= 2 * k:
         return 0.0
     t, q = log.t[k:-k], log.q[k:-k]
-    _, _, x = second_rate(log, log.q, np.tile(log.errors[0], (len(log.q), 1)), k)
+    _, _, x = second_rate(log, log.q, log.errors_of(0), k)
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
     before, after, x = second_rate(log, tool, off[:, None], k)
     chord_error = np.maximum(before.error, after.error)[:, 0]

@@ -31,7 +31,6 @@ from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import (
-    Piece,
     common_delay,
     evaluated_times,
     pieces_of,
@@ -231,7 +230,10 @@ def evaluate(
         InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
             program was not planned.
     """
-    program, before = _check_programs(executed, path, objective)
+    _checks.refuse_other("evaluate", executed, Execution, "as execute gives it")
+    program, before = Program.of(path, "evaluate needs a Path or a Program"), None
+    if objective is not None:
+        before = Program.of(objective, "evaluate needs a Path or a Program as its objective")
     if until is not None and program.single_path is None:
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
@@ -260,35 +262,29 @@ def evaluate(
         undelayed_error=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
         unexplained=_most_of_each([x.unexplained for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
-        objective_missed=_most_missed([x.objective_missed for x in pieces]),
+        objective_missed=max(
+            (x for piece in pieces if (x := piece.objective_missed)),
+            key=lambda x: x.max,
+            default=None,
+        ),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
-        corners=_collect_corners(pieces, program),
+        corners=tuple(
+            replace(x, contour=None if program.single_path is not None else number)
+            for number, piece in enumerate(pieces, start=1)
+            for x in piece.corners
+        ),
         contours=contours,
         speed=max(float(x.speed.max()) for x in pieces),
         speed_ratio=ratio if ratio > 0 else np.nan,
         speed_overshoot=max(
-            _overshoot(piece.speed, share) for piece, share in zip(pieces, shares, strict=True)
+            float((piece.speed * (1 - 1 / np.maximum(share, 1.0))).max())
+            for piece, share in zip(pieces, shares, strict=True)
         ),
         path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
         **_compute_demands(executed, bounds, end),
         utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
     )
-
-
-def _check_programs(
-    executed: Execution, path: Path | Program, objective: Path | Program | None
-) -> tuple[Program, Program | None]:
-    """Return the path and the path before rounding as programs.
-
-    Raises:
-        InvalidInput: An argument has the wrong type.
-    """
-    _checks.refuse_other("evaluate", executed, Execution, "as execute gives it")
-    program = Program.of(path, "evaluate needs a Path or a Program")
-    if objective is None:
-        return program, None
-    return program, Program.of(objective, "evaluate needs a Path or a Program as its objective")
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
@@ -317,28 +313,6 @@ def _most_of_each(found: Sequence[tuple[float, float] | None]) -> tuple[float, f
     """The largest first and second value of those that are not None; None if all are."""
     along, across = (max((x[i] for x in found if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
-
-
-def _most_missed(found: Sequence[Missed | None]) -> Missed | None:
-    """The largest one of those that are not None; None if all are."""
-    return max((x for x in found if x is not None), key=lambda x: x.max, default=None)
-
-
-def _collect_corners(pieces: Sequence[Piece], program: Program) -> tuple[CornerDeviation, ...]:
-    """Cornering deviations of all contours, with contour numbers unless there is one path only."""
-    if program.single_path is not None:
-        return tuple(x for piece in pieces for x in piece.corners)
-    return tuple(
-        replace(x, contour=number)
-        for number, piece in enumerate(pieces, start=1)
-        for x in piece.corners
-    )
-
-
-def _overshoot(speed: FloatArray, share: FloatArray) -> float:
-    """Largest excess of tool speeds [m/s] over the assigned velocity, from their shares of it."""
-    over = share > 1
-    return float((speed[over] * (1 - 1 / share[over])).max(initial=0.0))
 
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:

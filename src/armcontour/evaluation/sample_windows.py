@@ -40,6 +40,14 @@ class Log:
         span = (self.t[k:] - self.t[:-k])[:, None]
         return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
 
+    def middles(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Middle times of windows of `k` samples [s], and joint positions near them [rad]."""
+        return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
+
+    def errors_of(self, order: int) -> FloatArray:
+        """Bounds on the error of q, dq or ddq at every sample, (n, dof)."""
+        return np.tile(self.errors[order], (len(self.t), 1))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Windows:
@@ -62,12 +70,7 @@ def mean_rate(
         both_ways: Whether the error bounds how much the true mean may be larger, too; otherwise
             only how much it may be smaller.
     """
-    span, late = log.spans(k)
-    mean = (y[k:] - y[:-k]) / span
-    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
-    least = _least(span, late) if both_ways else span + late
-    error = (off[k:] + off[:-k] + size * late) / least
-    return Windows(mean=mean, error=error)
+    return _windows(log, y[k:] - y[:-k], off[k:] + off[:-k], k, both_ways=both_ways)
 
 
 def second_rate(
@@ -80,12 +83,8 @@ def second_rate(
     chords = mean_rate(log, y, off, k, both_ways=True)
     before = Windows(mean=chords.mean[:-k], error=chords.error[:-k])
     after = Windows(mean=chords.mean[k:], error=chords.error[k:])
-    span, late = log.spans(2 * k)
-    mean = 2 * (after.mean - before.mean) / span
-    size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
-    least = _least(span, late) if both_ways else span + late
-    error = (2 * (before.error + after.error) + size * late) / least
-    return before, after, Windows(mean=mean, error=error)
+    step, off = 2 * (after.mean - before.mean), 2 * (before.error + after.error)
+    return before, after, _windows(log, step, off, 2 * k, both_ways=both_ways)
 
 
 def third_rate(log: Log, y: FloatArray, off: FloatArray, k: int) -> Windows:
@@ -94,13 +93,17 @@ def third_rate(log: Log, y: FloatArray, off: FloatArray, k: int) -> Windows:
         nothing = np.zeros((0, y.shape[1]))
         return Windows(mean=nothing, error=nothing[:, : off.shape[1]])
     _, _, second = second_rate(log, y, off, k, both_ways=True)
-    span, late = log.spans(3 * k)
-    mean = 3 * (second.mean[k:] - second.mean[:-k]) / span
+    step = 3 * (second.mean[k:] - second.mean[:-k])
+    return _windows(log, step, 3 * (second.error[k:] + second.error[:-k]), 3 * k)
+
+
+def _windows(
+    log: Log, step: FloatArray, off: FloatArray, k: int, *, both_ways: bool = False
+) -> Windows:
+    """Means over windows of k samples, of a rate of which steps and their errors are known."""
+    span, late = log.spans(k)
+    mean = step / span
     size = np.abs(mean) if off.shape[1] > 1 else np.linalg.norm(mean, axis=1)[:, None]
-    error = (3 * (second.error[k:] + second.error[:-k]) + size * late) / (span + late)
-    return Windows(mean=mean, error=error)
-
-
-def _least(span: FloatArray, late: FloatArray) -> FloatArray:
-    """Shortest true length of windows [s], but never quite none."""
-    return np.maximum(span - late, 1e-6 * span)
+    # The shortest true length of a window is never quite none.
+    least = np.maximum(span - late, 1e-6 * span) if both_ways else span + late
+    return Windows(mean=mean, error=(off + size * late) / least)
