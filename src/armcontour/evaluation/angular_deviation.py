@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.frames import log
-from armcontour.geometry import Orientation, Path, Projection, angle_between
+from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
+from armcontour.geometry.orientation import turns_between
 
 # So many of the largest angles are looked at first, and four times as many in each round after it.
 FIRST = 100
@@ -23,10 +23,7 @@ def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> Fl
         s: Arc lengths of the tool on the path [m], (n,).
         turned: The tool's axes as columns, (n, 3, 3).
     """
-    wanted = orientation(s)
-    if orientation.axis_only:
-        return angle_between(turned[:, :, 2], wanted[:, :, 2])
-    return np.asarray(np.linalg.norm(log(wanted @ np.swapaxes(turned, 1, 2)), axis=1))
+    return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
 def least_off(

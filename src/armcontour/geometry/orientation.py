@@ -16,7 +16,7 @@ from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, several
 from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between, exp
+from armcontour.frames import angle_between, exp, log
 
 # Orientations that differ by less than this count as equal [rad].
 SAME_ORIENTATION = 1e-9
@@ -329,6 +329,35 @@ def shift(c: FloatArray, by: FloatArray) -> FloatArray:
         by: The shifts, (n,).
     """
     return re_expand(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
+
+
+def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:
+    """Angles between rotations, or between their third axes only [rad], (n,).
+
+    Args:
+        first: Rotation matrices, (n, 3, 3).
+        second: The others, (n, 3, 3).
+        axis_only: Whether only the third axes count.
+    """
+    if axis_only:
+        return angle_between(first[:, :, 2], second[:, :, 2])
+    return np.asarray(np.linalg.norm(log(first @ np.swapaxes(second, 1, 2)), axis=1))
+
+
+def fade(
+    width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4).
+
+    Args:
+        width: Lengths of the intervals, (n,).
+        begin: Value and slope at the start of each interval, (n,) each.
+        end: Value and slope at its end, (n,) each.
+    """
+    (a, into), (b, out) = begin, end
+    mean = (b - a) / width
+    second, third = (3 * mean - 2 * into - out) / width, (into + out - 2 * mean) / width**2
+    return np.stack([a, into, second, third], axis=1)
 
 
 def with_degree(c: FloatArray, degree: int) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -139,8 +140,6 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
     Raises:
         InvalidInput: The path turns back by 180°, where the tool could turn to either side.
     """
-    n = len(segments)
-    turns = tangent_turns(segments)
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
@@ -152,22 +151,38 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
             index=i,
             point=segments.starts[i + 1].tolist(),
         )
-    starts = np.empty((n, 3, 3))
-    segment_turns = whole_turns(turns, segments.lengths)
-    corner_turns = exp(corners)
-    for k in range(n):
-        starts[k] = frame
-        if k + 1 < n:
-            frame = corner_turns[k] @ segment_turns[k] @ frame
+    return follow_on(segments, frame, exp(corners), {}, axis_only=axis_only)
+
+
+def follow_on(
+    segments: Segments,
+    frame: FloatArray,
+    corners: FloatArray | None,
+    known: Mapping[int, FloatArray],
+    *,
+    axis_only: bool,
+) -> Orientation:
+    """An orientation that turns with the tangents of segments.
+
+    Args:
+        segments: The segments, n of them.
+        frame: Rotation matrix at the start, (3, 3).
+        corners: Rotations at the vertices between segments, (n - 1, 3, 3); None for none.
+        known: Rotation matrices that are known at the starts of some segments, (3, 3) each.
+        axis_only: Rotation about the tool axis is free.
+    """
+    columns = tangent_turns(segments)
+    tilt, turn = (value_of(columns[x], segments.lengths)[:, None] for x in "fg")
+    turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
+    if corners is not None:
+        turns[:-1] = corners @ turns[:-1]
+    starts = np.empty((len(segments), 3, 3))
+    for k in range(len(segments)):
+        starts[k] = frame = known.get(k, frame)
+        frame = turns[k] @ frame
     return Orientation(
-        breaks=segments.breaks, starts=starts, **turns, axis_only=axis_only, follows=True
+        breaks=segments.breaks, starts=starts, **columns, axis_only=axis_only, follows=True
     )
-
-
-def whole_turns(turns: dict[str, FloatArray], lengths: FloatArray) -> FloatArray:
-    """Rotations from the starts to the ends of pieces that turn as `tangent_turns`, (n, 3, 3)."""
-    tilt, turn = (value_of(turns[x], lengths)[:, None] for x in "fg")
-    return exp(turn * turns["second"]) @ exp(tilt * turns["first"])
 
 
 def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:

@@ -15,15 +15,17 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._quintics import quintic
 from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between, exp, log
+from armcontour.frames import exp
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
+    fade,
+    turns_between,
     with_degree,
 )
-from armcontour.geometry.orienting import tangent_turns, whole_turns
+from armcontour.geometry.orienting import follow_on
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
@@ -150,20 +152,11 @@ def follow_rounded(
     """
     own = objective.orientation
     assert own is not None
-    turns = tangent_turns(rounded)
-    starts = np.empty((len(rounded), 3, 3))
-    frame = own.starts[0]
-    segment_turns = whole_turns(turns, rounded.lengths)
+    # The corner's curve has turned the frame into that of the next segment, up to rounding.
     kept = own.on_piece(np.arange(len(objective)), cut)
-    for k in range(len(rounded)):
-        if k and segment[k] != segment[k - 1]:
-            # The corner's arc has turned the frame into that of the next segment, up to rounding.
-            frame = kept[segment[k]]
-        starts[k] = frame
-        frame = segment_turns[k] @ frame
-    sharp = Orientation(
-        breaks=rounded.breaks, starts=starts, **turns, axis_only=own.axis_only, follows=True
-    )
+    first = np.flatnonzero(np.diff(segment)) + 1
+    known = dict(zip(first.tolist(), kept[segment[first]], strict=True))
+    sharp = follow_on(rounded, own.starts[0], None, known, axis_only=own.axis_only)
     return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
 
 
@@ -218,12 +211,9 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 
     For an orientation that prescribes the tool axis only, the angle is between the axes.
     """
-    a, b = sharp.first[vertex], sharp.first[vertex + 1]
+    a, b, own = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
     middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
-    if sharp.axis_only:
-        axis = sharp.starts[vertex + 1][:, :, 2]
-        return angle_between(np.einsum("nij,nj->ni", middle, axis), axis)
-    return np.asarray(np.linalg.norm(log(middle), axis=1))
+    return turns_between(middle @ own, own, axis_only=sharp.axis_only)
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
@@ -317,20 +307,15 @@ def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArr
     Returns:
         Coefficients of both, (n, 4) each, or (n, 6).
     """
-    none, one, rest = np.zeros_like(cut), np.ones_like(cut), cut - blend
+    none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
-        f = [-cut, one, (3 * rest + blend) / blend**2, -(blend + 2 * rest) / blend**3]
-        g = [none, none, (3 * cut - blend) / blend**2, (blend - 2 * cut) / blend**3]
-        return np.stack(f, axis=1), np.stack(g, axis=1)
-    straight = (none, none, none)
-    fading = _quintic_fade(blend, (-cut, one, none), straight)
-    return fading, _quintic_fade(blend, straight, (cut, one, none))
-
-
-def _quintic_fade(
-    blend: FloatArray, begin: tuple[FloatArray, ...], end: tuple[FloatArray, ...]
-) -> FloatArray:
-    """Coefficients of quintics with given values and derivatives at the ends of blends, (n, 6)."""
-    a, b = (np.stack(x)[:, :, None] for x in (begin, end))
-    found = quintic(blend, (a[0], a[1], a[2]), (b[0], b[1], b[2]))[:, :, 0]
-    return np.asarray(found / blend[:, None] ** np.arange(6))
+        return fade(blend, (-cut, one), (none, none)), fade(blend, (none, none), (cut, one))
+    # The value, slope and second derivative of both at either end of the blends.
+    ends = [
+        np.stack(x, axis=1)
+        for x in ((none, none), (-cut, none), (one, none), (none, cut), (none, one))
+    ]
+    zero, *begin, value, slope = ends
+    found = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
+    f, g = np.moveaxis(found / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
+    return f, g

@@ -23,13 +23,15 @@ import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._parts import number_parts
-from armcontour.frames import angle_between, exp, log, shortest
+from armcontour.frames import exp, log, shortest
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
+    fade,
     shift,
+    turns_between,
 )
 from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
@@ -175,7 +177,9 @@ def _turn(
     cut = _cuts(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         found = _lay(runs, place, cut, axis_only=own.axis_only)
-        s, angles = _angles(found, own, pairs, runs.s)
+        s = _between(np.unique(np.concatenate([found.breaks, pairs[:, 1], runs.s])))
+        wanted = own(np.interp(s, pairs[:, 1], pairs[:, 0]))
+        angles = turns_between(found(s), wanted, axis_only=own.axis_only)
         # Where the places change unevenly, a blend can be off by more than it is at even places.
         bad = s[angles > allowed]
         vertex, away = _nearest(bad, runs.s[1:-1])
@@ -184,17 +188,6 @@ def _turn(
             break
         cut[long] *= SHORTER
     return found, float(angles.max())
-
-
-def _angles(
-    found: Orientation, own: Orientation, pairs: FloatArray, ends: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Angles between an orientation and its objective's at the place [rad], at arc lengths [m]."""
-    s = _between(np.unique(np.concatenate([found.breaks, pairs[:, 1], ends])))
-    wanted, given = own(np.interp(s, pairs[:, 1], pairs[:, 0])), found(s)
-    if own.axis_only:
-        return s, angle_between(given[:, :, 2], wanted[:, :, 2])
-    return s, np.linalg.norm(log(given @ _turned(wanted)), axis=1)
 
 
 def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
@@ -283,37 +276,15 @@ def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: b
     f[:, 0] -= runs.at[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
-    f[i], g[i] = _fade(place, begin[i], end[i], runs.at[1:-1][blended])
+    # The rate before a vertex fades out from the place at the begin, and the one after it sets in.
+    at, none, width = runs.at[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
+    f[i] = fade(width, (place(begin[i]) - at, place(begin[i], 1)), (none, none))
+    g[i] = fade(width, (none, none), (place(end[i]) - at, place(end[i], 1)))
     first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]
     return Orientation(
         breaks=breaks, starts=starts, first=first, second=second, f=f, g=g, axis_only=axis_only
     )
-
-
-def _fade(
-    place: PchipInterpolator, begin: FloatArray, end: FloatArray, vertex: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Cubics of blends, in which the rate before a vertex fades out while the one after sets in.
-
-    The first comes from the place at the begin with its slope, and ends at the vertex with slope 0;
-    the second starts there with slope 0.
-
-    Args:
-        place: Places on the objective over the path's arc length [m].
-        begin: Arc lengths at which the blends begin [m], (n,).
-        end: Arc lengths at which they end [m], (n,).
-        vertex: Places of the vertices [m], (n,).
-
-    Returns:
-        Coefficients of 1, u, u², u³ of both, (n, 4) each.
-    """
-    width, none = end - begin, np.zeros(len(begin))
-    before, into = place(begin) - vertex, place(begin, 1)
-    after, out = place(end) - vertex, place(end, 1)
-    f2, f3 = -(3 * before / width + 2 * into) / width, (2 * before / width + into) / width**2
-    g2, g3 = (3 * after / width - out) / width, (out - 2 * after / width) / width**2
-    return np.stack([before, into, f2, f3], axis=1), np.stack([none, none, g2, g3], axis=1)
 
 
 def _between(s: FloatArray) -> FloatArray:
