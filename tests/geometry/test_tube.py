@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.geometry import Segments, Tube, _tube, near_points, round_with_parabolas
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.fit import draw_with_arcs
-from armcontour.geometry.mending import Printed, mend_paths, mend_vertices
+from armcontour.geometry.mending import Printed, mend_vertices
 from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
 from armcontour.geometry.nearest import pack
 
@@ -424,33 +424,11 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     np.testing.assert_allclose(found.path.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-15)
     at = np.linspace(0, path.length, 301)
     np.testing.assert_allclose(found.path(found.place(at)), path(at), atol=2 * step)
-
-
-def test_many_paths_are_mended_as_each_by_itself():
-    straight = ac.Path.polyline([(0, 0), (0.03, 4e-7), (0.07, 0)])
-    after = ac.Path.polyline([(0.07, 0), (0.10, -4e-7), (0.14, 0), (0.2, 0.3)])
-    paths = [
-        *(rounded_rectangle(LAST, turn) for turn in (23.0, 31.0)),
-        *(straight, after, rounded_rectangle(1e-15), rounded_rectangle(LAST, 70.0)),
-    ]
-    together = mend_paths(paths, [PRINTED] * len(paths), [np.inf] * len(paths))
-    assert sum(x is not None for x in together) == 5
-    for path, found in zip(paths, together, strict=True):
-        alone = mend_vertices(path, PRINTED)
-        if alone is None:
-            assert found is None
-            continue
-        for name in ("count", "kink", "deviation"):
-            assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-9)
-        np.testing.assert_allclose(found.path.vertices, alone.path.vertices, atol=1e-14)
-        np.testing.assert_allclose(found.path.curvatures, alone.path.curvatures, atol=1e-6)
-        np.testing.assert_allclose(found.after, alone.after, atol=1e-13)
-        assert found.after[-1] == pytest.approx(found.path.length, rel=1e-14)
+    assert found.after[-1] == pytest.approx(found.path.length, rel=1e-14)
 
 
 def test_exact_paths_are_left_alone_and_corners_stay_exactly():
     assert mend_vertices(rounded_rectangle(1e-15), PRINTED) is None
-    assert mend_paths([], [], []) == []
     # A corner of 1° is far above what three decimals hold over centimetres.
     bend = np.radians(1.0)
     points = [(0, 0), (0.05, 0), (0.05 + 0.05 * np.cos(bend), 0.05 * np.sin(bend)), (0.05, 0.2)]
