@@ -96,8 +96,9 @@ def _tool_column(log: Log, tally: Tally) -> _Column:
         values, off = tally.tool(log.q, log.errors[0])
         return _Column(order=0, values=values, off=off[:, None])
     x = States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors)
-    values, off = tally.tool_velocity(x) if x.ddq is None else tally.tool_acceleration(x)
-    return _Column(order=1 if x.ddq is None else 2, values=values, off=off[:, None])
+    order, arm = 1 if x.ddq is None else 2, tally.arm
+    values, off = tally.bounded(x, (arm.tool_velocity, arm.tool_acceleration)[order - 1], order)
+    return _Column(order=order, values=values, off=off[:, None])
 
 
 def _offer_both(log: Log, dq: FloatArray, tally: Tally, limit: FloatArray, k: int) -> None:

@@ -23,7 +23,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
 from armcontour.evaluation.checking_jerk import JerkOfSamples
 from armcontour.evaluation.sample_windows import Log, Windows, mean_rate, second_rate
-from armcontour.evaluation.tally import SLOWEST, States, Tally
+from armcontour.evaluation.tally import SLOWEST, States, Tally, angular
 
 # Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7
@@ -59,7 +59,7 @@ class _AngularMotion:
         rate = None
         if log.dq is not None:
             states = States(t=log.t, q=log.q, dq=log.dq, ddq=None, errors=log.errors)
-            rate = tally.angular_velocity(arm, states)
+            rate = tally.bounded(states, angular(arm.tool_twist), 1)
         # An error of a joint position turns the tool by at most the same angle.
         return cls(frames=arm.pose(log.q)[1], off=float(log.errors[0].sum()), rate=rate)
 
@@ -98,7 +98,7 @@ def judge_samples(log: Log, tally: Tally) -> None:
             tally.joint_acceleration(log.t, log.ddq, log.q, log.errors[2])
     tool, tool_error = tally.tool(log.q, log.errors[0])
     turning, jerk = _AngularMotion.of(log, tally), JerkOfSamples.of(log, tally)
-    velocity = None if states is None else tally.tool_velocity(states)
+    velocity = None if states is None else tally.bounded(states, tally.arm.tool_velocity, 1)
     width = 1
     while width < len(log.t):
         tally.narrow = width == 1

@@ -295,12 +295,11 @@ class Tally:
         if not isinstance(arm, SerialArm):
             return
         if limits.angular_speed is not None:
-            rate, error = self.angular_velocity(arm, x)
+            rate, error = self.bounded(x, angular(arm.tool_twist), 1)
             size = np.linalg.norm(rate, axis=1)
             self.offer("angular_speed", x.t, size, limits.angular_speed, x.q, error)
         if limits.angular_acceleration is not None and x.ddq is not None:
-            found = _angular(arm.tool_twist_rate)(x.q, x.dq, x.ddq)
-            error = self._spread(x, _angular(arm.tool_twist_rate), found, 2)
+            found, error = self.bounded(x, angular(arm.tool_twist_rate), 2)
             size = np.linalg.norm(found, axis=1)
             self.offer("angular_acceleration", x.t, size, limits.angular_acceleration, x.q, error)
 
@@ -314,11 +313,6 @@ class Tally:
         if limits.tool_jerk is not None:
             found = self.arm.tool_jerk(x.q, x.dq, x.ddq, x.dddq)
             self.offer("tool_jerk", x.t, np.linalg.norm(found, axis=1), limits.tool_jerk, x.q)
-
-    def angular_velocity(self, arm: SerialArm, x: States) -> tuple[FloatArray, FloatArray]:
-        """Angular velocities of the tool (n, 3), and a bound on the length of their error (n,)."""
-        rate = _angular(arm.tool_twist)(x.q, x.dq)
-        return rate, self._spread(x, _angular(arm.tool_twist), rate, 1)
 
     def states(self, x: States) -> None:
         """Offer all quantities of joints and tool at given states."""
@@ -379,23 +373,23 @@ class Tally:
             "centripetal_acceleration", t[where], value, limit, q[where], error[where]
         )
 
-    def tool_velocity(self, x: States) -> tuple[FloatArray, FloatArray]:
-        """Tool velocities [m/s], (n, dimension), and a bound on the length of their error, (n,)."""
-        velocity = self.arm.tool_velocity(x.q, x.dq)
-        return velocity, self._spread(x, self.arm.tool_velocity, velocity, 1)
+    def bounded(self, x: States, function: Quantity, order: int) -> tuple[FloatArray, FloatArray]:
+        """A quantity of the tool, (n, columns), and a bound on the length of its error, (n,).
 
-    def tool_acceleration(self, x: States) -> tuple[FloatArray, FloatArray]:
-        """Tool accelerations [m/s²], (n, dimension), and a bound on their error's length, (n,)."""
-        assert x.ddq is not None
-        found = self.arm.tool_acceleration(x.q, x.dq, x.ddq)
-        return found, self._spread(x, self.arm.tool_acceleration, found, 2)
+        Args:
+            x: The states.
+            function: Gives the quantity from q and its first derivatives.
+            order: Number of these derivatives.
+        """
+        known = x.q, x.dq, x.q if x.ddq is None else x.ddq
+        value = function(*known[: order + 1])
+        return value, self._spread(x, function, value, order)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
         none = np.zeros_like(error)
         x = States(t=q[:, 0], q=q, dq=np.zeros_like(q), ddq=None, errors=(error, none, none))
-        points = self.arm.forward(q)
-        return points, self._spread(x, self.arm.forward, points, 0)
+        return self.bounded(x, self.arm.forward, 0)
 
     def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Offer the distance of the tool from the path and from the required tool orientation."""
@@ -483,6 +477,6 @@ def _without_nan(values: FloatArray, instead: float) -> FloatArray:
     return np.where(none, instead, values) if none.any() else values
 
 
-def _angular(twist: Quantity) -> Quantity:
+def angular(twist: Quantity) -> Quantity:
     """The angular part of a twist."""
     return lambda *states: twist(*states)[:, 3:]

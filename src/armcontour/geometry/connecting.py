@@ -12,15 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour._quintics import re_expand
 from armcontour.geometry.biarcs import dot, length, unit
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
 from armcontour.geometry.transitions import (
     UNEVEN,
     Contact,
+    contact_of,
     join_up,
     largest_change,
-    spread_out,
 )
 
 DEGREE = 7
@@ -115,11 +116,7 @@ class Connections:
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Ways from the starts, unit tangents and curvature vectors of connections `i` at x."""
-        first, second = self.at(i, x, 1), self.at(i, x, 2)
-        speed2 = dot(first, first)
-        along = dot(first, second) / speed2
-        bend = (second - along[..., None] * first) / speed2[..., None]
-        return self.at(i, x), first / np.sqrt(speed2)[..., None], bend
+        return self.at(i, x), *contact_of(self.at(i, x, 1), self.at(i, x, 2))
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
@@ -198,7 +195,7 @@ def _draw(
     every = np.arange(len(found))
     half = found.lengths_to(EVERY, middle)
     whole = found.lengths_to(EVERY, np.ones(len(found)))
-    of, number = spread_out(2 * parts)
+    of, number = number_parts(2 * parts)
     first = number < parts[of]
     step = np.where(first, half[of], (whole - half)[of]) / parts[of]
     # Places on the connections at the ends of the quintics.
@@ -242,7 +239,7 @@ def bound_deviation(
     Returns:
         Bounds of the distance of either from the other, (n,).
     """
-    row, number = spread_out(np.full(len(drawn), parts))
+    row, number = number_parts(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]
     low = ends[0][row] + number * step

@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.connecting import bound_deviation, connect, draw_connections
@@ -67,11 +68,7 @@ def smooth_curvature(path: Path, tolerance: float) -> tuple[Path, FloatArray]:
             "A shaped path bends as its timing wants it, and cannot be given another curvature: "
             "smooth the curvature of a path that is not shaped."
         )
-    vertex, bend = _find_jumps(path)
-    vertex, bend = _leave_out_turning(path, vertex, bend)
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    most = np.minimum(allowed, np.minimum(own[vertex], own[vertex + 1]))
-    w = _widest(path, vertex, bend, most)
+    vertex, most, w = _find_jumps(path, allowed)
     parts = [
         _draw(path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], most[x : x + AT_A_TIME])
         for x in range(0, len(vertex), AT_A_TIME)
@@ -83,41 +80,38 @@ def smooth_curvature(path: Path, tolerance: float) -> tuple[Path, FloatArray]:
     return _replace(path, vertex[w > 0], w[w > 0], drawn, after, first)
 
 
-def _find_jumps(path: Path) -> tuple[IntArray, FloatArray]:
-    """Segments after which the curvature jumps without a corner, and by how much [1/m]."""
-    rows = path.segments
-    vectors = [rows.at(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
-    jump = length(vectors[0][:-1] - vectors[1][1:])
-    size = length(vectors[0][:-1]) + length(vectors[1][1:])
-    found = (jump > SAME_BEND * size + BEND_FLOOR) & (path.turns <= TANGENT_TOLERANCE)
-    return np.flatnonzero(found), jump[found]
+def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Jumps of the curvature without a corner, at which the orientation makes no tool stop anyway.
 
+    Args:
+        path: The path.
+        tolerance: Largest distance of either path from the other [m].
 
-def _leave_out_turning(
-    path: Path, vertex: IntArray, bend: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """The jumps without those at which the tool orientation makes the tool stop anyway.
+    Returns:
+        Segments after which they are; largest distances there [m]; and lengths on either side, by
+        these, the turn and the neighbours' lengths [m], (n,) each.
 
     Raises:
         InvalidInput: The orientation was rounded, so that it does not fit the segments.
     """
-    orientation = path.orientation
-    if orientation is None or orientation.fixed or orientation.follows:
-        return vertex, bend
-    stopped = np.union1d(find_kinks(path), np.flatnonzero(orientation.jumps > SAME_ORIENTATION))
-    kept = ~np.isin(vertex, stopped)
-    return vertex[kept], bend[kept]
-
-
-def _widest(path: Path, vertex: IntArray, bend: FloatArray, allowed: FloatArray) -> FloatArray:
-    """Lengths on either side of vertices, by tolerance, turn and the neighbours' lengths [m]."""
+    rows, orientation = path.segments, path.orientation
+    vectors = [rows.at(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
+    jump = length(vectors[0][:-1] - vectors[1][1:])
+    size = length(vectors[0][:-1]) + length(vectors[1][1:])
+    sharp = path.turns > TANGENT_TOLERANCE
+    found = (jump > SAME_BEND * size + BEND_FLOOR) & ~sharp
+    if orientation is not None and not (orientation.fixed or orientation.follows):
+        found[find_kinks(path)] = False
+        found &= orientation.jumps <= SAME_ORIENTATION
+    vertex = np.flatnonzero(found)
+    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    most = np.minimum(tolerance, np.minimum(own[vertex], own[vertex + 1]))
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
-    wanted = np.minimum(np.sqrt(allowed / (SMALL * bend)), WIDEST / tight)
     # Corners, which may be rounded later, keep half of their segments.
-    every = np.zeros(len(path) - 1)
-    every[path.turns > TANGENT_TOLERANCE] = np.inf
-    every[vertex] = wanted
-    return fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
+    every = np.where(sharp, np.inf, 0.0)
+    every[vertex] = np.minimum(np.sqrt(most / (SMALL * jump[vertex])), WIDEST / tight)
+    w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
+    return vertex, most, w
 
 
 def _draw(
@@ -180,7 +174,7 @@ def _connect(
     # The part of the path that each transition replaces: both halves are passed evenly.
     half = 2 * of + ~before
     count = np.bincount(half)
-    number = np.arange(len(of)) - (np.cumsum(count) - count)[half]
+    _, number = number_parts(count)
     old = vertex[of] + ~before
     shares = number / count[half], (number + 1) / count[half]
     base = np.where(before, path.lengths[old] - w[of], 0.0)
@@ -222,7 +216,13 @@ def _replace(
         np.asarray(np.bincount(which, drawn.lengths * x, minlength=len(w)), dtype=float)
         for x in (first, ~first)
     ]
-    places = _places(path, path.breaks[vertex + 1], w, sides)
+    # Arc lengths of the places before, at and after the vertices on both paths.
+    more, at = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
+    old = np.stack([at - w, at, at + w], axis=1)
+    steps = np.stack([0 * w, sides[0] - w, more], axis=1)
+    pairs = np.stack([old, old + (np.cumsum(more) - more)[:, None] + steps], axis=2).reshape(-1, 2)
+    ends = [[0.0, 0.0]], [[path.length, path.length + float(more.sum())]]
+    places = np.concatenate([ends[0], pairs, ends[1]])
     orientation = path.orientation
     if orientation is not None and orientation.follows:
         orientation = follow_rounded(table, path, source, cut[:-1], 0.0, smooth=True)
@@ -236,24 +236,6 @@ def _replace(
         "orientation": orientation,
     }
     if isinstance(path, RoundedPath):
-        ends = {x: np.interp(getattr(path.corners, x), *places.T) for x in ("start", "end")}
-        changed["corners"] = dataclasses.replace(path.corners, **ends)
+        moved = {x: np.interp(getattr(path.corners, x), *places.T) for x in ("start", "end")}
+        changed["corners"] = dataclasses.replace(path.corners, **moved)
     return dataclasses.replace(path, **changed), places
-
-
-def _places(path: Path, at: FloatArray, w: FloatArray, sides: list[FloatArray]) -> FloatArray:
-    """Arc lengths on a path and on the one with transitions that belong together [m], (m, 2).
-
-    Args:
-        path: The path.
-        at: Arc lengths of the vertices [m], (n,).
-        w: Lengths on either side that are replaced [m], (n,).
-        sides: Lengths of the transitions on either side [m], (n,) each.
-    """
-    more = sides[0] + sides[1] - 2 * w
-    shift = np.cumsum(more) - more
-    old = np.stack([at - w, at, at + w], axis=1)
-    steps = np.stack([0 * w, sides[0] - w, more], axis=1)
-    pairs = np.stack([old, old + shift[:, None] + steps], axis=2).reshape(-1, 2)
-    ends = [[0.0, 0.0]], [[path.length, path.length + float(more.sum())]]
-    return np.concatenate([ends[0], pairs, ends[1]])

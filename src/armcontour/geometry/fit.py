@@ -14,7 +14,6 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
-from armcontour.geometry.cusps import split_at_cusps
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
@@ -44,8 +43,17 @@ DRAWN = 1e-7
 CORNER = 1e-3
 # A derivative below this fraction of the largest is zero; the tangent is then a limit.
 STILL = 1e-10
-# Fractions of the interval for that limit, by a polynomial through four points.
+# Fractions of the interval for that limit, and the weights of a cubic through four points at 0.
 NEAR_END = 2e-3 * 0.5 ** np.arange(4)
+TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
+# Fractions of an interval at which the norm of the derivative ("speed") is sampled for cusps, where
+# the derivative vanishes. Minima are refined if the speed is below a fraction of the largest, by
+# steps of a golden-section search; more would not give more digits.
+CUSP_PLACES = np.linspace(0, 1, 33)
+SLOW, STEPS, GOLDEN = 0.5, 45, (np.sqrt(5) - 1) / 2
+# The derivative vanishes if the least speed is at most this fraction of the largest. A larger least
+# speed is a tight turn, in a loop whose relative size is the square of that fraction.
+AT_CUSP = 1e-6
 # Rounding errors of points turn a tangent by this times the points' size over the interval length.
 ROUGH = 64 * np.finfo(float).eps
 # Largest difference of two tangents, both computed as limits, that count as equal [rad].
@@ -249,7 +257,7 @@ class _Intervals:
 
 def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
     """The intervals between the breaks and cusps of curves."""
-    at, row, cusp = split_at_cusps(curves, at, row)
+    at, row, cusp = _split_at_cusps(curves, at, row)
     points = np.array(curves(row, at, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
@@ -283,6 +291,47 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
         t1=t1,
         line=np.zeros(n, dtype=bool),
     )
+
+
+def _split_at_cusps(
+    curves: Curves, breaks: FloatArray, rows: IntArray
+) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Add the parameter values between breaks at which the derivative of a curve vanishes.
+
+    Args:
+        curves: The curves.
+        breaks: Parameter values, increasing along each curve, (n,).
+        rows: Curve of each break, ascending, (n,).
+
+    Returns:
+        The breaks with the added ones, their curves, and a mask of the added ones.
+    """
+    one = np.flatnonzero(rows[:-1] == rows[1:])
+    begin, end = breaks[one], breaks[one + 1]
+    places = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
+    places = np.minimum(places, np.nextafter(end, -np.inf)[:, None])
+    speed = length(_at(curves, rows[one], places, 1))
+    inner = speed[:, 1:-1]
+    most = inner.max(axis=1)
+    least = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * most[:, None])
+    i, k = np.nonzero(least)
+    if len(i) == 0:
+        return breaks, rows, np.zeros(len(breaks), dtype=bool)
+    row, low, high = rows[one][i], places[i, k], places[i, k + 2]
+    for _ in range(STEPS):
+        span = GOLDEN * (high - low)
+        left, right = high - span, low + span
+        falls = length(curves(row, left, 1)) > length(curves(row, right, 1))
+        low, high = np.where(falls, left, low), np.where(falls, high, right)
+    at = (low + high) / 2
+    found = length(curves(row, at, 1)) <= AT_CUSP * most[i]
+    together = np.concatenate([breaks, at[found]])
+    curve = np.concatenate([rows, row[found]])
+    order = np.lexsort([together, curve])
+    together, curve = together[order], curve[order]
+    # A value found at a break is that break.
+    kept = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
+    return together[kept], curve[kept], (order >= len(breaks))[kept]
 
 
 def _tangents(
@@ -319,7 +368,8 @@ def _tangents(
         direction = unit(derivative)
         if weak.any():
             near = here[weak, None] + sign * span[weak, None] * NEAR_END
-            direction[weak] = unit(_extrapolate_to_zero(unit(_at(curves, row[weak], near, 1))))
+            directions = unit(_at(curves, row[weak], near, 1))
+            direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
         found.append((direction, np.where(weak, SAME_LIMIT, slack)))
@@ -337,13 +387,6 @@ def _at(curves: Curves, row: IntArray, places: FloatArray, order: int) -> FloatA
     """
     every = np.repeat(row, places.shape[1])
     return np.asarray(curves(every, places.ravel(), order)).reshape(*places.shape, -1)
-
-
-def _extrapolate_to_zero(values: FloatArray) -> FloatArray:
-    """Values given at NEAR_END, (n, 4, dimension), extrapolated to 0 by a cubic polynomial."""
-    x = NEAR_END
-    weights = [np.prod([-b / (a - b) for b in x if b != a]) for a in x]
-    return np.asarray(np.einsum("k,nkd->nd", np.array(weights), values))
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:

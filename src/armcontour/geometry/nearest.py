@@ -124,25 +124,20 @@ def _build_tree(segments: Segments) -> Tree:
     return pack_arcs(arcs, begin), segment[order], boxes
 
 
-def _target_pieces(segments: Segments) -> float:
-    """Number of pieces of a path with which a point lies in about `OVERLAP` of their boxes.
+def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Divide segments into pieces, of at most a quarter circle each.
 
     The box of a piece of length l has an area of about l² / pi, so that of N pieces of a path of
     length L in an area A, about L² / (pi A N) boxes contain a point.
-    """
-    extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
-    area = max(extent[0], 1e-3 * extent[1]) * extent[1]
-    return float(segments.lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP))
-
-
-def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Divide segments into pieces, of at most a quarter circle each.
 
     Returns:
         Index of the segment of every piece, and lower and upper corner of its box, (pieces, 3).
     """
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
-    target = lengths.sum() / np.clip(_target_pieces(segments), n, PIECES_PER_SEGMENT * n)
+    extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
+    area = max(extent[0], 1e-3 * extent[1]) * extent[1]
+    pieces = lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP)
+    target = lengths.sum() / np.clip(pieces, n, PIECES_PER_SEGMENT * n)
     by_length = np.ceil(lengths / target)
     by_turn = np.ceil(lengths * curvatures / (np.pi / 2))
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)

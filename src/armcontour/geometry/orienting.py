@@ -125,8 +125,18 @@ def follow(
         raise InvalidInput(
             "A tool that follows the tangent has one rotation for the whole path: give one."
         )
-    frame = _first_frame(segments.tangents[0], up) @ in_path
-    return carry(segments, frame, axis_only=axis_only)
+    upward, tangent = _checks.numbers("up", up), segments.tangents[0]
+    if upward.shape != (3,):
+        raise InvalidInput("The direction up is 3 numbers.")
+    z = upward - (upward @ tangent) * tangent
+    size, least = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
+    if size < least or not least > 0:
+        raise InvalidInput(
+            "up lies along the first tangent of the path: give a direction across it."
+        )
+    z = z / size
+    frame = np.stack([tangent, np.cross(z, tangent), z], axis=1)
+    return carry(segments, frame @ in_path, axis_only=axis_only)
 
 
 def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
@@ -183,24 +193,6 @@ def follow_on(
     return Orientation(
         breaks=segments.breaks, starts=starts, **columns, axis_only=axis_only, follows=True
     )
-
-
-def _first_frame(tangent: FloatArray, up: npt.ArrayLike) -> FloatArray:
-    """The path's frame at its start, (3, 3): x is the tangent, z is near `up`.
-
-    Raises:
-        InvalidInput: `up` is not a vector, or lies along the tangent.
-    """
-    upward = _checks.numbers("up", up)
-    if upward.shape != (3,):
-        raise InvalidInput("The direction up is 3 numbers.")
-    z = upward - (upward @ tangent) * tangent
-    if np.linalg.norm(z) < 1e-6 * np.linalg.norm(upward) or not np.linalg.norm(upward) > 0:
-        raise InvalidInput(
-            "up lies along the first tangent of the path: give a direction across it."
-        )
-    z = z / np.linalg.norm(z)
-    return np.stack([tangent, np.cross(z, tangent), z], axis=1)
 
 
 def tangent_rates(segments: Segments) -> FloatArray:

@@ -261,21 +261,17 @@ def count_full_stops(path: Path) -> dict[str, int]:
         back = np.pi - path.turns <= TANGENT_TOLERANCE
         why = np.full(len(sharp), NOT_ROUNDED, dtype=object)
         if isinstance(path, ShapedPath):
-            why[:] = NOT_FASTER
-            why[_allowed_at_vertices(path) == 0] = NO_TOLERANCE
+            # Tolerances at the objective's vertices nearest to those of the path.
+            objective = path.objective
+            s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
+            middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
+            vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
+            own = np.append(objective.tolerances, np.nan)
+            allowed = np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance)
+            why[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
         reasons = np.where(back, TURN_BACK, why)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
-
-
-def _allowed_at_vertices(path: ShapedPath) -> FloatArray:
-    """Tolerance at the objective's vertex nearest to each vertex of a shaped path [m], (n,)."""
-    objective = path.objective
-    s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
-    middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
-    vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
-    own = np.append(objective.tolerances, np.nan)
-    return np.asarray(np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance))
 
 
 def blend_vertices(

@@ -266,13 +266,17 @@ class Segments(Value):
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
-        rows, later = self[i], begin > 0
+        rows = self._starting(i, begin, begin > 0).replace(lengths=end - begin)
+        lengths = self.lengths[i]
+        return rows._with_parts(begin / lengths, (end - begin) / lengths)
+
+    def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
+        """Segments `i`, some of which start at a distance from their start, or run back from it."""
+        rows, at = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        at = i[later], begin[later]
-        starts[later], tangents[later] = self.at(*at), self.at(*at, 1)
-        normals[later] = self.normals_at(*at)
-        cut = rows.replace(starts=starts, tangents=tangents, normals=normals, lengths=end - begin)
-        return cut._with_parts(begin / rows.lengths, (end - begin) / rows.lengths)
+        starts[moved], tangents[moved] = self.at(*at), sign * self.at(*at, 1)
+        normals[moved] = self.normals_at(*at)
+        return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
         """The table with parts of its transitions, by shares of their lengths; see `re_expand`."""
@@ -291,12 +295,7 @@ class Segments(Value):
 
     def run(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""
-        rows, k = self[i], i[back]
-        starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        at = k, self.lengths[k]
-        starts[back], tangents[back] = self.at(*at), -self.at(*at, 1)
-        normals[back] = self.normals_at(*at)
-        turned = rows.replace(starts=starts, tangents=tangents, normals=normals)
+        turned = self._starting(i, self.lengths[i], back, -1)
         return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
     def put(self, which: BoolArray, rows: Segments) -> Segments:

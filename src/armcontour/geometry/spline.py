@@ -9,9 +9,9 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
-from armcontour.geometry.biarcs import dot, length, unit
+from armcontour.geometry.biarcs import length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.geometry.transitions import UNEVEN, join_up
+from armcontour.geometry.transitions import UNEVEN, contact_of, join_up
 
 # Fractions of a piece at which its transition is compared with the spline, and the nodes and
 # weights with which the arc length between two of them is integrated.
@@ -57,7 +57,12 @@ def fit_spline(
         raise InvalidInput("A closed spline must end at its first point: repeat it at the end.")
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
-    at = _chord_length(points)
+    at = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
+    if not (np.diff(at) > 0).all():
+        raise InvalidInput(
+            f"The points of a spline lie as far as {np.abs(points).max():g} m apart, so that the "
+            "distances between others are lost in rounding: check their units."
+        )
     curve = CubicSpline(at, points, bc_type="periodic" if closed else ends)
     powers = np.diff(at)[:, None, None] ** np.arange(4)[:, None]
     with np.errstate(all="ignore"):
@@ -127,10 +132,7 @@ def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
     """Unit tangents and curvature vectors [1/m] of cubics at a parameter, (n, dimension) each."""
-    first, second = (_at(cubics, np.array([x]), order)[:, 0] for order in (1, 2))
-    tangent = unit(first)
-    across = second - dot(second, tangent)[:, None] * tangent
-    return tangent, across / dot(first, first)[:, None]
+    return contact_of(*(_at(cubics, np.array([x]), order)[:, 0] for order in (1, 2)))
 
 
 def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
@@ -139,19 +141,3 @@ def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
 
     found = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
     return np.asarray(np.moveaxis(found, -1, 1))
-
-
-def _chord_length(points: FloatArray) -> FloatArray:
-    """Chord length from the first point to each point [m], (n,).
-
-    Raises:
-        InvalidInput: The points are so far apart that rounding loses distances between others.
-    """
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    if not (np.diff(at) > 0).all():
-        far = float(np.abs(points).max())
-        raise InvalidInput(
-            f"The points of a spline lie as far as {far:g} m apart, so that the distances between "
-            "others are lost in rounding: check their units."
-        )
-    return at

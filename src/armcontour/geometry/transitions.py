@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
+from armcontour._parts import number_parts
 from armcontour._quintics import evaluate, quintic
-from armcontour.geometry.biarcs import biarcs, length, unit
+from armcontour.geometry.biarcs import biarcs, dot, length, unit
 from armcontour.geometry.segments import Segments, largest_bend
 
 # Largest relative difference between the arc length and the parameter of a transition.
@@ -64,7 +65,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     quintics, lengths = segments.quintics[bent], segments.lengths[bent]
     need = lengths * np.cbrt(MORE * BIARC * largest_change(quintics, lengths) / DRAWN)
     count = np.maximum(np.ceil(need), 1).astype(np.intp)
-    row, number = spread_out(count)
+    row, number = number_parts(count)
     step = (lengths / count)[row]
     ends = [
         evaluate(quintics[row], lengths[row], k * step, order)
@@ -101,10 +102,11 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     return Segments.join([plain, *drawn])[order], begin[order]
 
 
-def spread_out(count: IntArray) -> tuple[IntArray, IntArray]:
-    """For items with a number of parts each: the item of every part, and its number in it."""
-    item = np.repeat(np.arange(len(count)), count)
-    return item, np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count)
+def contact_of(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit tangents and curvature vectors [1/m], by first and second derivatives of curves."""
+    speed2 = dot(first, first)
+    across = second - (dot(first, second) / speed2)[..., None] * first
+    return first / np.sqrt(speed2)[..., None], across / speed2[..., None]
 
 
 def largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:

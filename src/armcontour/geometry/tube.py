@@ -137,7 +137,11 @@ class Tube:
             InvalidInput: A tolerance is negative or not a number, their number is wrong, or only
                 one of line tolerance and zone is given; or the objective has transitions.
         """
-        _check_zone(line_tolerance, zone)
+        if (line_tolerance is None) != (zone is None):
+            raise InvalidInput("A tube needs both line_tolerance and zone, or neither.")
+        if line_tolerance is not None and zone is not None:
+            _checks.not_negative("line_tolerance", line_tolerance, "m")
+            _checks.positive("zone", zone, "m")
         values = _checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
         # The vertices around which their tolerances hold.
@@ -245,7 +249,7 @@ class Tube:
         np.maximum.at(segments, segment, bounds)
         distance, nearest = self.nearest_to_corners(path, pairs, reaches)
         vertices = distance - self.vertex_tolerance
-        at = _interpolate(where, pairs[:, 1], pairs[:, 0])
+        at = np.interp(where, pairs[:, 1], pairs[:, 0])
         values = np.concatenate([found, vertices])
         worst = int(np.argmax(values))
         return Proof(
@@ -309,28 +313,10 @@ class Tube:
         at = self.objective.breaks[self.vertex]
         own, along = places[:, 0], places[:, 1]
         around = np.interp(at, own, reach)
-        ends = [_interpolate(x, own, along) for x in (at - around, at + around)]
+        ends = [np.interp(x, own, along) for x in (at - around, at + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
         points = pad(self.objective.vertices[self.vertex])
         return nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
-
-
-def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Piecewise linear interpolation."""
-    return np.asarray(np.interp(at, x, y))
-
-
-def _check_zone(line_tolerance: float | None, zone: float | None) -> None:
-    """Refuse a line tolerance or zone that is no length, or that is given alone.
-
-    Raises:
-        InvalidInput: As said.
-    """
-    if (line_tolerance is None) != (zone is None):
-        raise InvalidInput("A tube needs both line_tolerance and zone, or neither.")
-    if line_tolerance is not None and zone is not None:
-        _checks.not_negative("line_tolerance", line_tolerance, "m")
-        _checks.positive("zone", zone, "m")
 
 
 def _refuse_transitions(segments: Segments) -> None:

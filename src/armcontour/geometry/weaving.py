@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -383,15 +382,10 @@ def _fit_sine(
         at = (s[:-1, None] + BETWEEN * (length / count)).ravel()
         off = np.linalg.norm(spline(at) - wave.sine(at), axis=1)
         if off.max() <= tolerance / 2:
-            return fit_through(partial(_derivative, spline), pieces, tolerance / 2)
+            return fit_through(spline, pieces, tolerance / 2)
     raise InvalidInput(
         f"The tolerance of {tolerance:g} m of a weave is too small for its seam: take a larger one."
     )
-
-
-def _derivative(spline: object, s: FloatArray, order: int) -> FloatArray:
-    """Point or derivative of a spline, as `fit_through` asks for it."""
-    return np.asarray(spline(s, order))  # type: ignore[operator]
 
 
 def _refuse_tight(seam: Path, width: float) -> None:

@@ -21,6 +21,7 @@ from armcontour._quantities import (
 )
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.servo import ServoModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,6 +97,43 @@ class Box:
         object.__setattr__(self, "friction", _range("friction", self.friction, ""))
         jitter = _checks.not_negative("jitter of a box", self.jitter, "s")
         object.__setattr__(self, "jitter", jitter)
+
+    def gains_of(self, dof: int) -> FloatArray:
+        """Largest errors of kp and of kv, (2, dof).
+
+        Args:
+            dof: Number of joints.
+
+        Raises:
+            InvalidInput: They do not fit so many joints.
+        """
+        try:
+            return np.broadcast_to(np.asarray(self.gains), (2, dof))
+        except ValueError:
+            raise InvalidInput(
+                f"gains of the box have the shape {np.shape(self.gains)}, but the arm has {dof} "
+                f"joints: give one number, {dof} of them, or two rows for kp and kv."
+            ) from None
+
+    def dead_time_of(self, servo: ServoModel, dof: int) -> FloatArray:
+        """Largest errors of the dead times [s], (dof,).
+
+        Args:
+            servo: The nominal servo, with values per joint.
+            dof: Number of joints.
+
+        Raises:
+            InvalidInput: A dead time would be below zero.
+        """
+        late = _checks.per_joint("dead_time of the box", self.dead_time, dof, "s")
+        if (servo.dead_time < late).any():
+            j = int(np.argmin(servo.dead_time - late))
+            raise InvalidInput(
+                f"The dead time of joint {j + 1} is {servo.dead_time[j]:g} s and its error "
+                f"{late[j]:g} s, but a dead time cannot be negative: give the servo a larger one "
+                "(the same for all joints changes no contour), or the box a smaller error."
+            )
+        return late
 
     def refuse_payload_below_zero(self, arm: Arm) -> None:
         """Refuse an arm that carries less than the box takes from its payload.

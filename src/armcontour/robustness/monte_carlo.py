@@ -88,12 +88,10 @@ class Spread:
     nominal_rms: float
 
     def __post_init__(self) -> None:
-        for name in ("max", "rms", "until", "saturated", "demand_ratio", "kp", "dead_time"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        for name in ("payload", "deviations"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        if self.kv is not None:
-            object.__setattr__(self, "kv", _checks.lock_floats(self.kv))
+        arrays = ("max", "rms", "until", "saturated", "demand_ratio", "kp", "kv", "dead_time")
+        for name in (*arrays, "payload", "deviations"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def __str__(self) -> str:
         """Largest contour errors of the robots, and what is behind the worst."""
@@ -348,7 +346,13 @@ class _Model:
         with ThreadPoolExecutor(threads) as pool:
             found += sum(pool.map(batch, range(BATCH, len(rows), BATCH)), [])
         rms, largest, until, saturated, ratio = np.array(found).T
-        _refuse_stuck(np.isnan(rms), kp, kv)
+        if np.isnan(rms).any():
+            i = int(np.argmax(np.isnan(rms)))
+            raise ExecutionError(
+                f"Execution {i} cannot be simulated with the gains kp {kp[i].tolist()} and kv "
+                f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, "
+                "so lower the gains."
+            )
         return Spread(
             rms=rms[:-1],
             max=largest[:-1],
@@ -450,21 +454,6 @@ class _Model:
         return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
 
 
-def _refuse_stuck(stuck: BoolArray, kp: FloatArray, kv: FloatArray) -> None:
-    """Refuse results if an execution could not be computed.
-
-    Raises:
-        ExecutionError: Names the first such execution.
-    """
-    if stuck.any():
-        i = int(np.argmax(stuck))
-        raise ExecutionError(
-            f"Execution {i} cannot be simulated with the gains kp {kp[i].tolist()} and kv "
-            f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, so "
-            "lower the gains."
-        )
-
-
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
     """The corners to execute if there are too many, as signs, (MOST_CORNERS, k).
 
@@ -517,22 +506,7 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
             f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: leave them "
             "out, or certify with plant: rigid_body."
         )
-    try:
-        gains = np.broadcast_to(np.asarray(box.gains), (2, dof))
-    except ValueError:
-        raise InvalidInput(
-            f"gains of the box have the shape {np.shape(box.gains)}, but the arm has {dof} joints: "
-            f"give one number, {dof} of them, or two rows for kp and kv."
-        ) from None
-    late = _checks.per_joint("dead_time of the box", box.dead_time, dof, "s")
-    low = servo.dead_time - late
-    if (low < 0).any():
-        j = int(np.argmin(low))
-        raise InvalidInput(
-            f"The dead time of joint {j + 1} is {servo.dead_time[j]:g} s and its error "
-            f"{late[j]:g} s, but a dead time cannot be negative: give the servo a larger one (the "
-            "same for all joints changes no contour), or the box a smaller error."
-        )
+    gains, late = box.gains_of(dof), box.dead_time_of(servo, dof)
     if box.jitter >= period / 2:
         raise InvalidInput(
             f"A jitter of {box.jitter:g} s is not below half the command interval of "
@@ -548,24 +522,13 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
             "Jitter of set-points is not simulated with velocity_feedforward, whose velocity would "
             "jump with it: leave jitter out of the box."
         )
-    _check_payload(box, servo, arm)
-    return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
-
-
-def _check_payload(box: Box, servo: ServoModel, arm: Arm) -> None:
-    """Refuse an error of the payload that does not fit the servo or the arm.
-
-    Raises:
-        InvalidInput: The servo is of first order, or the error exceeds the arm's payload.
-    """
-    if not np.any(box.payload):
-        return
-    if servo.order == "first":
+    if np.any(box.payload) and servo.order == "first":
         raise InvalidInput(
             "A servo of order first has no velocity loop whose gain a payload could change: leave "
             "payload out of the box, or take a servo of order second."
         )
     box.refuse_payload_below_zero(arm)
+    return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
 
 
 def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:

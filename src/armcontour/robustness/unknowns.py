@@ -154,7 +154,7 @@ class Unknowns:
 
 def _ranges(box: Box, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Least and largest errors of the parameters of every joint, by their kinds, (dof,) each."""
-    gains = np.broadcast_to(np.asarray(box.gains), (2, dof))
+    gains = box.gains_of(dof)
     given = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
     least, most = np.asarray(box.friction)
     armature, late = (np.broadcast_to(np.asarray(x), (dof,)) for x in (box.armature, box.dead_time))
@@ -185,21 +185,10 @@ def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
             "Rigid bodies are executed without jitter: leave jitter out of the box, or certify "
             "with plant: servo."
         )
-    try:
-        np.broadcast_to(np.asarray(box.gains), (2, dof))
-    except ValueError:
-        raise InvalidInput(
-            f"gains of the box have the shape {np.shape(box.gains)}, but the arm has {dof} joints: "
-            f"give one number, {dof} of them, or two rows for kp and kv."
-        ) from None
+    box.gains_of(dof)
     per_joint = {
         name: _checks.per_joint(f"{name} of the box", getattr(box, name), dof, unit)
-        for name, unit in (
-            ("dead_time", "s"),
-            ("viscous", "N m s/rad"),
-            ("coulomb", "N m"),
-            ("armature", ""),
-        )
+        for name, unit in (("viscous", "N m s/rad"), ("coulomb", "N m"), ("armature", ""))
     }
     least = np.asarray(box.friction)[0]
     for name, unit in (("viscous", "N m s/rad"), ("coulomb", "N m")):
@@ -211,14 +200,7 @@ def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
                 f"of {left[j]:g} {unit}: give the arm the friction in the middle of the range, or "
                 "the box a share from 0 on."
             )
-    early = servo.dead_time - per_joint["dead_time"]
-    if (early < 0).any():
-        j = int(np.argmin(early))
-        raise InvalidInput(
-            f"The dead time of joint {j + 1} is {servo.dead_time[j]:g} s and its error "
-            f"{per_joint['dead_time'][j]:g} s, but a dead time cannot be negative: give the servo "
-            "a larger one, or the box a smaller error."
-        )
+    box.dead_time_of(servo, dof)
     if np.any(per_joint["armature"] * (chain.armature == 0)):
         raise InvalidInput(
             f"The box has errors of drive inertias, but the arm {arm.name} has none: give its "

@@ -89,7 +89,7 @@ def mend(program: Program, printed: Callable[[Contour], Printed], reading: Readi
     contours = [x for x in program.contours if x.path.orientation is None]
     held = [_held(printed(x), x.path.dimension, reading) for x in contours]
     most = [reading.layer_tolerances.get(x.layer, math.inf) for x in contours]
-    done = [mend_vertices(x.path, *limits) for x, *limits in zip(contours, held, most, strict=True)]
+    done = [mend_vertices(x.path, y, z) for x, y, z in zip(contours, held, most, strict=True)]
     for i, x, mended in zip(which, contours, done, strict=True):
         if mended is not None:
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
