@@ -80,7 +80,7 @@ def follow(
 
     Args:
         points: Tool points in order, padded to space [m], (n, 3).
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.nearest.pack`, (segments, 17).
         start: The first place is at or before this one [m].
         leash: Largest distance between tool and place [m].
         needed: So many points must be followed; those after them, as long as they can.
@@ -166,7 +166,7 @@ def find_places(
 
     Args:
         points: The points, padded to space [m], (n, 3).
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.nearest.pack`, (segments, 17).
         reach: The distances; what is further by rounding counts, too [m], (n,).
 
     Returns:
@@ -304,7 +304,7 @@ def measure_missed(way: Way, rows: FloatArray, begin: float, end: float) -> Miss
 
     Args:
         way: The way of the tool.
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.nearest.pack`, (segments, 17).
         begin: Places before this one do not count [m].
         end: Nor do places after this one [m].
 

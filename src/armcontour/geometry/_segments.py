@@ -1,7 +1,7 @@
 """Compiled points of lines and arcs, and their nearest points; a row of a table is a segment.
 
 The rows are those of `nearest.pack`: start (3), tangent (3), normal (3), curvature, length, arc
-length at the start, end (3). Points are tuples of three coordinates.
+length at the start, end (3), sine and cosine of the turn. Points are tuples of three coordinates.
 """
 
 from __future__ import annotations
@@ -37,26 +37,59 @@ class Foot(NamedTuple):
     product: float
 
 
-@compiled(inner=True)
-def find_foot(p: Point, g: FloatArray) -> Foot:
-    """The foot of a point on the line or circle of segment `g`."""
+@compiled(inner=True, fastmath=FUSED, inline="always")
+def _see(p: Point, g: FloatArray) -> Point:
+    """Squared distance of a point from the line or full circle of segment `g`, and its direction.
+
+    The direction is the distance along a line [m] and 0; for a circle sine and cosine of the angle
+    around the centre, times the ratio of the radii of point and circle.
+    """
     x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
     along, k = x * g[3] + y * g[4] + z * g[5], g[9]
-    across = x * g[6] + y * g[7] + z * g[8] if k != 0.0 else 0.0
+    if k == 0.0:
+        x, y, z = x - along * g[3], y - along * g[4], z - along * g[5]
+        return x * x + y * y + z * z, along, 0.0
+    across = x * g[6] + y * g[7] + z * g[8]
+    a, b = k * along, 1 - k * across
+    # The difference of both radii without cancellation.
+    radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
     x -= along * g[3] + across * g[6]
     y -= along * g[4] + across * g[7]
     z -= along * g[5] + across * g[8]
-    off2 = x * x + y * y + z * z
+    return x * x + y * y + z * z + radial * radial, a, b
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _gap2(p: Point, g: FloatArray) -> float:
+    """Squared distance of a point from segment `g`, without evaluation of angles [m²]."""
+    off2, a, b = _see(p, g)
+    if g[9] == 0.0:
+        inside = 0.0 <= a <= g[10]
+    elif g[9] * g[10] < math.pi:
+        inside = a >= 0.0 and a * g[16] <= b * g[15]
+    else:
+        inside = a >= 0.0 or a * g[16] <= b * g[15]
+    return off2 if inside else min(_end_gap2(p, g, 0), _end_gap2(p, g, 12))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _end_gap2(p: Point, g: FloatArray, column: int) -> float:
+    """Squared distance of a point from an end of segment `g`, whose first column is given [m²]."""
+    x, y, z = p[0] - g[column], p[1] - g[column + 1], p[2] - g[column + 2]
+    return float(x * x + y * y + z * z)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_foot(p: Point, g: FloatArray) -> Foot:
+    """The foot of a point on the line or circle of segment `g`."""
+    off2, a, b = _see(p, g)
+    k = g[9]
     if k == 0.0:
-        return Foot(off2, along, 0.0)
-    # The angle around the centre, and the difference of both radii without cancellation.
-    a, b = k * along, 1 - k * across
-    own = math.sqrt(a * a + b * b)
-    radial = (2 * across - k * (along * along + across * across)) / (1 + own)
-    return Foot(off2 + radial * radial, math.atan2(a, b) / k, own / (k * k))
+        return Foot(off2, a, 0.0)
+    return Foot(off2, math.atan2(a, b) / k, math.sqrt(a * a + b * b) / (k * k))
 
 
-@compiled(inner=True)
+@compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, u: float) -> float:
     """Squared distance to the place at distance u along a segment of curvature k [m²]."""
     if k == 0.0:
@@ -64,13 +97,13 @@ def distance2(foot: Foot, k: float, u: float) -> float:
     return foot.off2 + 4 * foot.product * math.sin(k * (u - foot.at) / 2) ** 2
 
 
-@compiled(inner=True)
+@compiled(inner=True, fastmath=FUSED)
 def nearest_within(p: Point, g: FloatArray, low: float, high: float) -> tuple[float, float]:
     """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
 
     Args:
         p: The point [m].
-        g: The segment's row of `pack`, (15,).
+        g: The segment's row of `pack`, (17,).
         low: Distance along the segment at which the part starts [m].
         high: Distance along the segment at which the part ends [m].
     """
@@ -99,11 +132,11 @@ def point_at(g: FloatArray, u: float) -> Point:
 
 
 @compiled(inner=True)
-def _box_distance2(p: Point, box: FloatArray) -> float:
-    """Squared distance from a point to a box, given by its lower and upper corner, (6,)."""
-    x = max(box[0] - p[0], p[0] - box[3], 0.0)
-    y = max(box[1] - p[1], p[1] - box[4], 0.0)
-    z = max(box[2] - p[2], p[2] - box[5], 0.0)
+def _box_gap2(p: Point, boxes: FloatArray, node: int) -> float:
+    """Squared distance from a point to box `node`."""
+    x = max(boxes[node, 0] - p[0], p[0] - boxes[node, 3], 0.0)
+    y = max(boxes[node, 1] - p[1], p[1] - boxes[node, 4], 0.0)
+    z = max(boxes[node, 2] - p[2], p[2] - boxes[node, 5], 0.0)
     return float(x * x + y * y + z * z)
 
 
@@ -115,55 +148,48 @@ def search_tree(
 
     Args:
         queries: Query points, padded to space [m], (n, 3).
-        rows: Segments from `pack`, (segments, 15).
+        rows: Segments from `pack`, (segments, 17).
         pieces: Index of the segment of each piece, in tree order.
         boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6).
     """
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
-    best_segment = pieces[0]
+    found = pieces[0]
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
         # The segment of the last query is a good first guess, as queries mostly follow a motion.
-        best2, best_u = nearest_within(p, rows[best_segment], 0.0, rows[best_segment, 10])
-        depth, stack[0], bound[0] = 0, 0, _box_distance2(p, boxes[0])
+        best = _gap2(p, rows[found])
+        depth, stack[0], bound[0] = 0, 0, _box_gap2(p, boxes, 0)
         while depth >= 0:
-            node, near = stack[depth], bound[depth]
+            node = stack[depth]
             depth -= 1
-            if near >= best2:
+            if bound[depth + 1] >= best:
                 continue
-            if node < leaves - 1:
-                left = 2 * node + 1
-                nearer, near = left, _box_distance2(p, boxes[left])
-                far = _box_distance2(p, boxes[left + 1])
-                if far < near:
-                    nearer, near, far = left + 1, far, near
-                # The nearer one is searched first.
-                depth += 1
-                stack[depth], bound[depth] = 2 * left + 1 - nearer, far
-                depth += 1
-                stack[depth], bound[depth] = nearer, near
+            if node >= leaves - 1:
+                leaf, previous = node - (leaves - 1), -1
+                for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
+                    if pieces[j] != previous:
+                        previous = pieces[j]
+                        d2 = _gap2(p, rows[previous])
+                        if d2 < best:
+                            best, found = d2, previous
                 continue
-            leaf = node - (leaves - 1)
-            previous = -1
-            for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
-                segment = pieces[j]
-                if segment != previous:
-                    d2, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10])
-                    if d2 < best2:
-                        best2, best_u, best_segment = d2, u, segment
-                    previous = segment
-        distance[i] = math.sqrt(best2)
-        s[i] = rows[best_segment, 11] + best_u
+            # The nearer one of both halves is searched first.
+            near = 2 * node + 1
+            gap2, other = _box_gap2(p, boxes, near), _box_gap2(p, boxes, near + 1)
+            step = 1
+            if other < gap2:
+                near, step, gap2, other = near + 1, -1, other, gap2
+            if other < best:
+                depth += 1
+                stack[depth], bound[depth] = near + step, other
+            if gap2 < best:
+                depth += 1
+                stack[depth], bound[depth] = near, gap2
+        distance[i] = math.sqrt(best)
+        s[i] = rows[found, 11] + nearest_within(p, rows[found], 0.0, rows[found, 10])[1]
     return distance, s
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _gap2(p: Point, rows: FloatArray, j: int, column: int) -> float:
-    """Squared distance of a point from an end of segment j, whose coordinates begin at a column."""
-    x, y, z = p[0] - rows[j, column], p[1] - rows[j, column + 1], p[2] - rows[j, column + 2]
-    return float(x * x + y * y + z * z)
 
 
 @compiled(fastmath=FUSED)
@@ -179,7 +205,7 @@ def search_along(
 
     Args:
         p: The point [m].
-        rows: Segments from `pack`, (n, 15).
+        rows: Segments from `pack`, (n, 17).
         around: Length of a closed path, on which the search passes the start point; 0 for an open
             path [m].
         segment: The segment at which the search starts.
@@ -187,12 +213,12 @@ def search_along(
         high: Largest arc length of the window [m].
     """
     n = len(rows)
-    best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10])
+    best = _gap2(p, rows[segment])
     found, far2 = segment, REACH * REACH * best
     for ahead in (True, False):
         stop, near, far = (high, 0, 12) if ahead else (-low, 12, 0)
         end = rows[segment, 11] + rows[segment, 10] if ahead else -rows[segment, 11]
-        if end > stop and _gap2(p, rows, segment, far) > far2:
+        if end > stop and _end_gap2(p, rows[segment], far) > far2:
             continue
         j, turn, free, d = segment, 0.0, -math.inf, math.sqrt(best)
         for _ in range(n - 1):
@@ -206,13 +232,13 @@ def search_along(
             begin = turn + (rows[j, 11] if ahead else -rows[j, 11] - length)
             if begin <= stop and begin + length <= free:
                 continue
-            gap2 = _gap2(p, rows, j, near)
+            gap2 = _end_gap2(p, rows[j], near)
             if begin > stop and gap2 > far2:
                 break
             free = max(free, begin + math.sqrt(gap2) - d)
             if begin + length <= free:
                 continue
-            d2, _ = nearest_within(p, rows[j], 0.0, length)
+            d2 = _gap2(p, rows[j])
             if d2 < best:
                 best, found, d = d2, j, math.sqrt(d2)
     return best, found

@@ -25,7 +25,7 @@ class Pieces(NamedTuple):
     """The m pieces of a tube.
 
     Attributes:
-        rows: The pieces from `pack`, (m, 15).
+        rows: The pieces from `pack`, (m, 17).
         tolerance: Their tolerances [m], (m,).
         given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
     """
@@ -77,7 +77,7 @@ def nearest_in_range(
         points: Points, padded to space [m], (n, 3).
         ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
         windows: First and last segment of that range, (n, 2).
-        rows: Segments of the path from `pack`, (m, 15).
+        rows: Segments of the path from `pack`, (m, 17).
     """
     distance = np.full(len(points), np.inf)
     s = np.zeros(len(points))
@@ -173,7 +173,7 @@ def bound_excess(
     """Bounds of distance less tolerance over parts of a path, and the largest values found.
 
     Args:
-        rows: Segments of the path from `pack`, (n, 15).
+        rows: Segments of the path from `pack`, (n, 17).
         segment: The segment of each part, (k,).
         parts: As in `_judge`, (k, 6).
         windows: As in `_judge`, (k, 2).

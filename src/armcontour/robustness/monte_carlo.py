@@ -576,7 +576,7 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     rows = pack_arcs(arcs, starts)
     # At the first segment the path closes, if it does.
     corners = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
-    closed = bool(np.linalg.norm(rows[-1, 12:] - rows[0, :3]) <= REPEATED_POINT)
+    closed = bool(np.linalg.norm(rows[-1, 12:15] - rows[0, :3]) <= REPEATED_POINT)
     return Line(rows, corners, path.length if closed else 0.0, low, high)
 
 
