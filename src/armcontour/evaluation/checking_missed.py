@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.evaluation.following import follow_path
 from armcontour.evaluation.tally import Tally
 
@@ -26,7 +25,14 @@ def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
         allowed: Largest distance [m].
     """
     assert tally.path is not None
-    t, q, error = _places(motion)
+    if callable(motion):
+        breaks = np.asarray(motion.breaks, dtype=np.float64)
+        inner = breaks[:-1, None] + np.arange(PLACES) / PLACES * np.diff(breaks)[:, None]
+        t = np.append(inner.ravel(), breaks[-1])
+        q = np.asarray(motion(t, 0, side="left"))
+        error = np.zeros(q.shape[1])
+    else:
+        t, q, error = motion.t, motion.q, motion.errors[0]
     points, off = tally.tool(q, error)
     found = follow_path(tally.path, points)
     bent = np.zeros(len(points))
@@ -37,15 +43,3 @@ def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
     if tally.deviation is not None:
         # From its own place, where the nearest one may be on another line.
         tally.offer("path_deviation", t, found.distance, tally.deviation, q, off)
-
-
-def _places(motion: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times (n,) and joint positions (n, dof) in order, with a bound on their error, (dof,)."""
-    if not callable(motion):
-        return motion.t, motion.q, motion.errors[0]
-    breaks = np.asarray(motion.breaks, dtype=np.float64)
-    steps = np.arange(PLACES) / PLACES
-    inner = breaks[:-1, None] + steps * np.diff(breaks)[:, None]
-    t = np.append(inner.ravel(), breaks[-1])
-    q = np.asarray(motion(t, 0, side="left"))
-    return t, q, np.zeros(q.shape[1])

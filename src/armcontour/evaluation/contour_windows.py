@@ -55,11 +55,15 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
     known: list[_Window] = []
     for number, contour in enumerate(program.contours):
         earliest = min((x.last for x in known), default=0)
-        found = [
-            window
-            for first, last in _find_candidates(tool, travel, contour.path, earliest)
-            if (window := _append(known, tool, contour.path, first, last, number == 0)) is not None
-        ]
+        found = []
+        for first, last in _find_candidates(tool, travel, contour.path, earliest):
+            # The best window of the contour before that ends early enough.
+            early = (x for x in known if x.last <= first)
+            before = min(early, key=lambda x: x.worst, default=None)
+            if before is not None or number == 0:
+                worst = float(contour.path.project(tool[first : last + 1]).distance.max())
+                worst = max(worst, 0.0 if before is None else before.worst)
+                found.append(_Window(first, last, worst, before))
         if not found:
             raise InvalidInput(
                 f"The tool does not follow {contour_called(contour, number)} from its start to its "
@@ -120,26 +124,3 @@ def _find_visits(
         nearest = np.flatnonzero(here <= here.min() * (1 + 1e-9)) + first + earliest
         found.append((int(nearest[0]), int(nearest[-1])))
     return found
-
-
-def _append(
-    known: list[_Window], tool: FloatArray, path: Path, first: int, last: int, is_first: bool
-) -> _Window | None:
-    """Append a window to the best one of the contour before that ends early enough.
-
-    Args:
-        known: Windows of the contour before.
-        tool: Tool points [m], (n, dimension).
-        path: The contour.
-        first: First sample on the contour.
-        last: Last sample on the contour.
-        is_first: Whether the contour is the first one.
-
-    Returns:
-        The window, or None if no window of the contour before ends early enough.
-    """
-    before = min((x for x in known if x.last <= first), key=lambda x: x.worst, default=None)
-    if before is None and not is_first:
-        return None
-    worst = float(path.project(tool[first : last + 1]).distance.max())
-    return _Window(first, last, max(worst, 0.0 if before is None else before.worst), before)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour._parts import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
@@ -64,7 +64,8 @@ def corner_deviations(
     empty = first == last
     first = np.where(empty, np.maximum(first - 1, 0), first)
     last = np.where(empty, np.minimum(last + 1, len(at)), last)
-    near, of = _expand_ranges(first, last)
+    of, number = number_parts(last - first)
+    near = first[of] + number
     points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
     off = tool[near] - points[of]
     across = _across(objective, corners)
@@ -72,9 +73,9 @@ def corner_deviations(
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
     if beside is not None:
-        nearest, farthest = (
-            _first_of_each(x == y[of], of) for x, y in ((away, rounding), (past, overshoot))
-        )
+        # The first of the extreme samples of each corner.
+        rows = [np.flatnonzero(x == y[of]) for x, y in ((away, rounding), (past, overshoot))]
+        nearest, farthest = (x[np.unique(of[x], return_index=True)[1]] for x in rows)
         # What is largest where the tool comes and goes is not so between samples.
         inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
         farthest, count = farthest[inner], len(corners)
@@ -95,18 +96,6 @@ def corner_deviations(
             corners.tolist(), points.tolist(), rounding.tolist(), overshoot.tolist(), strict=True
         )
     )
-
-
-def _expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """All indices of several ranges in order, and the number of the range of each index."""
-    of, number = number_parts(last - first)
-    return first[of] + number, of
-
-
-def _first_of_each(chosen: BoolArray, group: IntArray) -> IntArray:
-    """The first chosen row of each group of rows, which are in order."""
-    rows = np.flatnonzero(chosen)
-    return np.asarray(rows[np.unique(group[rows], return_index=True)[1]])
 
 
 def _across(path: Path, corners: IntArray) -> FloatArray:

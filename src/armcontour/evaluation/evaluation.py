@@ -31,6 +31,7 @@ from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
 from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import (
+    Piece,
     common_delay,
     evaluated_times,
     pieces_of,
@@ -268,11 +269,7 @@ def evaluate(
             default=None,
         ),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
-        corners=tuple(
-            replace(x, contour=None if program.single_path is not None else number)
-            for number, piece in enumerate(pieces, start=1)
-            for x in piece.corners
-        ),
+        corners=_number_corners(pieces) if program.single_path is None else pieces[0].corners,
         contours=contours,
         speed=max(float(x.speed.max()) for x in pieces),
         speed_ratio=ratio if ratio > 0 else np.nan,
@@ -313,6 +310,12 @@ def _most_of_each(found: Sequence[tuple[float, float] | None]) -> tuple[float, f
     """The largest first and second value of those that are not None; None if all are."""
     along, across = (max((x[i] for x in found if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
+
+
+def _number_corners(pieces: Sequence[Piece]) -> tuple[CornerDeviation, ...]:
+    """Cornering deviations of all contours, with the numbers of these."""
+    numbered = enumerate(pieces, start=1)
+    return tuple(replace(x, contour=number) for number, y in numbered for x in y.corners)
 
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:

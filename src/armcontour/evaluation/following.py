@@ -71,6 +71,8 @@ class Followed:
             ends: Places of both points [m].
             off: The larger one of their distances [m].
         """
+        from armcontour.evaluation._following import follow
+
         padded = pad(points)
         travel = float(length(points - points[0]).max())
         leash = SLACK * max(off, travel, SHORTEST)
@@ -81,7 +83,7 @@ class Followed:
             first = int(np.searchsorted(begins, low - leash, side="right")) - 1
             last = int(np.searchsorted(begins, high + leash, side="right"))
             rows = self.geometry[max(first, 0) : last]
-            distance, s, reached, held = _follow(padded, rows, high + leash, leash, len(points))
+            distance, s, reached, held = follow(padded, rows, high + leash, leash, len(points))
             if leash > farthest or (reached >= len(points) and not held):
                 return distance, s
             leash *= 2
@@ -104,15 +106,20 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.evaluation._following import Way, measure_missed
+    from armcontour.evaluation._following import Way, follow, measure_missed
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
     padded, geometry = pad(points), pack(path.segments)
-    leash = _find_least_leash(path, points[:last])
+    some = points[: last : max(1, last // SOME)]
+    off = float(find_nearest(path.segments, some, in_order=True).distance.max())
+    # A leash that is not needlessly long for any of the points.
+    leash = SLACK * max(
+        off, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
+    )
     farthest = path.length + float(length(points - path.starts[0]).max())
     while True:
-        distance, s, reached, held = _follow(padded, geometry, begin, leash, last)
+        distance, s, reached, held = follow(padded, geometry, begin, leash, last)
         if leash > farthest or (reached >= last and not held):
             break
         leash *= 2
@@ -133,22 +140,3 @@ def follow_path(
         missed_s=where[own],
         geometry=geometry,
     )
-
-
-def _follow(
-    points: FloatArray, geometry: FloatArray, start: float, leash: float, needed: int
-) -> tuple[FloatArray, FloatArray, int, bool]:
-    """What the compiled `follow` gives."""
-    from armcontour.evaluation._following import follow
-
-    found: tuple[FloatArray, FloatArray, int, bool] = follow(points, geometry, start, leash, needed)
-    return found
-
-
-def _find_least_leash(path: Path, points: FloatArray) -> float:
-    """A leash [m] that is not needlessly long for any of the points."""
-    some = find_nearest(
-        path.segments, points[:: max(1, len(points) // SOME)], in_order=True
-    ).distance.max()
-    steps = length(np.diff(points, axis=0))
-    return SLACK * max(float(some), float(steps.max(initial=0.0)), SHORTEST)

@@ -52,11 +52,6 @@ class _Pairs:
     error: FloatArray
     bend: FloatArray
 
-    @property
-    def lengths(self) -> FloatArray:
-        """Lengths of the pairs [m], (n,)."""
-        return np.asarray(self.first.lengths + self.second.lengths)
-
 
 class _Blend(CornerKind):
     """A kind of blend."""
@@ -139,7 +134,7 @@ class _Pair(_Blend):
         turns = [
             x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)
         ]
-        off = t / 2 - middle_of(False) * found.lengths
+        off = t / 2 - middle_of(False) * (found.first.lengths + found.second.lengths)
         shares = [*turns, found.error / bounds.error, off / bounds.turn]
         return np.max(shares, axis=0), found.bend
 

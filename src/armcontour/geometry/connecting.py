@@ -65,10 +65,6 @@ class Connections:
         """Number of connections."""
         return len(self.begin)
 
-    def __getitem__(self, rows: IntArray | BoolArray) -> Connections:
-        """The selected connections."""
-        return Connections(begin=self.begin[rows], coefficients=self.coefficients[rows])
-
     def at(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
         """Ways from the starts of connections `i` at x, or their derivatives by x."""
         c = self.coefficients[i]

@@ -1,7 +1,7 @@
 """Nearest points of a path, by a tree of boxes.
 
 For 10,000 segments and 100,000 random points (benchmarks/projection) it takes 0.09 s on a spiral
-and 0.27 s on chords across a square.
+and 0.31 s on chords across a square.
 """
 
 from __future__ import annotations

@@ -48,7 +48,16 @@ def replace_vertices(
         its index in `drawn`, below 0 if it is not from there.
     """
     n = len(rows)
-    table = Segments.join([_shorten(rows, cut), drawn])
+    starts, lengths = (
+        rows.starts + cut[:-1, None] * rows.tangents,
+        rows.lengths - cut[:-1] - cut[1:],
+    )
+    shorter = rows.replace(starts=starts, lengths=lengths)
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
+    if later.any():
+        ends = (rows.lengths - cut[1:])[later]
+        shorter = shorter.put(later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends))
+    table = Segments.join([shorter, drawn])
     source = np.concatenate([np.arange(n), after])
     # A remainder of an arc is left out only if the tangent jumps by no more than a rounding error.
     used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
@@ -56,14 +65,3 @@ def replace_vertices(
     order = np.argsort(source, kind="stable")
     order = order[used[order]]
     return table[order], source[order], order - n
-
-
-def _shorten(rows: Segments, cut: FloatArray) -> Segments:
-    """Segments shortened by the lengths that are replaced at their ends [m], (n + 1,)."""
-    starts = rows.starts + cut[:-1, None] * rows.tangents
-    shorter = rows.replace(starts=starts, lengths=rows.lengths - cut[:-1] - cut[1:])
-    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
-    if not later.any():
-        return shorter
-    i, begin = np.flatnonzero(later), cut[:-1][later]
-    return shorter.put(later, rows.cut(i, begin, rows.lengths[later] - cut[1:][later]))

@@ -289,8 +289,7 @@ def blend_vertices(
     """
     none = np.full(len(vertex), np.inf)
     most = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
-    bounds = _bounds(path, vertex, turn, tolerance, none, np.inf, most)
-    return _round(path, vertex, bounds, np.nan * none, ARC, NOWHERE, np.inf)
+    return _round(path, vertex, turn, (tolerance, none, most, np.nan * none), ARC, NOWHERE, np.inf)
 
 
 def _round_all(
@@ -321,8 +320,8 @@ def _round_all(
     error = np.minimum(error, np.minimum(own[:-1], own[1:]))[corner]
     none = np.full(len(corner), np.inf)
     enough = none if speed is None else slowest[corner] ** 2 / accelerations[corner]
-    bounds = _bounds(path, corner, turn[corner], error, enough, angle, none)
-    return _round(path, corner, bounds, accelerations[corner], curve, kinked, angle)
+    wanted = error, enough, none, accelerations[corner]
+    return _round(path, corner, turn[corner], wanted, curve, kinked, angle)
 
 
 def _without_corners(path: Path) -> RoundedPath:
@@ -340,32 +339,11 @@ def _without_corners(path: Path) -> RoundedPath:
     return RoundedPath(**kept, objective=path, corners=corners)
 
 
-def _bounds(
-    path: Path,
-    corner: IntArray,
-    turn: FloatArray,
-    error: FloatArray,
-    radius: FloatArray,
-    angle: float,
-    tangent: FloatArray,
-) -> Bounds:
-    """What corners have to keep; angular tolerance `angle` [rad], all others as in `Bounds`."""
-    return Bounds(
-        before=path.segments[corner],
-        after=path.segments[corner + 1],
-        half=turn / 2,
-        error=error,
-        radius=radius,
-        turn=largest_blend(path, corner, angle),
-        tangent=tangent,
-    )
-
-
 def _round(
     path: Path,
     corner: IntArray,
-    bounds: Bounds,
-    acceleration: FloatArray,
+    turn: FloatArray,
+    wanted: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     curve: LineCorner,
     kinked: IntArray,
     angle: float,
@@ -375,13 +353,23 @@ def _round(
     Args:
         path: The objective path.
         corner: Segments after which there is a corner, (n,).
-        bounds: What its corners have to keep, n of them.
-        acceleration: Centripetal acceleration of the corner speed [m/s²], (n,).
+        turn: The path's turns there [rad], (n,).
+        wanted: Largest corner errors [m], radii that are large enough for the corner speeds [m],
+            largest tangent lengths [m], and centripetal accelerations of the corner speeds [m/s²],
+            (n,) each.
         curve: The curve that replaces corners between two lines.
         kinked: Segments after which only the angular rate jumps, (k,).
         angle: Angular tolerance [rad].
     """
     n, rows = len(corner), path.segments
+    *limits, acceleration = wanted
+    bounds = Bounds(
+        before=rows[corner],
+        after=rows[corner + 1],
+        half=turn / 2,
+        **dict(zip(("error", "radius", "tangent"), limits, strict=True)),
+        turn=largest_blend(path, corner, angle),
+    )
     follows = path.orientation is not None and path.orientation.follows
     turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
     # A frame that follows the tangent out of the plane would come round turned about it.
@@ -391,14 +379,14 @@ def _round(
     # A connection that is too short or not possible leaves the corner to a pair of arcs.
     kinds: list[tuple[CornerKind, float]] = [(curve, 0.0), (PAIR, 0.0)]
     kinds[1:1] = [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
-    wanted, least, parts = np.zeros(n), np.zeros(n), []
+    fitted, least, parts = np.zeros(n), np.zeros(n), []
     for kind, shortest in kinds:
         part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
         if len(part):
             found, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
             fits = found > np.maximum(small, shortest)
             part = part[fits]
-            wanted[part], least[part], free[part] = found[fits], small[fits], False
+            fitted[part], least[part], free[part] = found[fits], small[fits], False
         parts.append(part)
     # Blends of the orientation alone share the segments with the corners' curves.
     which = np.concatenate([corner, kinked])
@@ -406,12 +394,12 @@ def _round(
     order, tangents = np.argsort(which), np.empty(len(which))
     kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
     tangents[order] = fit_lengths(
-        np.concatenate([wanted, kinks])[order], which[order], rows.lengths
+        np.concatenate([fitted, kinks])[order], which[order], rows.lengths
     )
     # On a very short segment between two corners the curves may be too small.
     tangent = tangents[:n]
     tangent[tangent <= least / 4] = 0.0
-    radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), wanted > 0
+    radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
     tables, after = [rows[:0]], [NOWHERE]
     for (kind, _), part in zip(kinds, parts, strict=True):
         part = part[tangent[part] > 0]

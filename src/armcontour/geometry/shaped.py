@@ -111,12 +111,17 @@ class ShapedPath(Path):
     zone: float | None = None
     outcome: Outcome = field(repr=False)
     curve: SmoothCurve | None = field(default=None, repr=False)
+    # The quintic of the curve that each segment belongs to, (n,).
     _piece: IntArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        none = np.zeros(0, dtype=np.intp)
-        object.__setattr__(self, "_piece", none if self.curve is None else self._pieces(self.curve))
+        piece = np.zeros(0, dtype=np.intp)
+        if self.curve is not None:
+            middle = (self.breaks[:-1] + self.breaks[1:]) / 2
+            last = len(self.curve.breaks) - 2
+            piece = np.clip(np.searchsorted(self.curve.breaks, middle) - 1, 0, last)
+        object.__setattr__(self, "_piece", piece)
         places = check_places(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
 
@@ -137,11 +142,6 @@ class ShapedPath(Path):
         )
 
     __repr__ = brief
-
-    def _pieces(self, curve: SmoothCurve) -> IntArray:
-        """The quintic that each segment belongs to, (n,)."""
-        middle = (self.breaks[:-1] + self.breaks[1:]) / 2
-        return np.clip(np.searchsorted(curve.breaks, middle) - 1, 0, len(curve.breaks) - 2)
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Point or derivative of the curve that the tool follows, as of any path."""

@@ -150,7 +150,14 @@ class Tube:
         middles = (at[1:] + at[:-1]) / 2
         cuts = [middles] if np.ndim(tolerance) else []
         cuts += [] if zone is None else [at - zone, at + zone]
-        segments, breaks, source = _cut(objective, np.concatenate([*cuts, at[:0]]))
+        inside = np.concatenate([*cuts, at[:0]])
+        inside = inside[(inside > 0) & (inside < objective.length)]
+        beside = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
+        inside = inside[np.abs(beside - inside).min(axis=0) > REPEATED_POINT]
+        breaks = np.unique(np.concatenate([objective.breaks, inside]))
+        source = objective.locate((breaks[:-1] + breaks[1:]) / 2)
+        begin = np.maximum(breaks[:-1] - objective.breaks[source], 0.0)
+        segments = objective.segments.cut(source, begin, breaks[1:] - objective.breaks[source])
         found = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
         middle = (breaks[1:] + breaks[:-1]) / 2
         near = np.searchsorted(middles, middle)
@@ -332,13 +339,3 @@ def _refuse_transitions(segments: Segments) -> None:
             "shape the path as it was before its curvature was smoothed.",
             index=i,
         )
-
-
-def _cut(path: Path, cuts: FloatArray) -> tuple[Segments, FloatArray, IntArray]:
-    """Pieces of a path cut at its breaks and at arc lengths, their ends, and their segments."""
-    inside = cuts[(cuts > 0) & (cuts < path.length)]
-    near = np.abs(path.breaks[np.stack([path.locate(inside), path.locate(inside) + 1])] - inside)
-    breaks = np.unique(np.concatenate([path.breaks, inside[near.min(axis=0) > REPEATED_POINT]]))
-    source = path.locate((breaks[:-1] + breaks[1:]) / 2)
-    begin, end = breaks[:-1] - path.breaks[source], breaks[1:] - path.breaks[source]
-    return path.segments.cut(source, np.maximum(begin, 0.0), end), breaks, source

@@ -345,17 +345,12 @@ def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
         own = carry(seam.segments, own.starts[0], axis_only=own.axis_only)
     else:
         places = wave.on_part(places)
-    return Path(segments=segments, orientation=_stretch(own, segments, places))
-
-
-def _stretch(orientation: Orientation, segments: Segments, s: FloatArray) -> Orientation:
-    """An orientation on woven segments, whose ends are at its arc lengths `s` [m]."""
-    starts = orientation(s[:-1])
-    ends = orientation(s[1:], side="left")
-    rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
-    if orientation.fixed:
-        rates = np.zeros_like(rates)
-    return Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
+    starts, ends = own(places[:-1]), own(places[1:], side="left")
+    rates = np.zeros((len(segments), 3))
+    if not own.fixed:
+        rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
+    turned = Orientation.even(segments.lengths, starts, rates, axis_only=own.axis_only)
+    return Path(segments=segments, orientation=turned)
 
 
 def _fit_sine(

@@ -182,21 +182,19 @@ class Worst:
         few = len(unknowns) <= ALL_CORNERS
         if len(own) == most and not (few and 2 ** len(unknowns) <= most):
             return np.asarray(own)
-        others = unknowns.corners() if few else self._neighbours(own)
+        if few:
+            others = unknowns.corners()
+        else:
+            # The corners that differ in one unknown from those that are worst at some time.
+            flipped = np.where(np.eye(len(unknowns), dtype=np.bool_), -1.0, 1.0)
+            middle = (unknowns.low + unknowns.high) / 2
+            others = (middle + (own - middle)[:, None] * flipped).reshape(-1, len(unknowns))
         others = others[np.argsort(-self.across.largest(others), kind="stable")]
         if few and len(others) <= most:
             return others
         both = np.concatenate([own, others])
         _, first = np.unique(both, axis=0, return_index=True)
         return np.asarray(both[np.sort(first)][:most])
-
-    def _neighbours(self, corners: FloatArray) -> FloatArray:
-        """The corners that differ from some corners in one unknown."""
-        unknowns = self.across.unknowns
-        flipped = np.where(np.eye(len(unknowns), dtype=np.bool_), -1.0, 1.0)
-        middle = (unknowns.low + unknowns.high) / 2
-        found = middle + (corners - middle)[:, None] * flipped
-        return np.asarray(found.reshape(-1, len(unknowns)))
 
     def shares(self) -> dict[str, float]:
         """Parts of the largest bound: of each kind of unknown, and of "sampling" [m].
@@ -330,22 +328,18 @@ def _torques(
         "dead time": -rate * drives.stiffness * unknowns.late_share,
     }
     if "payload" in unknowns.kinds:
-        by_kind["payload"] = -_weight(unknowns, motion)
+        # Torque that a payload of 1 kg more takes along the motion [N m/kg].
+        arm = unknowns.arm
+        loaded = arm.with_dynamics(payload=unknowns.payload(1.0)).dynamics
+        weight = loaded.torque(*motion) - arm.dynamics.torque(*motion)
+        if box.payload_known:
+            weight -= loaded.gravity(motion.q) - arm.dynamics.gravity(motion.q)
+        by_kind["payload"] = -weight
     every = np.arange(motion.q.shape[1])
     return [
         by_kind[kind] if j < 0 else np.where(every == j, by_kind[kind], 0.0)
         for kind, j in zip(unknowns.kinds, unknowns.joints, strict=True)
     ]
-
-
-def _weight(unknowns: Unknowns, motion: _Motion) -> FloatArray:
-    """Torque that a payload of 1 kg more takes along the motion [N m/kg], (n, dof)."""
-    arm = unknowns.arm
-    loaded = arm.with_dynamics(payload=unknowns.payload(1.0)).dynamics
-    found = loaded.torque(*motion) - arm.dynamics.torque(*motion)
-    if unknowns.box.payload_known:
-        found -= loaded.gravity(motion.q) - arm.dynamics.gravity(motion.q)
-    return found
 
 
 def _sides(tangent: FloatArray) -> FloatArray:
