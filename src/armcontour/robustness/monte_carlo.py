@@ -328,24 +328,22 @@ class _Model:
         late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
 
-        def batch(first: int) -> list[tuple[float, ...]]:
-            # The nominal robot is the last one; it has no jitter.
-            return [
-                execute(
-                    self.setting,
-                    self._sample(
-                        kp[i], kv[i], late[i], float(payload[i]), None if i == nominal else seed, i
-                    ),
-                )
-                for i in range(first, min(first + BATCH, len(rows)))
-            ]
-
         nominal = len(rows) - 1
+
+        def batch(first: int) -> FloatArray:
+            found = []
+            for i in range(first, min(first + BATCH, len(rows))):
+                # The nominal robot is the last one; it has no jitter.
+                drawn = None if i == nominal else seed
+                robot = self._sample(kp[i], kv[i], late[i], float(payload[i]), drawn, i)
+                found.append(execute(self.setting, robot))
+            return np.array(found)
+
         # The first batch is executed alone, because it compiles the kernels.
-        found = batch(0)
+        parts = [batch(0)]
         with ThreadPoolExecutor(threads) as pool:
-            found += sum(pool.map(batch, range(BATCH, len(rows), BATCH)), [])
-        rms, largest, until, saturated, ratio = np.array(found).T
+            parts += pool.map(batch, range(BATCH, len(rows), BATCH))
+        rms, largest, until, saturated, ratio = np.concatenate(parts).T
         if np.isnan(rms).any():
             i = int(np.argmax(np.isnan(rms)))
             raise ExecutionError(
@@ -395,10 +393,9 @@ class _Model:
         if servo.has_feedforward:
             rate = servo.velocity_feedforward / kp
             bend = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
-            more = (rate, bend)
-            commands = commands + sum(
-                x[:, None, None] * y for x, y in zip(more, self.rates, strict=True)
-            )
+            velocity, acceleration = self.rates
+            commands = commands + rate[:, None, None] * velocity
+            commands += bend[:, None, None] * acceleration
         if seed is not None and self.box.jitter > 0.0:
             # The controller interpolates between two set-points over the time between arrivals.
             starts += jitter_of(seed, number, count, self.box.jitter)
