@@ -133,10 +133,10 @@ class Bench:
 
         from armcontour.execution import ServoPlant, execute
         from armcontour.io import read_job
-        from armcontour.jobs import teach
+        from armcontour.jobs import run
 
         job = read_job(self.folder / "job.yaml")
-        plan = teach(job)["only"]
+        plan = run(job, simulate=False).runs["only"]
         plant = ServoPlant(job.arm, job.servo)
         done = execute(plan.taught, plant)
         commands = np.column_stack(

@@ -24,7 +24,7 @@ import yaml
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import RunPlan, analog_outputs, teach
+from armcontour.jobs import RunResult, analog_outputs
 from soak import Outcome
 
 STEP = 1e-3
@@ -357,10 +357,10 @@ def distances(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1))
 
 
-def plan(text: str) -> tuple[ac.Job, RunPlan]:
+def plan(text: str) -> tuple[ac.Job, RunResult]:
     """The job of a text, and its run without simulation."""
     job = parse_job(text)
-    return job, next(iter(teach(job).values()))
+    return job, next(iter(ac.run(job, simulate=False).runs.values()))
 
 
 def judge_job(seed: int) -> list[str]:

@@ -62,7 +62,7 @@ def random_problem(seed: int) -> tuple[Job, dict[str, tuple[float, float, int]]]
 def durations(found: Placement, job: Job) -> np.ndarray:
     """Durations of all places by brute force [s]; infinite where there is no plan."""
     (run,) = job.runs
-    vertices = job.single_path.vertices
+    vertices = job.program.path.vertices
     moves = Moves(anchor=(vertices.min(axis=0) + vertices.max(axis=0)) / 2)
     known = []
     for k in range(len(found.verdicts)):

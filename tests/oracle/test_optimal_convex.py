@@ -13,8 +13,9 @@ from scipy import sparse
 
 import armcontour as ac
 from armcontour.timing import optimal
-from armcontour.timing.constraints import JointDerivatives
+from armcontour.timing.constraints import OnGrid, limits_on
 from armcontour.timing.grid import grid_through
+from armcontour.timing.topp._kernel import Rules, plan_on_grid
 
 clarabel = pytest.importorskip("clarabel")
 
@@ -108,10 +109,10 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
 
 def first_pass(joint_path, s, arm, limits):
     """The planner's own optimum with the limits kept at the ends of the intervals only."""
-    grid = grid_through(joint_path, s)
-    active = optimal.constraints_of(joint_path, arm, limits)
-    x = optimal.Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
-    return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
+    path = OnGrid(grid_through(joint_path, s))
+    active = optimal.constraints_of(joint_path, arm, limits.for_joints(joint_path.dof))
+    x = plan_on_grid(path.intervals, limits_on(path, active), Rules(tries=1)).x
+    return float(np.sum(2 * path.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 
 
 @pytest.mark.parametrize("seed", range(8))

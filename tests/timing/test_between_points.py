@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.timing.constraints import Constraint, Disc, JointVelocity
+from armcontour.timing.constraints import Constraint, JointMotion
 from armcontour.timing.grid import grid_through
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.topp.limits import AA, Rounds
 
 
 class TwoJoints:
@@ -51,7 +52,7 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
         assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9), intervals
 
 
-def test_an_interval_between_two_rests_and_one_disc_of_a_constraint_are_planned():
+def test_an_interval_between_two_rests_is_planned():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     limits = ac.Limits(joint_acceleration=[1.0, 1.0])
     planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))
@@ -60,24 +61,26 @@ def test_an_interval_between_two_rests_and_one_disc_of_a_constraint_are_planned(
 
 
 class Round(Constraint):
-    """|dds| and curvature within a disc."""
+    """|dds| within a radius."""
 
     name = "mine"
 
-    def disc(self, grid, path, bounds):
-        return Disc(np.zeros((2, len(grid))), np.full(len(grid), 0.5))
+    def __init__(self, radius):
+        self.radius = radius
 
-    def largest_u(self, grid, path, x):
-        return np.full(len(grid), 0.5)
+    def on(self, path):
+        ends = np.zeros((len(path), 2, 1, 3))
+        ends[..., AA] = 1.0
+        return (Rounds(ends, np.full((len(path), 1), self.radius), np.zeros((len(path), 1, 4))),)
 
 
-def test_one_disc_limits_and_a_second_is_refused():
+def test_the_smaller_of_two_radii_limits():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
     limits = ac.Limits(joint_velocity=[10.0, 10.0])
-    planned = plan_optimal(path, TwoJoints(), limits, constraints=[Round()])
-    assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
-    with pytest.raises(ac.InvalidInput, match="one round constraint.*mine"):
-        plan_optimal(path, TwoJoints(), limits, constraints=[Round(), Round()])
+    for radii in ([0.5], [0.5, 0.7]):
+        own = [Round(x) for x in radii]
+        planned = plan_optimal(path, TwoJoints(), limits, constraints=own)
+        assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
 
 
 def test_refusals(refuses):
@@ -90,7 +93,7 @@ def test_refusals(refuses):
     ):
         refuses(lambda x=options: plan_optimal(path, TwoJoints(), limits, **x), ac.InvalidInput)
     # A constraint that limits nothing says so.
-    more = {"constraints": [JointVelocity(np.array([1.0, 1.0]))]}
+    more = {"constraints": [JointMotion(np.array([1.0, 1.0]))]}
     words = "Nothing limits the acceleration"
     refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits(), **more), ac.InvalidInput, words)
 

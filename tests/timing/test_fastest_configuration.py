@@ -7,9 +7,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import JointPath
-from armcontour.timing import fastest_configuration as here
-from armcontour.timing.fastest_configuration import bound_duration, trace_by_duration, trace_fastest
+from armcontour.timing import program_tracing as here
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.program_tracing import bound_duration, trace_by_duration, trace_fastest
 from armcontour.tracing import trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -9,8 +9,9 @@ from scipy.special import gamma
 
 import armcontour as ac
 from armcontour.timing import optimal
-from armcontour.timing.constraints import JointDerivatives, SecondOrder
+from armcontour.timing.constraints import OnGrid, SecondOrder, limits_on
 from armcontour.timing.grid import place_grid
+from armcontour.timing.topp._kernel import Rules, plan_on_grid
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
 LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1
@@ -314,10 +315,10 @@ def collocated(path, any_arm, limits, intervals=None):
     That is the planner's own first pass: no margins and a path acceleration that is constant on
     every interval.
     """
-    grid = place_grid(path, intervals)
+    on = OnGrid(place_grid(path, intervals))
     active = optimal.constraints_of(path, any_arm, limits.for_joints(path.dof))
-    x = optimal.Problem(grid, JointDerivatives.on(grid), active).solve(0.0, 0.0)
-    return float(np.sum(2 * grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
+    x = plan_on_grid(on.intervals, limits_on(on, active), Rules(tries=1)).x
+    return float(np.sum(2 * on.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 
 
 # Keeping the limits between the points may cost this much; so it does on the default grid.
@@ -328,33 +329,6 @@ def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
     for k, job in enumerate([*jobs, *(random_spline(seed) for seed in range(60))]):
         bare = collocated(*job, intervals)
         assert ac.plan(*job, intervals=intervals).duration < bare * (1 + cost), k
-
-
-@pytest.mark.parametrize("curved", [False, True])
-def test_motions_from_rest_to_rest_are_planned_as_in_general(monkeypatch, curved):
-    ur5e = ac.load_arm("ur5e")
-    start = np.radians([0, -90, 90, -90, -90, 0])
-    if curved:
-        center = ur5e.forward(start) + [0.01, 0, 0]
-        arc = ac.Arc(start=center - [0.01, 0, 0], center=center, angle=2 * np.pi, normal=(0, 0, 1))
-        path = ac.trace(ac.Path.from_segments([arc]).pointing((0, 0, -1)), ur5e, start=start)
-        limits = ur5e.limits.replace(speed=0.1, centripetal_acceleration=2.0)
-    else:
-        path = ac.JointPath.spline([start, start + [0.4, 0.2, -0.1, 0.1, 0, 1]])
-        limits = ur5e.limits.of_joints
-    quick = optimal.solve_from_rest
-    for intervals in (None, 30, 200, 700):
-        found = []
-        monkeypatch.setattr(
-            optimal, "solve_from_rest", lambda *x, to=found: to.append(quick(*x)) or to[-1]
-        )
-        (law,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
-        assert found == [law]
-        monkeypatch.setattr(optimal, "solve_from_rest", lambda *args: None)
-        (general,) = ac.plan(path, ur5e, limits, intervals=intervals).laws
-        pairs = (law.s, general.s), (law.breaks, general.breaks)
-        rates = zip(law.rates, general.rates, strict=True)
-        assert all(np.array_equal(*x) for x in (*pairs, *rates)), intervals
 
 
 def test_micro_segments(arm, kept):

@@ -16,8 +16,8 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program, Rapid, Switch
-from armcontour.timing import trace_and_plan, trace_program
-from armcontour.timing.fastest_configuration import trace_by_duration
+from armcontour.timing import trace_program
+from armcontour.timing.program_tracing import trace_by_duration
 
 PMK3S = ac.load_arm("pmk3s")
 UR5E = ac.load_arm("ur5e")
@@ -504,12 +504,13 @@ def test_other_processes_give_the_same_plans(monkeypatch):
     monkeypatch.setattr("armcontour._pool.processors", lambda: 2)
     told = []
     monkeypatch.setattr("armcontour._pool.start", lambda: told.append("started") or start())
-    traced, shared = trace_and_plan(program, UR5E, IN_SPACE, progress=told.append, **options)
+    traced = trace_program(program, UR5E, IN_SPACE, progress=told.append)
+    shared = ac.plan(traced, UR5E, IN_SPACE, progress=told.append, **options)
     t = np.linspace(0, alone.duration, 999)
     assert np.array_equal(alone.starts, shared.starts)
     assert all(np.array_equal(alone(t, k), shared(t, k)) for k in range(3))
     steps = [x.names[0] for x in told if x != "started"]
-    assert "started" in told and steps == ["tracing"] * 12 + ["timing"] * 13
+    assert "started" in told and steps == ["tracing"] * 12 + ["timing"] * 12
     assert len(traced.joint_paths) == 23
 
 

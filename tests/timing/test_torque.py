@@ -8,10 +8,12 @@ import pytest
 import armcontour as ac
 from armcontour.arms.chain import Payload
 from armcontour.arms.serial import SerialArm
-from armcontour.timing.constraints import JointTorque
-from armcontour.timing.constraints.sampled import rise
+from armcontour.timing import optimal
+from armcontour.timing.constraints import OnGrid
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.topp._kernel import Rules
+from armcontour.timing.topp.limits import ALONE
 
 VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
 COULOMB = np.array([8.0, 8.0, 5.0, 1.5, 1.5, 1.0])
@@ -108,32 +110,15 @@ def test_a_plan_says_which_torque_binds():
 
 def test_neighbours_tell_what_an_inflection_hides():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
-    grid = Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int))
-    cube = (grid.s - 0.5) ** 3
-    middle = ((grid.s[:-1] + grid.s[1:]) / 2 - 0.5) ** 3
-    found = rise(grid, np.stack([cube[:-1], cube[1:]])[..., None], middle[:, None])[:, 0]
+    on = OnGrid(Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int)))
+    s = on.grid.s
+    cube = (on.places[1] - 0.5)[:, None] ** 3
+    none, one = np.zeros_like(cube), np.ones(1)
+    found = on.rows((none, none, cube), -one, one).rise[:, 0, ALONE]
     inside = np.linspace(0, 1, 50)[:, None]
-    value = (grid.s[:-1] + inside * grid.width - 0.5) ** 3
-    off = np.abs(value - (cube[:-1] + inside * np.diff(cube))).max(axis=0)
+    value, at = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
+    off = np.abs(value - (at[:-1] + inside * np.diff(at))).max(axis=0)
     assert (off <= found).all()
-
-
-class Described(JointTorque):
-    """A subclass, which may keep other limits: the planner asks it for rows in the general way."""
-
-
-def test_compiled_plans_are_those_of_the_general_way():
-    path, own = ac.JointPath.spline(POINTS), np.full(6, 8.0)
-    limits = ac.Limits(joint_velocity=own / 4, joint_acceleration=own)
-    for viscous, coulomb, start in itertools.product((0, 1), (0, 1), (0.0, 0.2)):
-        arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
-        torque = np.asarray(arm.limits.joint_torque)
-        more = {"start_speed": start, "end_speed": start / 2, "intervals": 500}
-        found = plan_optimal(path, arm, limits.replace(joint_torque=torque), **more).laws[0]
-        general = [Described(arm, torque)]
-        expected = plan_optimal(path, arm, limits, constraints=general, **more).laws[0]
-        assert np.array_equal(found.s, expected.s), (viscous, coulomb, start)
-        np.testing.assert_allclose(found.breaks, expected.breaks, rtol=1e-12)
 
 
 def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
@@ -144,6 +129,6 @@ def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
         grid = np.linspace(0, 1, intervals + 1) * path.length
         usual = plan_optimal(path, arm, limits, grid=grid).duration
         with monkeypatch.context() as never:
-            never.setattr("armcontour.timing.optimal.LEAST_GAIN", -1.0)
+            never.setattr(optimal, "Rules", lambda *x: Rules(*x, gain=-1.0))
             longest = plan_optimal(path, arm, limits, grid=grid).duration
         assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -13,14 +13,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.motion import JointPath, Trajectory, smooth
 from armcontour.timing.constraints import (
-    Bounds,
-    Ceiling,
     Constraint,
-    JointAcceleration,
-    JointDerivatives,
+    JointMotion,
+    OnGrid,
 )
 from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.topp.limits import HIGH, LOW, Ceiling, Form, Rows
 from armcontour.tracing import refuse_out_of_range
 
 # What limits are derated for: the demand and the plan's own acceleration, what bounds the speed of
@@ -103,7 +102,7 @@ class Derating:
         return np.asarray(np.clip(found, 0, len(self.cap) - 1))
 
 
-class DeratedAcceleration(JointAcceleration):
+class DeratedAcceleration(JointMotion):
     """Joint acceleration limits, derated in every cell of the path.
 
     Args:
@@ -113,13 +112,21 @@ class DeratedAcceleration(JointAcceleration):
     """
 
     def __init__(self, low: FloatArray, high: FloatArray, derating: Derating) -> None:
-        super().__init__(low, high)
+        super().__init__(low=low, high=high)
         self.derating = derating
 
-    def on(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+    def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
         """The bounds, derated as in the cell that contains the middle of every interval."""
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The accelerations with their own bounds on every interval."""
+        low, high = self.bounds(path.grid)
+        for form in super().on(path):
+            if isinstance(form, Rows):
+                form.ends[..., LOW], form.ends[..., HIGH] = low[:, None], high[:, None]
+            yield form
 
 
 class Cap(Constraint):
@@ -134,9 +141,10 @@ class Cap(Constraint):
     def __init__(self, derating: Derating) -> None:
         self.derating = derating
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
+    def on(self, path: OnGrid) -> Iterable[Form]:
         """The cap at both ends of every interval."""
-        return Ceiling(np.tile(self.derating.cap[self.derating.cell_of(grid)], (2, 1)))
+        cap = self.derating.cap[self.derating.cell_of(path.grid)]
+        return (Ceiling(np.stack([cap, cap], axis=1)),)
 
 
 def plan_derated(

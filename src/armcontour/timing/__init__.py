@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from armcontour._lazy import load_lazily
-from armcontour.timing.common import RESERVED, start_of, with_reserve
+from armcontour.timing.common import RESERVED, with_reserve
 from armcontour.timing.explanation import (
     Binding,
     Explanation,
@@ -13,15 +13,14 @@ from armcontour.timing.explanation import (
     explain,
     find_jerk_stops,
 )
-from armcontour.timing.fastest_configuration import trace_fastest
-from armcontour.timing.methods import METHODS, PLANNING_METHODS, refuse_unkept_jerk
-from armcontour.timing.planner import (
-    intervals_of,
-    plan,
-    refuse_endless,
-    trace_and_plan,
+from armcontour.timing.planner import intervals_of, plan, refuse_endless
+from armcontour.timing.program_timing import METHODS, PLANNING_METHODS, refuse_unkept_jerk
+from armcontour.timing.program_tracing import (
+    Tracing,
+    trace_fastest,
+    trace_program,
+    turn_along,
 )
-from armcontour.timing.program_tracing import Tracing, trace_program, turn_along
 
 if TYPE_CHECKING:
     from armcontour.timing.shaping import shape
@@ -44,8 +43,6 @@ __all__ = [
     "refuse_endless",
     "refuse_unkept_jerk",
     "shape",
-    "start_of",
-    "trace_and_plan",
     "trace_fastest",
     "trace_program",
     "turn_along",

@@ -7,11 +7,11 @@ from armcontour.motion import JointPath, Method, Stretch, Trajectory
 from armcontour.timing.common import (
     law_peaks,
     path_law,
+    refuse_broken,
     require_speed,
     segment_speeds,
     tool_path_of,
 )
-from armcontour.timing.unplanned_limits import refuse_broken
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:

@@ -20,7 +20,7 @@ DIGITS = 6
 # Estimates that are followed; each that fails is lowered by at least the share LOWER.
 MOST_ESTIMATES = 8
 # Relative rounding error of a speed that a plan allows; it counts as allowed, see `PLAY`.
-ROUNDING = 1e-12
+ROUNDING = 1e-9
 LOWER = 1e-3
 # Where estimates lead nowhere, the interval of speeds is halved so often.
 HALVINGS = 12

@@ -231,11 +231,7 @@ def _explain_law(
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
     ends = IntervalEnds(arm, law, grid)
     used = [x.usage(ends) for x in active]
-    names = [
-        (constraint.name, k + 1 if constraint.joints else None)
-        for constraint, shares in zip(active, used, strict=True)
-        for k in range(shares.shape[1])
-    ]
+    names = [x for constraint in active for x in constraint.names]
     shares = np.concatenate(used, axis=1)
     share = shares.max(axis=1)
     which = _find_binding(shares, BINDS_WITH_JERK if jerks else BINDS)

@@ -10,20 +10,18 @@ the contour is planned again below a lower ceiling of the path speed, and waits 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
-from armcontour.motion import JointPath, Law, PathLaw, Rates, Trajectory
-from armcontour.timing.constraints import Bounds, Ceiling, Constraint, JointDerivatives
-from armcontour.timing.grid import Grid
-from armcontour.timing.methods import Timing
+from armcontour.motion import JointPath, PathLaw, Rates, Trajectory
+from armcontour.timing.constraints import Constraint, OnGrid
+from armcontour.timing.program_timing import JoinedMoves, Timing, time_contour
 from armcontour.timing.program_tracing import Tracing
-from armcontour.timing.programs import time_program
+from armcontour.timing.topp.limits import Ceiling, Form
 
 # A duration shorter than the fastest one by this share differs from it by rounding.
 SAME_DURATION = 1e-9
@@ -54,8 +52,15 @@ def slow_down(
         return _slow_down(fastest, factor, timing)
     contours = sum(x.t[1] - x.t[0] for x in fastest.contour_spans)
     factor = _factor(duration, contours, fastest.duration - contours)
-    done = [x.trajectory for x in fastest.spans if x.trajectory is not None]
-    return time_program(traced, _Slowed(timing, iter(done), factor))
+    done = (x.trajectory for x in fastest.spans if x.trajectory is not None)
+    joined = JoinedMoves(traced, timing.arm)
+    for step in traced.steps:
+        found = None if step.joint_path is None else next(done)
+        if found is not None and traced.is_contour(step):
+            with step.named():
+                found = _slow_down(found, factor, timing)
+        joined.add(step, found)
+    return joined.trajectory()
 
 
 def _factor(duration: float, contours: float, others: float) -> float:
@@ -70,38 +75,6 @@ def _factor(duration: float, contours: float, others: float) -> float:
             allowed=duration,
         )
     return max((duration - others) / contours, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class _Slowed:
-    """Times moves by trajectories that are known, with the contours slowed down.
-
-    Args:
-        timing: How the fastest trajectories were made.
-        fastest: The trajectories of contours and rapids, in order.
-        factor: By how much contours are slowed down.
-    """
-
-    timing: Timing
-    fastest: Iterator[Trajectory]
-    factor: float
-
-    @property
-    def arm(self) -> Arm:
-        """The arm that moves."""
-        return self.timing.arm
-
-    def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The next trajectory, slowed down."""
-        return _slow_down(next(self.fastest), self.factor, self.timing)
-
-    def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """The next trajectory."""
-        return next(self.fastest)
-
-    def pause(self, before: Sequence[Law]) -> float:
-        """Zero [s], as for the fastest trajectories."""
-        return self.timing.pause(before)
 
 
 def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory:
@@ -150,7 +123,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     for _ in range(MOST_PLANS):
         slower = _Slower(fastest, share)
         options["constraints"] = (*timing.options.get("constraints", ()), slower)
-        found = replace(timing, options=options).contour(joint_path)
+        found = time_contour(joint_path, replace(timing, options=options))
         if target * (1 - LONGEST_WAIT) <= found.duration < target:
             return found
         share *= (found.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
@@ -176,7 +149,7 @@ class _Slower(Constraint):
     def __init__(self, fastest: Trajectory, share: float) -> None:
         self.fastest, self.share = fastest, share
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
+    def on(self, path: OnGrid) -> Iterable[Form]:
         """The share at grid points; between them nothing depends on it."""
-        x: FloatArray = self.share * self.fastest.speed_at(grid.s) ** 2
-        return Ceiling(np.stack([x[:-1], x[1:]]))
+        x: FloatArray = self.share * self.fastest.speed_at(path.grid.s) ** 2
+        return (Ceiling(np.stack([x[:-1], x[1:]], axis=1)),)

@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing._grid import cut, cut_near, merge, parts_at_rests, thin, turning_of
+from armcontour.timing._grid import cut, turning_of
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -74,7 +74,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
     """Make a grid of so many equal intervals on every piece of a joint path, (pieces,)."""
-    return _grid_of(joint_path, *cut(joint_path.breaks, count))
+    return _locked(joint_path, *cut(joint_path.breaks, count))
 
 
 def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
@@ -92,10 +92,10 @@ def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
     if intervals is not None:
         count = _checks.whole("intervals", intervals, FEWEST_PER_PIECE, MOST_INTERVALS)
+    width = breaks[1:] - breaks[:-1]
     turning = turning_of(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    width = breaks[1:] - breaks[:-1]
     turn = width * turning
     share, turns = EVEN_SHARE * width / width.sum(), turn.sum()
     if turns > 0:
@@ -117,33 +117,23 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    # A point that differs from a break by rounding only is left out.
+    # A point that differs from a break or from the one before by rounding only is left out.
     close = 1e-12 * (breaks[-1] - breaks[0])
-    s, piece, fewest = merge(points, breaks, close)
-    grid = _grid_of(joint_path, s, piece)
-    if fewest > 1:
-        return grid
+    after = np.clip(np.searchsorted(breaks, points, side="right"), 1, len(breaks) - 1)
+    away = np.minimum(points - breaks[after - 1], breaks[after] - points)
+    kept = points[(away >= close) & (np.diff(points, prepend=-np.inf) >= close)]
+    s = np.sort(np.concatenate([breaks, kept]))
+    piece = np.searchsorted(breaks, s[:-1], side="right") - 1
+    grid = Grid(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
-    return split(grid, np.where(np.bincount(piece)[piece] == 1, 2.0, 1.0))
-
-
-def coarsen(grid: Grid, by: int) -> tuple[Grid, IntArray]:
-    """Keep about every `by`-th point of a grid, and all ends of pieces of the joint path.
-
-    Returns:
-        The coarse grid, and for each old interval the index of the new interval it lies in, (n,).
-    """
-    # Between two rests one interval would be too few.
-    if by == 1:
-        return grid, np.arange(len(grid))
-    s, piece, of = thin(grid.s, grid.piece, by)
-    return _grid_of(grid.joint_path, s, piece), of
+    alone = np.bincount(piece)[piece] == 1
+    return split(grid, np.where(alone, 2, 1)) if alone.any() else grid
 
 
 def split(grid: Grid, parts: FloatArray | IntArray) -> Grid:
     """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
     s, of = cut(grid.s, np.maximum(1, parts).astype(np.intp))
-    return _grid_of(grid.joint_path, s, grid.piece[of])
+    return _locked(grid.joint_path, s, grid.piece[of])
 
 
 def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
@@ -156,14 +146,19 @@ def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
         grid: The grid.
         rests: Arc lengths at which the tool is at rest [m]; all are grid points.
     """
-    parts = parts_at_rests(len(grid), len(rests), SHARE_AT_RESTS, PARTS_AT_REST)
+    n = len(grid)
+    parts = min(PARTS_AT_REST, int(np.sqrt(SHARE_AT_RESTS * n / max(3 * len(rests), 1))))
     if parts < 2 or not len(rests):
         return grid
-    at = np.sort(np.searchsorted(grid.s, rests))
-    return _grid_of(grid.joint_path, *cut_near(grid.s, grid.piece, at, parts))
+    at, i = np.sort(np.searchsorted(grid.s, rests)), np.arange(n)
+    after = np.searchsorted(at, i, side="right")
+    bounded = np.concatenate([[-n], at, [2 * n]])
+    away = np.minimum(i - bounded[after], bounded[after + 1] - 1 - i)
+    near = np.ceil(parts / np.sqrt(np.maximum(away, 1)))
+    return split(grid, np.where(away == 0, parts**2, near))
 
 
-def _grid_of(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
+def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
     """A grid of arrays that nobody else has, so that locking needs no copy."""
     s.setflags(write=False)
     return Grid(joint_path, s, piece)

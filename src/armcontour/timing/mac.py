@@ -21,12 +21,12 @@ from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajecto
 from armcontour.timing.common import (
     law_peaks,
     path_law,
+    refuse_broken,
     require_speed,
     segment_speeds,
     tool_path_of,
 )
 from armcontour.timing.mac_line import Line, Part, parts_by_rule
-from armcontour.timing.unplanned_limits import refuse_broken
 
 # With fewer laps a short line from rest to rest would have no lap to move in.
 FEWEST_LAPS = 8

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -12,31 +12,36 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._describing import several
-from armcontour._progress import Progress, Step
+from armcontour._progress import Progress
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.common import RESERVED, start_of, with_reserve
+from armcontour.timing.common import RESERVED, with_reserve
 from armcontour.timing.constraints import Constraint
 from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import DEFAULT_INTERVALS
 from armcontour.timing.limit_use import QUANTITIES, States, ratio
-from armcontour.timing.methods import (
-    OPTIONS,
+from armcontour.timing.program_timing import (
     PLANNING_METHODS,
-    SHAPE_OPTIONS,
-    MoveTiming,
-    Smoothed,
     Timing,
     refuse_unkept_jerk,
+    smooth_if,
+    time_contour,
+    time_program,
 )
 from armcontour.timing.program_tracing import TracedMove, Tracing, trace_program
-from armcontour.timing.programs import time_program
 from armcontour.tracing import refuse_out_of_range
 
+SHAPE_OPTIONS = ("tolerance", "line_tolerance", "zone", "angular_tolerance", "iterations")
+OPTIONS = {
+    "optimal": ("intervals", "grid", "start_speed", "end_speed", "constraints", "iterations"),
+    "mac": ("knots", "period"),
+    "conventional": (),
+    "shaped": (*SHAPE_OPTIONS, "intervals"),
+}
 # Options that apply to one path only: a program has many paths, and rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
@@ -130,41 +135,74 @@ def plan(
     Warns:
         UserWarning: Limits of jerk add full stops, as accelerations would jump there.
     """
-    traced, found = _plan(
-        path,
-        arm,
-        limits,
-        method=method,
-        branch=branch,
-        start=start,
-        fits=fits,
-        reserve=reserve,
-        duration=duration,
-        smoothing=smoothing,
-        intervals=intervals,
-        iterations=iterations,
-        grid=grid,
-        start_speed=start_speed,
-        end_speed=end_speed,
-        constraints=constraints,
-        tolerance=tolerance,
-        line_tolerance=line_tolerance,
-        zone=zone,
-        angular_tolerance=angular_tolerance,
-        knots=knots,
-        period=period,
-        progress=progress,
-    )
-    if isinstance(path, Tracing):
+    options: dict[str, Any] = {
+        "intervals": intervals,
+        "iterations": iterations,
+        "grid": grid,
+        "start_speed": start_speed,
+        "end_speed": end_speed,
+        "constraints": constraints,
+        "tolerance": tolerance,
+        "line_tolerance": line_tolerance,
+        "zone": zone,
+        "angular_tolerance": angular_tolerance,
+        "knots": knots,
+        "period": period,
+    }
+    options = {name: x for name, x in options.items() if x is not None}
+    _refuse_options(method, options)
+    arm = _arm_of(path, arm, limits)
+    bounds = choose_limits("plan", arm, limits)
+    refuse_unkept_jerk(method, bounds)
+    kept, windows = with_reserve(bounds, reserve), _windows(smoothing)
+    if duration is not None:
+        _refuse_duration(duration, method, options, smoothed=bool(windows))
+
+    if method == Method.SHAPED:
+        from armcontour.timing.shaping import Shaping, Wishes
+
+        objective = _objective_of(path, options)
+        refuse_endless(objective, kept)
+        wishes = Wishes(**{name: x for name, x in options.items() if name in SHAPE_OPTIONS})
+        options = {name: x for name, x in options.items() if name not in SHAPE_OPTIONS}
+        shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
+        path = shaping.shape(objective, start, progress, named=objective is path)
+    if isinstance(path, JointPath | Tracing):
+        traced = _refuse_foreign(path, arm, bounds, branch, start)
+    else:
+        program = Program.of(path, "plan needs a Path, a JointPath or a Program")
+        refuse_endless(program, bounds)
+        traced = trace_program(program, arm, bounds, branch=branch, start=start, fits=fits)
+
+    if isinstance(traced, JointPath):
+        timing = Timing(arm, kept, method, options)
+        found = smooth_if(time_contour(traced, timing), windows)
+    else:
+        options = _fit_options(traced.program, method, options)
+        timing = Timing(arm, kept, method, options, windows)
+        found = time_program(traced, timing, progress)
+    if duration is not None:
+        found = slow_down(found, duration, traced, timing)
+    _refuse_endless_motion(found)
+
+    if not isinstance(path, Tracing):
         # Jobs plan tracings, and have warnings of their own.
-        return found
-    known = limits or cast(Arm, arm).limits
-    if known.jerk_limits:
-        _warn_of_stops(traced, found)
-    if np.size(smoothing):
-        used = _arm_of(path, arm, limits)
-        _refuse_excess(found, used, known.for_joints(used.dof), reserve)
+        if bounds.jerk_limits:
+            _warn_of_stops(traced, found)
+        if windows:
+            _refuse_excess(found, arm, bounds, reserve)
     return found
+
+
+def _windows(smoothing: npt.ArrayLike) -> tuple[float, ...]:
+    """Windows of moving averages as numbers [s].
+
+    Raises:
+        InvalidInput: They are no numbers.
+    """
+    if isinstance(smoothing, tuple) and not smoothing:
+        return ()
+    return tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
 
 
 def _refuse_excess(trajectory: Trajectory, arm: Arm, limits: Limits, reserve: float) -> None:
@@ -232,148 +270,25 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
         )
 
 
-def trace_and_plan(
-    program: Program,
-    arm: Arm,
-    limits: Limits,
-    *,
-    fits: Callable[[JointPath], bool] | None = None,
-    progress: Progress | None = None,
-    **options: Any,
-) -> tuple[Tracing, Trajectory]:
-    """Trace a program and time it; where that saves time, moves are timed while others are traced.
-
-    Args:
-        program: The program.
-        arm: The arm.
-        limits: The limits.
-        fits: As of `trace_program`.
-        progress: Called as by `trace_program`, then with the step "timing", then as by `plan`.
-        options: All others of `plan`.
-
-    Raises:
-        ArmContourError: As `trace_program`, and then as `plan`.
-    """
-    traced, found = _plan(
-        program, arm, limits, fits=fits, progress=progress, tracing=progress, **options
-    )
-    assert isinstance(traced, Tracing)
-    return traced, found
-
-
-def _plan(
-    path: Path | Program | JointPath | Tracing,
-    arm: Arm | None,
-    limits: Limits | None,
-    *,
-    method: str = "optimal",
-    branch: str | None = None,
-    start: npt.ArrayLike | None = None,
-    reserve: float = 0.0,
-    duration: float | None = None,
-    smoothing: npt.ArrayLike = (),
-    fits: Callable[[JointPath], bool] | None = None,
-    progress: Progress | None = None,
-    tracing: Progress | None = None,
-    **options: Any,
-) -> tuple[Tracing | JointPath, Trajectory]:
-    """What `plan` gives, and what the joints follow; `tracing` is told of the progress of that."""
-    _checks.choice("method", method, PLANNING_METHODS)
-    options = {name: x for name, x in options.items() if x is not None}
-    arm = _arm_of(path, arm, limits)
-    bounds = choose_limits("plan", arm, limits)
-    refuse_unkept_jerk(method, bounds)
-    _refuse_options(method, options)
-    timing = Timing(arm, with_reserve(bounds, reserve), method, options)
-    windows: tuple[float, ...] = ()
-    if not isinstance(smoothing, tuple) or smoothing:
-        windows = tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
-    if duration is not None:
-        _refuse_duration(duration, method, options, smoothed=bool(windows))
-    if method == Method.SHAPED:
-        path = _shape(path, timing, bounds, reserve, branch, start, progress)
-        start = start_of(path, start)
-    known = _known(path, arm, bounds, branch, start)
-    program = known.program if isinstance(known, Tracing) else known
-    if not isinstance(program, JointPath):
-        timing = replace(timing, options=_fit_options(program, method, options))
-    moves: MoveTiming = Smoothed(timing, windows) if windows else timing
-
-    traced: Tracing | JointPath
-    if isinstance(known, JointPath):
-        traced, found = known, moves.contour(known)
-    else:
-        if isinstance(known, Program):
-            traced = trace_program(
-                known, arm, bounds, branch=branch, start=start, fits=fits, progress=tracing
-            )
-            if tracing is not None:
-                tracing(Step(("timing",)))
-        else:
-            traced = known
-        found = time_program(traced, moves, progress)
-    if duration is not None:
-        found = slow_down(found, duration, traced, timing)
-    return traced, _refuse_endless_motion(found)
-
-
-def _shape(
-    path: Path | Program | JointPath | Tracing,
-    timing: Timing,
-    bounds: Limits,
-    reserve: float,
-    branch: str | None,
-    start: npt.ArrayLike | None,
-    progress: Progress | None,
+def _objective_of(
+    path: Path | Program | JointPath | Tracing, options: Mapping[str, Any]
 ) -> Program:
-    """The shaped program, for the method "shaped".
+    """The objective of the method "shaped".
 
     Raises:
-        InvalidInput: A path that is traced already, no tolerance, or as `shape`.
-        ArmContourError: As `shape`.
+        InvalidInput: A path that is traced already, or no tolerance.
     """
-    from armcontour.timing.shaping import Shaping, Wishes
-
     if isinstance(path, JointPath | Tracing):
         raise InvalidInput(
             "The method shaped changes the tool path, but this path is traced already: give it "
             "the Path or Program."
         )
-    if "tolerance" not in timing.options:
+    if "tolerance" not in options:
         raise InvalidInput(
             "The method shaped needs a tolerance, the largest distance of the path from the "
             "objective [m], such as plan(..., tolerance=1e-3)."
         )
-    program = Program.of(path, "plan needs a Path or a Program")
-    refuse_endless(program, timing.limits)
-    wishes = Wishes(**{name: x for name, x in timing.options.items() if name in SHAPE_OPTIONS})
-    intervals = timing.options.get("intervals")
-    shaping = Shaping(timing.arm, bounds, reserve, wishes, branch, intervals)
-    return shaping.shape(program, start, progress, named=program is path)
-
-
-def _known(
-    path: Path | Program | JointPath | Tracing,
-    arm: Arm,
-    limits: Limits,
-    branch: str | None,
-    start: npt.ArrayLike | None,
-) -> Program | Tracing | JointPath:
-    """A program that is to be traced, its tracing, or a joint path without a tool path.
-
-    Raises:
-        InvalidInput: `path` is no path, takes too long, or is traced for another arm.
-        Unreachable: A joint path leaves a joint range.
-    """
-    if isinstance(path, JointPath):
-        _refuse_foreign((TracedMove(move=None, joint_path=path),), arm, limits, branch, start)
-        return path if path.tool_path is None else Tracing.along(path, path.tool_path)
-    if isinstance(path, Tracing):
-        _refuse_foreign(path.steps, arm, limits, branch, start)
-        return path
-    program = Program.of(path, "plan needs a Path, a JointPath or a Program")
-    refuse_endless(program, limits)
-    return program
+    return Program.of(path, "plan needs a Path or a Program")
 
 
 @dataclass(frozen=True, slots=True)
@@ -420,6 +335,7 @@ def _refuse_options(method: str, options: Mapping[str, Any]) -> None:
     Raises:
         InvalidInput: Such an option.
     """
+    _checks.choice("method", method, PLANNING_METHODS)
     known = OPTIONS[method]
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -508,8 +424,8 @@ def _assigned_time(path: Path, limits: Limits) -> float:
     return float((path.lengths / speeds).sum())
 
 
-def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
-    """Return a trajectory that takes at most LONGEST_MOTION.
+def _refuse_endless_motion(trajectory: Trajectory) -> None:
+    """Refuse a trajectory that takes longer than LONGEST_MOTION.
 
     Raises:
         NotRealizable: The trajectory takes longer, or its duration is not a number.
@@ -521,17 +437,16 @@ def _refuse_endless_motion(trajectory: Trajectory) -> Trajectory:
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
-    return trajectory
 
 
 def _refuse_foreign(
-    steps: Sequence[TracedMove],
+    path: JointPath | Tracing,
     arm: Arm,
     limits: Limits,
     branch: str | None,
     start: npt.ArrayLike | None,
-) -> None:
-    """Refuse traced paths that are for another arm or out of the joint ranges.
+) -> JointPath | Tracing:
+    """What the joints follow: a tracing, or a joint path that has no tool path.
 
     Raises:
         InvalidInput: A joint path of another arm, or a `branch` or `start` for a traced path.
@@ -540,6 +455,7 @@ def _refuse_foreign(
     if not (branch is None and start is None):
         given = "start" if branch is None else "branch"
         raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
+    steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for x in steps:
         if x.joint_path is None:
             continue
@@ -550,3 +466,6 @@ def _refuse_foreign(
             )
         with x.named():
             refuse_out_of_range(x.joint_path, limits)
+    if isinstance(path, JointPath) and path.tool_path is not None:
+        return Tracing.along(path, path.tool_path)
+    return path

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, quintic
 from armcontour.timing._vanishing import standing_breaks
@@ -30,6 +31,9 @@ ROUNDING = 4e-15
 # Bent pieces are replaced up to this share of their length, by quintics between p in ratio RATIO
 # from the share FIRST on. They leave the curve by at most 1e-12 of the piece's size.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
+
+# Takes coefficients in x to those in 1 - x.
+REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range(6)])
 
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
 
@@ -51,15 +55,18 @@ def reparametrize(joint_path: JointPath) -> JointPath:
     """
     if joint_path.tool_path is not None:
         return joint_path
-    terms = _terms(joint_path.coefficients)
-    size = np.linalg.norm(terms, axis=2)
+    coefficients = joint_path.coefficients
+    size = np.linalg.norm(_terms(coefficients), axis=2)
     # The first term alone outweighs all others unless dq_ds comes near zero.
-    suspect = np.flatnonzero(size[:, 0] <= size[:, 1:].sum(axis=1))
-    if not len(suspect):
+    if (size[:, 0] > size[:, 1:].sum(axis=1)).all():
         return joint_path
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    last = len(terms) - 1
+    # Only straight pieces, and those that begin or end with x³ or more, may be unsuited.
+    both = np.stack([size, np.linalg.norm(_terms(REVERSED @ coefficients), axis=2)])
+    slow = (both[..., :2] <= VANISHED * both.sum(axis=2, keepdims=True)).all(axis=2).any(axis=0)
+    suspect = np.flatnonzero(slow | _straight(coefficients)[0])
+    last = len(coefficients) - 1
     found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
     unsuited = {i for i, x in found.items() if x.is_unsuited((i == 0, i == last))}
     if not unsuited:
@@ -125,18 +132,14 @@ class _Piece:
     def of(cls, joint_path: JointPath, i: int) -> _Piece:
         """Examine one piece."""
         c = joint_path.coefficients[i]
-        size = np.linalg.norm(c[1:], axis=1)
-        largest = c[1 + int(size.argmax())]
-        line = largest / size.max() if size.any() else largest
+        (straight,), (line,) = _straight(c[None])
         along = np.concatenate([[0.0], c[1:] @ line])
-        off = float(np.abs(c[1:] - along[1:, None] * line).max())
-        straight = off <= ROUNDING * (1 + float(np.abs(c[0]).max())) + STRAIGHT * float(size.max())
         return cls(
             float(joint_path.breaks[i + 1] - joint_path.breaks[i]),
             c,
             line,
             along,
-            straight,
+            bool(straight),
             _critical(along),
             (_degree(c), _degree(_reversed(c))),
         )
@@ -224,9 +227,24 @@ def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
     return np.diff(p) * width, quintic(np.diff(p), begin, end)
 
 
+def _straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Whether pieces move along a line only, (n,), and in which direction, (n, dof).
+
+    Args:
+        c: Coefficients of the pieces, (n, 6, dof).
+    """
+    size = np.linalg.norm(c[:, 1:], axis=2)
+    most = size.max(axis=1)
+    largest = c[np.arange(len(c)), 1 + size.argmax(axis=1)]
+    line = largest / np.where(most > 0, most, 1.0)[:, None]
+    along = np.einsum("nkj,nj->nk", c[:, 1:], line)
+    off = np.abs(c[:, 1:] - along[..., None] * line[:, None]).max(axis=(1, 2))
+    return off <= ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT * most, line
+
+
 def _terms(coefficients: FloatArray) -> FloatArray:
-    """The terms of dq/dx at x = 1, (n, 5, dof)."""
-    return np.asarray(coefficients[:, 1:] * np.arange(1.0, 6.0)[:, None])
+    """The terms of dq/dx at x = 1, (..., 5, dof)."""
+    return np.asarray(coefficients[..., 1:, :] * np.arange(1.0, 6.0)[:, None])
 
 
 def _derived(c: FloatArray) -> FloatArray:
@@ -236,7 +254,7 @@ def _derived(c: FloatArray) -> FloatArray:
 
 def _reversed(c: FloatArray) -> FloatArray:
     """Coefficients in 1 - x of the polynomial with the coefficients c in x."""
-    return np.asarray(_cut(c, 1.0, 0.0)[0])
+    return np.asarray(REVERSED @ c)
 
 
 def _cut(c: FloatArray, first: float, last: float) -> FloatArray:

@@ -1,49 +1,32 @@
 """Constraints of the optimal planner: one subclass of `Constraint` for each kind of limit."""
 
-from armcontour.timing.constraints.angular import (
-    AngularAcceleration,
-    AngularSpeed,
-    turning_of,
-)
-from armcontour.timing.constraints.base import (
-    Bounds,
-    Ceiling,
-    Constraint,
-    Disc,
-    IntervalEnds,
-    JointDerivatives,
-    Rows,
-)
+from armcontour.timing.constraints.base import Constraint, IntervalEnds, limits_on
 from armcontour.timing.constraints.jerk import jerks_of
-from armcontour.timing.constraints.joint_acceleration import JointAcceleration
-from armcontour.timing.constraints.joint_torque import JointTorque
-from armcontour.timing.constraints.joint_velocity import JointVelocity
+from armcontour.timing.constraints.joints import JointMotion, JointTorque
 from armcontour.timing.constraints.second_order import SecondOrder
 from armcontour.timing.constraints.tool import (
+    AngularAcceleration,
+    AngularSpeed,
     CentripetalAcceleration,
     ToolAcceleration,
     ToolMetric,
     ToolSpeed,
 )
+from armcontour.timing.topp.on_grid import OnGrid
 
 __all__ = [
     "AngularAcceleration",
     "AngularSpeed",
-    "Bounds",
-    "Ceiling",
     "CentripetalAcceleration",
     "Constraint",
-    "Disc",
     "IntervalEnds",
-    "JointAcceleration",
-    "JointDerivatives",
+    "JointMotion",
     "JointTorque",
-    "JointVelocity",
-    "Rows",
+    "OnGrid",
     "SecondOrder",
     "ToolAcceleration",
     "ToolMetric",
     "ToolSpeed",
     "jerks_of",
-    "turning_of",
+    "limits_on",
 ]

@@ -1,184 +1,41 @@
-"""The base class of constraints, and the forms in which constraints reach the optimal planner.
+"""The base class of constraints.
 
-On each interval of the grid the path acceleration `u = dds` is linear in s; its slope is called
-skew. With `x = ds²`, a constraint has one or more of these forms at both ends of every interval:
-
-- a ceiling, which is an upper bound of x (maximum velocity curve);
-- rows, which are linear: `low <= a u + b x <= high`;
-- a disc, which is a second-order cone: `(c x)² + u² <= r²`.
-
-A constraint defines only the forms that it has. Its bounds already include a margin, so that a
-constraint which is kept at both ends is kept between them too (proof in docs/concepts/optimal.md).
-The margin follows from bounds of x and u on the interval.
+A constraint writes its limit on a grid once, in the forms of `armcontour.timing.topp.limits`. Each
+form comes with bounds of its rise between the ends of an interval, so that what holds at both ends
+holds between them too (docs/concepts/optimal.md).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NoReturn
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
-from armcontour.errors import InvalidInput
-from armcontour.motion import JointPath, PathLaw
-from armcontour.timing.constraints._rows import derivatives
+from armcontour.motion import PathLaw
 from armcontour.timing.grid import Grid
 from armcontour.timing.limit_use import States, quantity
-
-
-@dataclass(frozen=True, slots=True)
-class JointDerivatives:
-    """Derivatives of the joint path on a grid.
-
-    Args:
-        first: dq_ds at the starts (index 0) and ends (1) of all intervals, (2, n, dof).
-        second: d2q_ds2 there, (2, n, dof).
-        third: Bound of |d3q_ds3| on each interval, (n, dof).
-        fourth: Bound of |d4q_ds4| on each interval, (n, dof).
-    """
-
-    first: FloatArray
-    second: FloatArray
-    third: FloatArray
-    fourth: FloatArray
-
-    @classmethod
-    def on(cls, grid: Grid) -> JointDerivatives:
-        """Compute the derivatives of the grid's joint path."""
-        path: JointPath = grid.joint_path
-        arrays = np.empty((6, len(grid), path.dof))
-        parts = arrays[0:2], arrays[2:4], arrays[4], arrays[5]
-        derivatives(path.coefficients, path.breaks, grid.piece, grid.s, *parts)
-        return cls(*parts)
-
+from armcontour.timing.topp.limits import (
+    HIGH,
+    LOW,
+    A,
+    B,
+    Ceiling,
+    Form,
+    Limits,
+    Rounds,
+    Rows,
+    Squares,
+    checked,
+    collect,
+)
+from armcontour.timing.topp.on_grid import OnGrid
 
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """Bounds of the path speed and acceleration on each interval that hold for every plan.
-
-    Args:
-        x: Largest ds² [m²/s²], (n,).
-        u: Largest |dds| [m/s²], (n,).
-        skew: Slope of dds over s [1/s²], (n,); with limits of jerk the largest size of the slope.
-        least: Smallest ds² [m²/s²], (n,); a lower bound if any constraint is `bracketed`.
-    """
-
-    x: FloatArray
-    u: FloatArray
-    skew: FloatArray
-    least: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Ceiling:
-    """Upper bound of x.
-
-    Args:
-        x: Largest x at the starts and ends of all intervals [m²/s²], (2, n).
-        lost: Largest share of the bound that margins have taken on each interval, (n,); None for
-            no margins.
-    """
-
-    x: FloatArray
-    lost: FloatArray | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """Linear constraints at the starts (index 0) and ends (1) of all intervals.
-
-    Args:
-        a: Coefficients of u, (2, n, rows).
-        b: Coefficients of x, (2, n, rows).
-        low: Lower bounds, (2, n, rows).
-        high: Upper bounds, (2, n, rows).
-        margin: Margin subtracted from both bounds on each interval, (n, rows).
-    """
-
-    a: FloatArray
-    b: FloatArray
-    low: FloatArray
-    high: FloatArray
-    margin: FloatArray
-
-    @property
-    def last(self) -> Rows:
-        """The rows of the last interval, which hold no array of all intervals."""
-        a, b, low, high = (x[:, -1:].copy() for x in (self.a, self.b, self.low, self.high))
-        return Rows(a, b, low, high, self.margin[-1:].copy())
-
-    def compact(self, n: int, name: str) -> Rows:
-        """The same rows in contiguous arrays; bounds that do not differ have one entry for all.
-
-        Lower and upper bounds have the same shape: along axes on which both were broadcast, 1.
-
-        Args:
-            n: Number of intervals.
-            name: Name of the constraint, for the message.
-
-        Raises:
-            InvalidInput: The arrays have other shapes than they should.
-        """
-        shape = (2, n, *self.a.shape[2:3])
-        alike = self.a.shape == self.b.shape == self.low.shape == self.high.shape == shape
-        if not (alike and self.margin.shape == shape[1:]):
-            self._refuse_shapes(shape, name)
-        ends, places, _ = zip(self.low.strides, self.high.strides, strict=True)
-        shared = slice(None if any(ends) else 1), slice(None if any(places) else 1)
-        return Rows(
-            _contiguous(self.a),
-            _contiguous(self.b),
-            _contiguous(self.low[shared]),
-            _contiguous(self.high[shared]),
-            _contiguous(self.margin),
-        )
-
-    def _refuse_shapes(self, shape: tuple[int, ...], name: str) -> NoReturn:
-        """Refuse the first array that has another shape than it should."""
-        expected = {"a": shape, "b": shape, "low": shape, "high": shape, "margin": shape[1:]}
-        field, wanted = next((x, y) for x, y in expected.items() if getattr(self, x).shape != y)
-        raise InvalidInput(
-            f"The rows of the constraint {name} have {field} of shape "
-            f"{getattr(self, field).shape}, where {wanted} is expected: two ends, {shape[1]} "
-            "intervals and the number of rows."
-        )
-
-
-def _contiguous(values: FloatArray) -> FloatArray:
-    """The array, or a contiguous copy that may be written: kernels are compiled for these."""
-    return values if values.flags.c_contiguous and values.flags.writeable else values.copy("C")
-
-
-@dataclass(frozen=True, slots=True)
-class Disc:
-    """A constraint `(c x)² + u² <= r²`.
-
-    Args:
-        c: Coefficients of x at the starts and ends of all intervals [1/m], (2, n).
-        r: Radius [m/s²], (n,).
-    """
-
-    c: FloatArray
-    r: FloatArray
-
-    def refuse_shape(self, n: int, name: str) -> None:
-        """Refuse the disc of a constraint whose arrays are not those of n intervals.
-
-        Raises:
-            InvalidInput: They have other shapes.
-        """
-        if np.shape(self.c) != (2, n) or np.shape(self.r) != (n,):
-            raise InvalidInput(
-                f"The disc of the constraint {name} has c of shape {np.shape(self.c)} and r of "
-                f"shape {np.shape(self.r)}, where {(2, n)} and {(n,)} are expected."
-            )
 
 
 @dataclass(frozen=True)
@@ -196,29 +53,30 @@ class IntervalEnds:
     grid: Grid
 
     @cached_property
-    def path(self) -> JointDerivatives:
-        """Derivatives of the joint path on the grid."""
-        return JointDerivatives.on(self.grid)
+    def on(self) -> OnGrid:
+        """The joint path on the grid."""
+        return OnGrid(self.grid)
 
     @cached_property
     def x(self) -> FloatArray:
-        """Square of the path speed, ds² [m²/s²], (2, n)."""
+        """Square of the path speed, ds² [m²/s²], (n, 2)."""
         square = self.law.speeds**2
-        return np.stack([square[:-1], square[1:]])
+        return np.stack([square[:-1], square[1:]], axis=1)
 
     @cached_property
     def u(self) -> FloatArray:
-        """Path acceleration dds [m/s²], (2, n)."""
+        """Path acceleration dds [m/s²], (n, 2)."""
         rates = self.law.rates
-        return np.stack([rates.dds, rates.dds + rates.slope * self.grid.width])
+        return np.stack([rates.dds, rates.dds + rates.slope * self.grid.width], axis=1)
 
     @cached_property
     def states(self) -> States:
-        """Joint states at all starts and then at all ends, (2 n, dof)."""
-        piece, s = np.tile(self.grid.piece, 2), np.append(self.grid.s[:-1], self.grid.s[1:])
+        """Joint states at the start and the end of every interval in turn, (2 n, dof)."""
+        piece, s = np.repeat(self.grid.piece, 2), np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
         x, u = self.x[..., None], self.u[..., None]
-        dq, ddq = self.path.first * np.sqrt(x), self.path.first * u + self.path.second * x
+        first, second = self.on.derivatives[0]
+        dq, ddq = first * np.sqrt(x), first * u + second * x
         return States(self.arm, q, dq.reshape(q.shape), ddq.reshape(q.shape))
 
     @cached_property
@@ -241,14 +99,11 @@ class Constraint:
     Attributes:
         name: Name in messages, such as "acceleration".
         limit_name: The field of `Limits` that the constraint keeps, with the values `limit`; its
-            use is computed from this limit. Empty: from its rows, ceiling and disc.
+            use is computed from this limit. Empty: from its forms.
         limit: Largest value; one number, or one per joint.
         joints: Whether there is one limit per joint, which explanations then name.
-        curved: Whether rows are tangents of a curve in x; the first pass is then repeated with the
-            tangents at its own plan.
-        bracketed: Whether rows hold only while x is from `bounds.least` to `bounds.x` on every
-            interval, or have much smaller margins then. The planner then keeps x within brackets,
-            on a grid that is finer next to rests.
+        curved: Whether it has viscous friction, which rows bound for a range of x only.
+        finer_at_rests: Whether plans need a grid that is finer next to rests.
     """
 
     name = ""
@@ -256,34 +111,22 @@ class Constraint:
     limit: float | FloatArray = np.inf
     joints = False
     curved = False
-    bracketed = False
+    finer_at_rests = False
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling | None:
-        """Upper bound of x at the starts and ends of all intervals.
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The limit on a grid.
 
         Args:
-            grid: The grid.
-            path: Derivatives of the joint path on the grid.
-            bounds: Bounds of x and u, from which margins follow; None for no margins, in the first
-                pass.
+            path: The joint path on the grid.
         """
-        return None
+        return ()
 
-    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows | None:
-        """Linear constraints; arguments as in `ceiling`."""
-        return None
-
-    def rows_about(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> Rows | None:
-        """Rows of the first pass for a plan near x, one x for each interval, (n,)."""
-        return self.rows(grid, path, None)
-
-    def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc | None:
-        """The disc constraint; arguments as in `ceiling`."""
-        return None
-
-    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray | None:
-        """Largest |dds| that the constraint allows on every interval, (n,), given the largest x."""
-        return None
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """The name and the joint, from 1, of each column of `usage`; None for no joint."""
+        if not self.joints:
+            return [(self.name, None)]
+        return [(self.name, k + 1) for k in range(np.size(self.limit))]
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Largest value of the limited quantity, in a shape that broadcasts to (n, joints or 1)."""
@@ -298,19 +141,41 @@ class Constraint:
         Returns:
             (n, 1), or (n, joints) where `joints` is true.
         """
-        grid, path, x, u = ends.grid, ends.path, ends.x, ends.u
         if self.limit_name:
-            found = quantity(self.limit_name, ends.states).reshape(2, len(grid), -1)
-            return np.asarray((found / self.allowed(grid)).max(axis=0))
-        used = np.zeros((len(grid), 1))
-        ceiling = self.ceiling(grid, path, None)
-        if ceiling is not None:
-            used = np.maximum(used, np.sqrt(x / ceiling.x).max(axis=0)[:, None])
-        rows = self.rows(grid, path, None)
-        if rows is not None:
-            value = rows.a * u[..., None] + rows.b * x[..., None]
-            used = np.maximum(used, np.maximum(value / rows.high, value / rows.low).max(axis=0))
-        disc = self.disc(grid, path, None)
-        if disc is not None:
-            used = np.maximum(used, (np.hypot(disc.c * x, u) / disc.r).max(axis=0)[:, None])
-        return np.asarray(used)
+            found = quantity(self.limit_name, ends.states).reshape(len(ends.grid), 2, -1)
+            return np.asarray(found.max(axis=1) / self.allowed(ends.grid))
+        used = np.zeros((len(ends.grid), 1))
+        for form in self.on(ends.on):
+            used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
+        return used
+
+
+def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
+    """Used share of a form at the starts and ends of all intervals, (n, 2, rows)."""
+    match form:
+        case Rows():
+            value = form.ends[..., A] * u + form.ends[..., B] * x
+            return np.maximum(value / form.ends[..., HIGH], value / form.ends[..., LOW])
+        case Squares():
+            return np.sqrt(form.ends * x)
+        case Rounds():
+            aa, ab, bb = np.moveaxis(form.ends, -1, 0)
+            size = np.sqrt(np.maximum(aa * u * u + 2 * ab * u * x + bb * x * x, 0.0))
+            return np.asarray(size / form.radius[:, None])
+        case Ceiling():
+            return np.sqrt(x / form.x[..., None])
+    return np.zeros_like(x)
+
+
+def limits_on(path: OnGrid, active: Sequence[Constraint]) -> Limits:
+    """All limits on a grid.
+
+    Args:
+        path: The joint path on the grid.
+        active: The constraints.
+
+    Raises:
+        InvalidInput: A form has arrays of another shape than it should.
+    """
+    n = len(path)
+    return collect([checked(form, n, x.name) for x in active for form in x.on(path)], n)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, for_kernel
 from armcontour.arms.limits import UNITS
 from armcontour.errors import InvalidInput, NotRealizable
-from armcontour.timing.constraints.base import Bounds, Constraint, JointDerivatives, Rows
-from armcontour.timing.constraints.sampled import bulge, rise
+from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.grid import Grid
+from armcontour.timing.topp.limits import Form
+from armcontour.timing.topp.on_grid import OnGrid
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
 
@@ -51,33 +52,23 @@ class SecondOrder(Constraint):
             raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
         self.joints = joints
 
-    def rows(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Rows:
-        """The bounds, less what the quantity can rise above its chord between the ends.
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """The name, with the joint of each row if there is one per joint."""
+        return [(self.name, k + 1) for k in range(len(self.low))] if self.joints else super().names
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The quantities.
 
         Raises:
             NotRealizable: c alone breaks a bound, so that even rest is impossible there.
         """
-        starts = self.coefficients(grid.s[:-1], "right")
-        ends = self.coefficients(grid.s[1:], "left")
-        a, b, c = (np.stack([x, y], dtype=np.float64) for x, y in zip(starts, ends, strict=True))
-        refuse_excess_at_rest(grid, self, c, (self.low, self.high))
-        margin = np.zeros(c.shape[1:])
-        if bounds is not None:
-            middle = self.coefficients((grid.s[:-1] + grid.s[1:]) / 2, "right")
-            inside = [np.require(x, np.float64, ["C", "W"]) for x in middle]
-            rises = tuple(rise(grid, x, y) for x, y in zip((a, b, c), inside, strict=True))
-            margin = bulge(grid, a, b, rises, bounds)
-        return Rows(a, b, self.low - c, self.high - c, margin)
-
-    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
-        """Largest |dds| on every interval, given the largest x there."""
-        bounds = []
-        for s, side in ((grid.s[:-1], "right"), (grid.s[1:], "left")):
-            a, b, c = self.coefficients(s, side)
-            room = np.maximum(self.high - c, c - self.low) + np.abs(b) * x[:, None]
-            with np.errstate(divide="ignore"):
-                bounds.append((room / np.abs(a)).min(axis=1))
-        return np.asarray(np.min(bounds, axis=0))
+        path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
+        _, s = path.places
+        both = self.coefficients(s[:last], "right"), self.coefficients(s[last:], "left")
+        a, b, c = (for_kernel(np.concatenate(x)) for x in zip(*both, strict=True))
+        refuse_excess_at_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
+        return (path.rows((a, b, c), for_kernel(self.low), for_kernel(self.high)),)
 
 
 def refuse_excess_at_rest(
@@ -94,7 +85,7 @@ def refuse_excess_at_rest(
     Args:
         grid: The grid.
         constraint: The constraint with these bounds.
-        value: The quantity at the starts and ends of all intervals, (2, n, rows).
+        value: The quantity at the starts and ends of all intervals, (n, 2, rows).
         bounds: Lower and upper bounds, (rows,) each.
         when: Words of the error message: in which motion the quantity has this value.
         cannot: Words of the error message: what the arm cannot do there.
@@ -106,8 +97,8 @@ def refuse_excess_at_rest(
     if ((value >= low) & (value <= high)).all():
         return
     over = np.maximum(value - high, low - value)
-    end, i, row = np.unravel_index(int(np.argmax(over)), over.shape)
-    needed, s = float(value[end, i, row]), float(grid.s[i + end])
+    i, end, row = np.unravel_index(int(np.argmax(over)), over.shape)
+    needed, s = float(value[i, end, row]), float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) + 1 if constraint.joints else None
     who = constraint.name if joint is None else f"joint {joint} {constraint.name}"

@@ -1,35 +1,25 @@
-"""Limits of the tool: assigned velocity, centripetal acceleration, acceleration.
+"""Limits of the tool: assigned velocity, centripetal acceleration, acceleration, and rotation.
 
 A traced joint path follows the tool path within its tolerance, but its derivatives are less exact.
-So the motion of the tool at ds = 1 is measured by forward kinematics at several samples of every
-piece of the joint path: speed, curvature, and acceleration along the motion. The spread of the
-samples is the margin.
+So the motion of the tool at ds = 1 is measured by forward kinematics: bounds of its speed and its
+curvature on each piece of the joint path, and vectors at the places of a grid.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray, for_kernel
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
 from armcontour.motion import JointPath
-from armcontour.timing.constraints._tool import (
-    bound_on_pieces,
-    measure,
-    shrink_discs,
-    touch_chords,
-)
-from armcontour.timing.constraints.base import (
-    Bounds,
-    Ceiling,
-    Constraint,
-    Disc,
-    JointDerivatives,
-)
+from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.grid import Grid
+from armcontour.timing.limit_use import require_orientation
+from armcontour.timing.topp.limits import Ceiling, Form
+from armcontour.timing.topp.on_grid import OnGrid
 
 # Shares of a piece of the joint path at which the tool motion is sampled.
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
@@ -52,7 +42,6 @@ class ToolMetric:
         arm: The arm.
         speed: Tool speed [-].
         curvature: Acceleration at right angles to the motion [1/m].
-        stretch: Acceleration along the motion [1/m].
         uneven: Whether the curvature varies along a piece, so that intervals are measured one by
             one.
     """
@@ -61,25 +50,21 @@ class ToolMetric:
     arm: Arm
     speed: FloatArray
     curvature: FloatArray
-    stretch: FloatArray
     uneven: BoolArray
 
     @classmethod
     def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
-        """Measure the tool motion along a joint path by forward kinematics."""
+        """Measure the tool motion along a joint path by forward kinematics.
+
+        A bound is the largest sample of a piece plus the spread of its samples.
+        """
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
-        motion = _motion(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
-        bounds, uneven = bound_on_pieces(*motion, FLAT, EVEN)
-        speed, curvature, stretch = bounds
-        return cls(
-            joint_path=joint_path,
-            arm=arm,
-            speed=speed,
-            curvature=curvature,
-            stretch=stretch,
-            uneven=uneven,
-        )
+        found = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        most, least = found.max(axis=1), found.min(axis=1)
+        speed, curvature = 2 * most - least
+        uneven = (most[1] > FLAT) & (most[1] - least[1] > EVEN * most[1])
+        return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
         """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n).
@@ -89,9 +74,11 @@ class ToolMetric:
         convex: x stays below its tangent, which c at the ends stands for. The tangent touches in
         the middle, or nearer to the end of the larger curvature, so that it is positive.
         """
-        return np.asarray(touch_chords(self.chords_on(grid), TOUCH))
+        chords = self._chords_on(grid)
+        touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
+        return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
-    def chords_on(self, grid: Grid) -> FloatArray:
+    def _chords_on(self, grid: Grid) -> FloatArray:
         """Curvatures at both ends of the intervals, whose chord is above the curvature, (2, n).
 
         Where the curvature varies, a factor bounds how far it is above its chord: twice what the
@@ -103,10 +90,7 @@ class ToolMetric:
         if len(i):
             s = grid.s[i] + SHARES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
-            velocity, acceleration = _motion(self.joint_path, self.arm, pieces, s)
-            rows = s.size, -1
-            measured = measure(velocity.reshape(rows), acceleration.reshape(rows))
-            values = measured[1].reshape(s.shape)
+            values = _measure(self.joint_path, self.arm, pieces, s)[1]
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
             even = begin + SHARES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
@@ -114,17 +98,28 @@ class ToolMetric:
         return found
 
 
-def _motion(
-    joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Velocity and acceleration of the tool at ds = 1, at arc lengths on pieces of a joint path.
+def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
+    """Speed of the tool at ds = 1, and its acceleration at right angles to the motion.
 
-    Both are of the shape of `s` and a last axis.
+    Args:
+        joint_path: The joint path.
+        arm: The arm.
+        pieces: Pieces of the joint path, of any shape.
+        s: Arc lengths [m], of the same shape.
+
+    Returns:
+        Of the shape of `s`, after a first axis of 2.
     """
-    motion = arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
-    # Arms of users may give arrays of any kind.
-    velocity, acceleration = (for_kernel(x).reshape(*s.shape, -1) for x in motion)
-    return velocity, acceleration
+    speed, _, across = _parts(*arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel())))
+    return np.stack([speed, across]).reshape(2, *s.shape)
+
+
+def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
+    """Speeds, and accelerations along the motion and at right angles to it, (n,) each."""
+    speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
+    along = np.einsum("ij,ij->i", acceleration, velocity) / speed
+    across = acceleration - velocity * (along / speed)[:, None]
+    return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
 class ToolSpeed(Constraint):
@@ -142,20 +137,11 @@ class ToolSpeed(Constraint):
         self.assigned = speed
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
+    def on(self, path: OnGrid) -> Iterable[Form]:
         """The bound of each piece, which holds on the whole interval."""
-        return Ceiling(self.fixed_ceiling(grid))
-
-    def fixed_ceiling(self, grid: Grid) -> FloatArray:
-        """The ceiling, (2, n), which depends on the place only."""
-        found = np.empty((2, len(grid)))
-        found[:] = self._ceiling[grid.piece]
-        return found
-
-    @property
-    def on_pieces(self) -> FloatArray:
-        """The ceiling on each piece of the joint path, (pieces,)."""
-        return self._ceiling
+        found = np.empty((len(path), 2))
+        found[:] = self._ceiling[path.grid.piece, None]
+        return (Ceiling(found),)
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Assigned velocity of every interval [m/s], (n, 1)."""
@@ -176,74 +162,80 @@ class CentripetalAcceleration(Constraint):
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
 
-    def ceiling(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Ceiling:
+    def on(self, path: OnGrid) -> Iterable[Form]:
         """The bound at both ends; between them x stays below the chord of both."""
-        return Ceiling(self.fixed_ceiling(grid))
-
-    def fixed_ceiling(self, grid: Grid) -> FloatArray:
-        """The ceiling, (2, n), which depends on the place only."""
         with np.errstate(divide="ignore"):
-            return np.asarray(self.limit / self.metric.curvature_on(grid))
-
-    @property
-    def on_pieces(self) -> FloatArray | None:
-        """The ceiling on each piece of the joint path, (pieces,); None if it varies along one."""
-        if self.metric.uneven.any():
-            return None
-        both = np.array([self.metric.curvature, self.metric.curvature])
-        with np.errstate(divide="ignore"):
-            return np.asarray(self.limit / touch_chords(both, TOUCH)[0])
-
-
-class Discs(NamedTuple):
-    """Discs on the intervals of a grid without margins, and what their margins follow from.
-
-    Args:
-        curvature: Curvatures at the starts and ends over the tool speed [1/m], (2, n).
-        radius: Radii [m/s²], (n,).
-        stretch: Acceleration along the motion over the tool speed [1/m], (n,).
-        uneven: Whether the curvature varies, (n,).
-    """
-
-    curvature: FloatArray
-    radius: FloatArray
-    stretch: FloatArray
-    uneven: BoolArray
+            found = self.limit / self.metric.curvature_on(path.grid)
+        return (Ceiling(np.ascontiguousarray(found.T)),)
 
 
 class ToolAcceleration(Constraint):
-    """`(curvature ds²)² + dds² <= limit²`.
+    """`|p' u + p'' x| <= limit` for the position p of the tool.
 
     Args:
         limit: Largest length of the acceleration vector [m/s²].
-        metric: Tool motion at ds = 1.
+        arm: The arm.
     """
 
     name = "tool acceleration"
     limit_name = "tool_acceleration"
+    limit: float
 
-    def __init__(self, limit: float, metric: ToolMetric) -> None:
-        self.limit, self.metric = limit, metric
+    def __init__(self, limit: float, arm: Arm) -> None:
+        self.limit, self._arm = limit, arm
 
-    def disc(self, grid: Grid, path: JointDerivatives, bounds: Bounds | None) -> Disc:
-        """The disc, less the margin for what happens between the ends."""
-        discs = self.on(grid)
-        if bounds is None:
-            return Disc(discs.curvature, discs.radius)
-        found = np.empty(len(grid))
-        shrink_discs(grid.width, *discs, bounds.x, bounds.u, bounds.skew, found)
-        return Disc(discs.curvature, found)
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The vectors, in a frame that turns with the motion: on circles they do not change."""
+        speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
+        first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
+        return (path.round(first, second, self.limit),)
 
-    def on(self, grid: Grid) -> Discs:
-        """The discs on a grid, without margins."""
-        metric, speed = self.metric, self.metric.speed[grid.piece]
-        return Discs(
-            curvature=metric.curvature_on(grid) / speed,
-            radius=np.full(len(grid), self.limit) / speed,
-            stretch=metric.stretch[grid.piece] / speed,
-            uneven=metric.uneven[grid.piece],
-        )
 
-    def largest_u(self, grid: Grid, path: JointDerivatives, x: FloatArray) -> FloatArray:
-        """Largest |dds| on every interval: the radius of the disc."""
-        return self.disc(grid, path, None).r
+class AngularSpeed(Constraint):
+    """`|w|² x <= limit²` for the angular velocity w of the tool at ds = 1.
+
+    Args:
+        limit: Largest angular speed of the tool [rad/s].
+        arm: The arm.
+
+    Raises:
+        InvalidInput: The arm's tool has no orientation.
+    """
+
+    name = "angular speed"
+    limit_name = "angular_speed"
+
+    def __init__(self, limit: float, arm: Arm) -> None:
+        self.limit, self._tool = limit, require_orientation(arm)
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The square of the angular speed."""
+        q, first, _ = path.motion
+        w = self._tool.tool_twist(q, first)[:, 3:]
+        return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
+
+
+class AngularAcceleration(Constraint):
+    """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1.
+
+    Args:
+        limit: Length of the angular acceleration vector [rad/s²].
+        arm: The arm.
+
+    Raises:
+        InvalidInput: The arm's tool has no orientation.
+    """
+
+    name = "angular acceleration"
+    limit_name = "angular_acceleration"
+    limit: float
+
+    def __init__(self, limit: float, arm: Arm) -> None:
+        self.limit, self._tool = limit, require_orientation(arm)
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The vectors."""
+        q, first, second = path.motion
+        w = self._tool.tool_twist(q, first)[:, 3:]
+        rate = self._tool.tool_twist_rate(q, first, second)[:, 3:]
+        return (path.round(w, rate, self.limit),)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
-from armcontour.timing.constraints import Bounds
 from armcontour.timing.end_speeds import END as END_SPEED
 from armcontour.timing.end_speeds import START as START_SPEED
 from armcontour.timing.end_speeds import refuse_speed
@@ -30,6 +28,7 @@ from armcontour.timing.jerk.sections import (
     square_at,
 )
 from armcontour.timing.jerk.task import MOST_ITERATIONS, Task
+from armcontour.timing.topp._kernel import Bounds
 
 # Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
 PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
@@ -91,10 +90,10 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
     Raises:
         NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
     """
-    bracketed = any(x.bracketed for x in task.active)
+    curved = any(x.curved for x in task.active)
     splits, wider, best = 0, 1.0, None
     while True:
-        bounds = _bounds(mesh, near, wider, bracketed)
+        bounds = _bounds(mesh, near, wider, curved)
         rows = _rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
         if splits < MOST_SPLITS and narrow.any() and len(mesh.grid) < MOST_CELLS:
@@ -105,12 +104,12 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         try:
             found = _solve(rows, (near, INSIDE), task, EXACT)
         except NotRealizable as error:
-            if error.limit in (START_SPEED, END_SPEED) or not bracketed:
+            if error.limit in (START_SPEED, END_SPEED) or not curved:
                 if best is None:
                     raise
                 return best
             # Rows that hold for any ds² down to rest always leave room for slow motion.
-            bracketed = False
+            curved = False
             continue
         if best is None or found.breaks[-1] < best.breaks[-1]:
             best = found
@@ -130,7 +129,7 @@ def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
         if bounds is None or not tight.any():
             break
         share = np.where(tight, MOST_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
-        bounds = replace(bounds, x=share * bounds.x, u=share * bounds.u)
+        bounds = bounds._replace(x=share * bounds.x, u=share * bounds.u)
         rows = _rows(task, mesh, near, bounds)
     return rows
 
@@ -156,7 +155,7 @@ def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
     return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
-def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
+def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
     """Bounds of ds², dds and its slope on every cell, around a plan."""
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
@@ -180,13 +179,13 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, bracketed: bool) -> Bounds:
         return np.asarray(np.maximum.reduceat(padded, around)[::2])
 
     most = largest(x)
-    lowest = -largest(-least) * LEAST / wider if bracketed else np.zeros(len(mesh.grid))
+    lowest = -largest(-least) * LEAST / wider if curved else np.zeros(len(mesh.grid))
     # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
     ramps = mesh.ramps[mesh.cell] != 0
     return Bounds(
         x=HEADROOM * wider * most,
         u=HEADROOM_RATE * wider * largest(u),
-        skew=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
+        k=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
         least=np.where(ramps, 0.0, lowest),
     )
 
@@ -199,7 +198,7 @@ def _touches(mesh: Mesh, bounds: Bounds, law: PathLaw) -> bool:
     x = np.maximum(speed[:-1], speed[1:]) > near * bounds.x
     low = np.minimum(speed[:-1], speed[1:]) * near < bounds.least
     u = np.abs(dds) > near * bounds.u
-    return bool(((x | low | u | (np.abs(slope) > near * bounds.skew)) & inner).any())
+    return bool(((x | low | u | (np.abs(slope) > near * bounds.k)) & inner).any())
 
 
 def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:

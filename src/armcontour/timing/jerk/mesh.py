@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.motion import JointPath, PathLaw
 from armcontour.timing.grid import Grid
 

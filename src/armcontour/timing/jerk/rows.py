@@ -6,22 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.arms import Arm
-from armcontour.timing.constraints import (
-    Bounds,
-    Constraint,
-    JointAcceleration,
-    JointDerivatives,
-    JointVelocity,
-    ToolAcceleration,
-)
-from armcontour.timing.constraints import Rows as GeneralRows
+from armcontour.timing.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.timing.jerk._interior_point import Section
 from armcontour.timing.jerk._polynomials import Basis, basis, motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import Mesh
 from armcontour.timing.jerk.task import JerkLimits
 from armcontour.timing.jerk.tool import DEGREE, ToolMotion
+from armcontour.timing.topp._kernel import Bounds, rows_with_friction
+from armcontour.timing.topp.limits import HIGH, LOW, A, B, Limits, margins_of
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
 LEAST_SHARE = 0.25
@@ -52,7 +46,7 @@ class Rows:
     ) -> None:
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
-        self.path = JointDerivatives.on(grid)
+        self.path = OnGrid(grid)
         width = mesh.width[mesh.cell]
         start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
@@ -64,14 +58,18 @@ class Rows:
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full(grid.joint_path.dof, np.inf)
-        self.ceilings: list[FloatArray] = []
-        self.general: list[GeneralRows] = []
-        # Vectors and their radii.
-        self.round: list[tuple[FloatArray, FloatArray]] = []
-        # Curvatures and radii of vectors, for cells of uniform jerk.
-        self.at_ramps: list[tuple[FloatArray, FloatArray]] = []
+        others = []
         for x in active:
-            self._add(x, about)
+            if isinstance(x, JointMotion):
+                # Their rows are polynomials, and need no margins.
+                if len(x.velocity):
+                    self.speeds = np.minimum(self.speeds, x.velocity)
+                if len(x.low):
+                    low, high = x.bounds(grid)
+                    self.bounded = np.minimum(self.bounded, [-low, high])
+            else:
+                others.append(x)
+        self.limits = self._with_margins(limits_on(self.path, others), about)
         # Joints whose accelerations, and whose jerks are limited.
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
@@ -79,77 +77,46 @@ class Rows:
         )
         self.section = self._whole()
 
-    def _add(self, x: Constraint, about: FloatArray) -> None:
-        """Add what a constraint asks for."""
-        grid, path, bounds = self.mesh.grid, self.path, self.bounds
-        if isinstance(x, JointVelocity):
-            self.speeds = np.minimum(self.speeds, x.limit)
-            return
-        if isinstance(x, JointAcceleration):
-            low, high = x.on(grid)
-            self.bounded = np.minimum(self.bounded, [-low, high])
-            return
-        if isinstance(x, ToolAcceleration):
-            self._add_tool_acceleration(x)
-            return
-        ceiling, disc = x.ceiling(grid, path, bounds), x.disc(grid, path, bounds)
-        rows = x.rows_about(grid, path, about) if bounds is None else x.rows(grid, path, bounds)
-        if ceiling is not None:
-            first, last = ceiling.x
-            self.ceilings.append(np.stack([first, (first + last) / 2, last], axis=1))
-            if ceiling.lost is not None:
-                self.lost = np.maximum(self.lost, ceiling.lost)
-        if disc is not None:
-            vectors = np.zeros((len(grid), 2, 3, 3))
-            for e in range(2):
-                square, vectors[:, e, 0] = self.basis.at_end(e)
-                vectors[:, e, 1] = disc.c[e][:, None] * square
-            self._add_round(vectors, disc.r, disc.c.max(axis=0))
-            plain = x.disc(grid, path, None)
-            if plain is not None:
-                self.lost = np.maximum(self.lost, 1 - disc.r / plain.r)
-        if rows is not None:
-            self.general.append(rows)
-            room = np.minimum(rows.high, -rows.low).min(axis=0)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                share = np.where(np.isfinite(room), rows.margin / room, 0.0)
-            self.lost = np.maximum(self.lost, np.where(room > 0, share, 1.0).max(axis=1))
+    def _with_margins(self, limits: Limits, about: FloatArray) -> Limits:
+        """Limits less their margins, which `lost` counts, and with lines for friction."""
+        none, bounds = np.zeros(len(about)), self.bounds
+        near = Bounds(about, about, none, none) if bounds is None else bounds
+        if limits.friction.viscous.shape[2]:
+            near = Bounds(*(for_kernel(x) for x in near))
+            width, margins = self.mesh.grid.width, bounds is not None
+            limits = limits._replace(rows=rows_with_friction(width, limits, near, margins))
+        if bounds is None:
+            return limits
+        ends, radius = limits.rows.ends.copy(), limits.rounds.radius
+        room = np.minimum(ends[..., HIGH], -ends[..., LOW]).min(axis=1)
+        rows, squares, rounds = (margins_of(x.rise, bounds) for x in limits[:3])
+        self._lose(rows, room)
+        self._lose(squares, np.ones_like(squares))
+        self._lose(rounds, radius)
+        ends[..., LOW] += rows[:, None]
+        ends[..., HIGH] -= rows[:, None]
+        left = np.maximum(1 - squares, 0.0)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tight = np.where(left > 0, limits.squares.ends / left, np.inf)
+        return limits._replace(
+            rows=limits.rows._replace(ends=ends),
+            squares=limits.squares._replace(ends=tight),
+            rounds=limits.rounds._replace(radius=np.maximum(radius - rounds, 0.0)),
+        )
 
-    def _add_tool_acceleration(self, x: ToolAcceleration) -> None:
-        """Add the vectors of the tool's acceleration, along the motion and at right angles to it.
-
-        The curvature is below a chord, so that its product with ds² is below a cubic. With dds, its
-        control points are vectors in a disc.
-        """
-        grid, on = self.mesh.grid, self.basis
-        begin, end = x.metric.chords_on(grid)[..., None, None]
-        square = on.points
-        above = [begin * square[:, :1], (end * square[:, :1] + 2 * begin * square[:, 1:2]) / 3]
-        above += [(2 * end * square[:, 1:2] + begin * square[:, 2:]) / 3, end * square[:, 2:]]
-        across = np.concatenate(above, axis=1)
-        first, last = (on.at_end(e)[1][:, None] for e in range(2))
-        share = np.arange(4)[:, None] / 3
-        speed = x.metric.speed[grid.piece]
-        vectors = np.zeros((len(grid), 4, 3, 3))
-        vectors[:, :, 0] = first + (last - first) * share
-        vectors[:, :, 1] = across / speed[:, None, None]
-        # What the tool's own speed adds along the path.
-        play = x.metric.stretch[grid.piece] / speed
-        most = np.zeros(len(grid)) if self.bounds is None else self.bounds.x
-        radius = x.limit / speed
-        left = np.maximum(radius - play * most, 0.0)
-        self._add_round(vectors, left, np.maximum(begin, end)[:, 0, 0] / speed)
-        self.lost = np.maximum(self.lost, np.minimum(play * most / radius, 1.0))
-
-    def _add_round(self, vectors: FloatArray, radius: FloatArray, curvature: FloatArray) -> None:
-        """Add vectors, (n, k, 3, 3), that are in a disc, of ds² times a curvature, and of dds."""
-        self.round.append((vectors, radius))
-        self.at_ramps.append((curvature, radius))
+    def _lose(self, margins: FloatArray, room: FloatArray) -> None:
+        """Count the share that margins take of what limits leave at rest, (n, rows) each."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(np.isfinite(room), margins / room, 0.0)
+        lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
+        self.lost = np.maximum(self.lost, lost)
 
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        return not (self.ceilings or self.general or self.round or self.tool)
+        rows, _, rounds, _, ceiling = self.limits
+        others = rows.rise.size or self.limits.squares.rise.size or rounds.rise.size
+        return not (others or self.tool or np.isfinite(ceiling).any())
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
@@ -228,14 +195,14 @@ class Rows:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
         n, bounds, on = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
-        top = np.min([none, self._speed_ceiling(), *self.ceilings], axis=0)
+        top = np.minimum(self._speed_ceiling(), self._ceiling())
         ends = [on.at_end(e) for e in range(2)]
         rows, low, high = [on.points], [-none], [top]
         if bounds is not None:
             least = np.where(bounds.least > 0, bounds.least, -np.inf)
             low = [np.broadcast_to(least[:, None], (n, 3))]
             high = [np.minimum(top, bounds.x[:, None])]
-            most = np.stack([bounds.u, bounds.u, np.abs(bounds.skew)], axis=1)
+            most = np.stack([bounds.u, bounds.u, np.abs(bounds.k)], axis=1)
             rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
             low.append(-most)
             high.append(most)
@@ -243,23 +210,34 @@ class Rows:
         for sign, out in ((-1, low), (1, high)):
             bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
             out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
-        for y in self.general:
-            for e in range(2):
-                square, rate = (x[:, None] for x in ends[e])
-                rows.append(y.a[e][..., None] * rate + y.b[e][..., None] * square)
-                low.append(y.low[e] + y.margin)
-                high.append(y.high[e] - y.margin)
+        general = self.limits.rows.ends
+        for e in range(2):
+            square, rate = (x[:, None] for x in ends[e])
+            a, b = general[:, e, :, A, None], general[:, e, :, B, None]
+            rows.append(a * rate + b * square)
+            low.append(general[:, e, :, LOW])
+            high.append(general[:, e, :, HIGH])
         bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
         self._bound_next_to_ramps(top)
         return np.concatenate(rows, axis=1), bottom, top
 
     def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
-        n = len(self.mesh.grid)
+        n, rounds = len(self.mesh.grid), self.limits.rounds
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
-        for both, most in self.round:
-            vectors.append(both)
-            radius += [most] * both.shape[1]
+        for r in range(rounds.radius.shape[1]):
+            for e in range(2):
+                # In the plane of both vectors: the first one is along the first axis.
+                square, rate = (x[:, None] for x in self.basis.at_end(e))
+                aa, ab, bb = rounds.ends[:, e, r, :, None].swapaxes(0, 1)
+                along = np.sqrt(aa)
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    part = np.where(aa > 0, ab / along, 0.0)
+                both = np.zeros((n, 1, 3, 3))
+                both[:, :, 0] = (along * rate[:, 0] + part * square[:, 0])[:, None]
+                both[:, :, 1] = (np.sqrt(np.maximum(bb - part * part, 0.0)) * square[:, 0])[:, None]
+                vectors.append(both)
+            radius += [rounds.radius[:, r]] * 2
         of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
             vectors.append(self.tool.rows(self.basis))
@@ -285,9 +263,10 @@ class Rows:
         if not limited.any():
             return np.full((len(self.mesh.grid), 3), np.inf)
         width, limit = self.mesh.grid.width[:, None], self.speeds[limited]
-        bulge = width**2 / 8 * self.path.third[:, limited]
+        (slopes, _), (third, _) = self.path.derivatives
+        bulge = width**2 / 8 * third[:, limited]
         # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.
-        first, last = (np.abs(x[:, limited]) + bulge for x in self.path.first)
+        first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
         first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
         middle = (first + last) / 2
         change = (last - first) / middle
@@ -300,6 +279,13 @@ class Rows:
             np.where(steep, level, tangent * (1 - change)),
         ]
         return np.asarray(np.min(points, axis=2).T)
+
+    def _ceiling(self) -> FloatArray:
+        """Ceilings of the control points of a, (n, 3)."""
+        with np.errstate(divide="ignore"):
+            squares = (1 / self.limits.squares.ends).min(axis=2, initial=np.inf)
+        first, last = np.minimum(self.limits.ceiling, squares).T
+        return np.stack([first, (first + last) / 2, last], axis=1)
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
         """Lower the bounds of ds² where cells of uniform jerk end, so that they keep all limits."""
@@ -318,28 +304,32 @@ class Rows:
         `2 A^1.5 / 9 h²`. Each part is bounded with the speed and acceleration of the end. Parts of
         other cells mean nothing.
         """
-        path, width, h = self.path, self.mesh.grid.width, self.mesh.width[self.mesh.cell]
+        width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         wide, own = h[:, None], width[:, None]
-        first = np.abs(path.first).max(axis=0) + own**2 / 8 * path.third
-        second = np.abs(path.second).max(axis=0) + own**2 / 8 * path.fourth
+        (slopes, bends), (third, fourth) = self.path.derivatives
+        first = np.abs(slopes).max(axis=1) + own**2 / 8 * third
+        second = np.abs(bends).max(axis=1) + own**2 / 8 * fourth
         rate = 2 / (3 * h)
-        found = [x.min(axis=1) for x in self.ceilings]
+        found = [self._ceiling().min(axis=1)]
         with np.errstate(divide="ignore", invalid="ignore"):
             found.append(((self.speeds / first) ** 2).min(axis=1))
             pull = second + first * rate[:, None]
             found.append((self.bounded.min(axis=0) / pull).min(axis=1))
-            jerk = path.third + 2 * second / wide + 2 / 9 * first / wide**2
+            jerk = third + 2 * second / wide + 2 / 9 * first / wide**2
             found.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
             found.append((self.jerk.path * 4.5 * h**2) ** (2 / 3))
-            for y in self.general:
-                for sign, room in ((1, y.high), (-1, -y.low)):
-                    up = np.maximum(sign * y.a, 0).max(axis=0) * rate[:, None]
-                    up += np.maximum(sign * y.b, 0).max(axis=0)
-                    left = np.maximum(room.min(axis=0) - y.margin, 0)
-                    found.append(np.where(up > 0, left / up, np.inf).min(axis=1))
+            general, rounds = self.limits.rows.ends, self.limits.rounds
+            for sign, which in ((1, HIGH), (-1, LOW)):
+                up = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
+                up += np.maximum(sign * general[..., B], 0).max(axis=1)
+                left = np.maximum((sign * general[..., which]).min(axis=1), 0)
+                found.append(np.where(up > 0, left / up, np.inf).min(axis=1, initial=np.inf))
+            aa, ab, bb = np.moveaxis(rounds.ends, -1, 0)
+            turned = rate[:, None, None]
+            size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
+            found.append((rounds.radius / size).min(axis=1, initial=np.inf))
             if self.tool is not None:
                 found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
-            found += [radius / np.hypot(most, rate) for most, radius in self.at_ramps]
             if self.bounds is not None:
                 found += [self.bounds.x, self.bounds.u / rate]
         return np.asarray(np.nanmin(found, axis=0))

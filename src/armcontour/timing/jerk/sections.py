@@ -6,10 +6,11 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.motion import PathLaw
-from armcontour.timing.constraints import JointDerivatives
+from armcontour.timing.constraints import OnGrid, limits_on
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk.mesh import End
 from armcontour.timing.jerk.task import Task
+from armcontour.timing.topp.limits import largest_u
 
 # A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
 # if at the plan's speed the jerk needs longer than this share of the duration for it.
@@ -61,21 +62,20 @@ def find_ends(
 ) -> list[tuple[End, End]]:
     """How the motion may start and stop in each section, near a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
-    path = JointDerivatives.on(grid)
-    none = np.zeros(len(grid))
-    found = [x.largest_u(grid, path, none) for x in task.active]
-    acceleration = np.min([x for x in found if x is not None], axis=0)
+    path = OnGrid(grid)
+    (first, second), (third, _) = path.derivatives
+    acceleration = largest_u(limits_on(path, task.active))
     with np.errstate(divide="ignore"):
-        jerk = (task.jerk.joint / np.abs(path.first).max(axis=0)).min(axis=1)
+        jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
     jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
     speed = np.maximum.reduceat(
         np.append(law.speeds, 0.0), np.searchsorted(law.s, places, side="right")
     )[:-1]
     near = NEAR_REST * np.diff(places)
-    size = np.linalg.norm(path.first, axis=2).max(axis=0)
-    bend = np.linalg.norm(path.second, axis=2).max(axis=0)
+    size = np.linalg.norm(first, axis=2).max(axis=1)
+    bend = np.linalg.norm(second, axis=2).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / path.third.max(axis=1)))
+        even = np.fmin(EVEN_BEND * size / bend, np.sqrt(EVEN_BEND * size / third.max(axis=1)))
     squares = np.square([task.start_speed, task.end_speed])
 
     def at(side: int, s: FloatArray) -> list[End]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
-from armcontour.timing.constraints import Bounds
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk._polynomials import Basis, to_bernstein
+from armcontour.timing.topp._kernel import Bounds
 
 # Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
 DEGREE = 4
@@ -73,7 +73,7 @@ class ToolMotion:
     def margin(self, bounds: Bounds) -> FloatArray:
         """Bound of what the rows leave out, (n,)."""
         return np.asarray(
-            self.off[2] * bounds.x + 3 * self.off[1] * bounds.u + self.off[0] * np.abs(bounds.skew)
+            self.off[2] * bounds.x + 3 * self.off[1] * bounds.u + self.off[0] * np.abs(bounds.k)
         )
 
     def largest_at_ramps(self, limit: float, h: FloatArray) -> FloatArray:

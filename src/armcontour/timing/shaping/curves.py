@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour._parts import number_parts
 from armcontour._quintics import quintic
+from armcontour._sampling import number_parts
 from armcontour.arms import Arm
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import biarcs

@@ -81,8 +81,8 @@ class NearPath:
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        found, _ = _newton.newton(
-            *self.arm.arrays, q, poses, self.task, self.free[:, None], self.q[:, None]
+        found = _newton.newton(
+            self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
         )
         if not found.all():
             i = int(np.argmin(found))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.geometry import Path, Proof, Tube
 
 # Places are found at the ends of segments, and so often along arcs [rad].

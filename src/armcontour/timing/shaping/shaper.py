@@ -15,16 +15,15 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._pool import map_in_processes
 from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, Limits, PlanarTwoLink, choose_limits
+from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.timing.common import with_reserve
-from armcontour.timing.methods import Timing, refuse_unkept_jerk
+from armcontour.timing.program_timing import Timing, refuse_unkept_jerk, time_program
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
-from armcontour.timing.programs import time_program
 from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
 from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
@@ -182,14 +181,14 @@ class Shaping:
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
             if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
-                task = _Task(move.path, self._timer(step.joint_path), self.wishes)
+                task = _Task(move.path, self._timer(step.joint_path, start), self.wishes)
                 tasks.append((step.move, move, task))
         found = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
                 moves[i] = put_on_path(move, found(done))
         shaped = dataclasses.replace(program, moves=tuple(moves))
-        if arcs is None or start is not None or isinstance(self.arm, PlanarTwoLink):
+        if arcs is None or start is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
@@ -234,7 +233,8 @@ class Shaping:
             starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = dataclasses.replace(
                 outcome,
-                start=min(starts, key=lambda name: starts[name]),
+                # Of equal starts the plainest one, whatever rounding makes of their durations.
+                start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
                 note=outcome.note or (None if taken is shaped else ARCS_ARE_FASTER),
                 joints=joints,
@@ -268,7 +268,7 @@ class Shaping:
             arcs = self._follow(self._with_arcs(program), start)
         except ArmContourError:
             return None, self._follow(program, start)
-        if start is not None or program.single_path is None or isinstance(self.arm, PlanarTwoLink):
+        if start is not None or program.single_path is None or self.arm.dimension == 2:
             return arcs, arcs
         try:
             sharp = self._follow(program, None)
@@ -299,10 +299,15 @@ class Shaping:
                 )
         return dataclasses.replace(program, moves=tuple(moves))
 
-    def _timer(self, joint_path: JointPath) -> Timer:
-        """What times paths in the configuration of a joint path."""
-        planar = isinstance(self.arm, PlanarTwoLink)
-        start = None if planar else ends_of(joint_path)[0]
+    def _timer(self, joint_path: JointPath, given: npt.ArrayLike | None = None) -> Timer:
+        """What times paths in the configuration of a joint path, from a given start if it is that.
+
+        The knots of an arm with more joints than the task needs depend on rounding of the start.
+        """
+        start = None if self.arm.dimension == 2 else ends_of(joint_path)[0]
+        if start is not None and given is not None:
+            exact = np.asarray(given, dtype=np.float64)
+            start = exact if np.abs(exact - start).max() <= SAME_POSITION else start
         limits = with_reserve(self.limits, self.reserve)
         return Timer(self.arm, limits, self.branch, start, self.intervals)
 

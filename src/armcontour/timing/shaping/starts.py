@@ -13,8 +13,8 @@ from armcontour.errors import ArmContourError
 from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_with_parabolas
 from armcontour.geometry.shaped import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
-from armcontour.timing.fastest_configuration import trace_fastest
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.program_tracing import trace_fastest
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.wishes import Wishes
 

@@ -1,0 +1,129 @@
+"""Limits of joints: velocity, acceleration, which may differ in the two directions, and torque."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from armcontour._checks import FloatArray, for_kernel
+from armcontour.arms import Arm
+from armcontour.timing.constraints.base import Constraint, IntervalEnds
+from armcontour.timing.constraints.second_order import refuse_excess_at_rest
+from armcontour.timing.grid import Grid
+from armcontour.timing.topp._forms import write_joints
+from armcontour.timing.topp.limits import HIGH, LOW, Form, Friction, Rows, Squares
+from armcontour.timing.topp.on_grid import OnGrid
+
+
+class JointMotion(Constraint):
+    """`|q' ds| <= velocity` and `low <= q' u + q'' x <= high` for every joint.
+
+    Args:
+        velocity: Largest joint velocities [rad/s], infinite where there is none, (dof,); None for
+            none.
+        low: Smallest joint accelerations, negative [rad/s²], (dof,); None for none.
+        high: The largest ones, positive.
+    """
+
+    def __init__(
+        self,
+        velocity: FloatArray | None = None,
+        low: FloatArray | None = None,
+        high: FloatArray | None = None,
+    ) -> None:
+        self.velocity, self.low, self.high = (
+            np.empty(0) if x is None else for_kernel(x) for x in (velocity, low, high)
+        )
+
+    def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of accelerations on every interval, (n, joints) each."""
+        shape = len(grid), len(self.low)
+        return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The accelerations, and the squares of the velocities."""
+        n, moved, fast = len(path), len(self.low), len(self.velocity)
+        rows = Rows(np.empty((n, 2, moved, 4)), np.empty((n, moved, 4)))
+        squares = Squares(np.empty((n, 2, fast)), np.empty((n, fast)), np.empty((n, fast, 4)))
+        limits = self.low, self.high, 1 / self.velocity**2
+        joint_path = path.grid.joint_path
+        own = joint_path.breaks, joint_path.coefficients
+        write_joints(*own, path.intervals, limits, rows, squares)
+        return rows, squares
+
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """The velocities, and then the accelerations."""
+        counts = (("velocity", len(self.velocity)), ("acceleration", len(self.low)))
+        return [(name, k + 1) for name, count in counts for k in range(count)]
+
+    def usage(self, ends: IntervalEnds) -> FloatArray:
+        """Used shares of the limits, as `names`."""
+        (first, second), _ = ends.on.derivatives
+        x, u = ends.x[..., None], ends.u[..., None]
+        velocity = np.abs(first) * np.sqrt(x) / self.velocity if len(self.velocity) else None
+        found = [] if velocity is None else [velocity]
+        if len(self.low):
+            value = first * u + second * x
+            low, high = (y[:, None] for y in self.bounds(ends.grid))
+            found.append(np.maximum(value / high, value / low))
+        return np.asarray(np.concatenate(found, axis=2).max(axis=1))
+
+
+class JointTorque(Constraint):
+    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint.
+
+    Args:
+        arm: The arm, with masses.
+        limit: Largest torques [N m], (dof,).
+
+    Raises:
+        InvalidInput: The arm has no masses.
+    """
+
+    name = "torque"
+    limit_name = "joint_torque"
+    limit: FloatArray
+    joints = True
+    # Next to rests the binding joint changes within a few intervals, and friction, a function of
+    # the root of x, changes most.
+    finer_at_rests = True
+
+    def __init__(self, arm: Arm, limit: FloatArray) -> None:
+        self.dynamics = arm.dynamics
+        self.limit = np.array(limit)
+        chain = self.dynamics.chain
+        self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
+        self.curved = bool(self.viscous.any())
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The torques, less dry friction, and viscous friction.
+
+        Raises:
+            NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
+        """
+        terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
+        rows = path.rows(terms, *bounds)
+        weight = path.at_ends(terms[2])
+        refuse_excess_at_rest(path.grid, self, weight, bounds)
+        if not (self.curved or self.coulomb.any()):
+            return (rows,)
+        (first, _), (third, _) = path.derivatives
+        off = path.grid.width[:, None] ** 2 / 8 * third
+        size = np.abs(first)
+        largest = size.max(axis=1) + off
+        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > off)
+        sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
+        dry = np.where(largest > 0, self.coulomb, 0.0)
+        # Where a joint may turn round, dry friction counts against both limits.
+        above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
+        creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
+        when = "in the slowest motion, with friction"
+        refuse_excess_at_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
+        rows.ends[..., LOW] -= below[:, None]
+        rows.ends[..., HIGH] -= above[:, None]
+        if not self.curved:
+            return (rows,)
+        within = np.stack([self.viscous * largest, self.viscous * off, sign], axis=2)
+        return rows, Friction(self.viscous * first, within)

@@ -1,0 +1,1 @@
+"""The time-optimal plan of a path: limits as rows on a grid, one compiled pass, refinement."""
