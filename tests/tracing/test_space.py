@@ -434,11 +434,11 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     first = ways[np.argmax(reached == len(poses))]
     costs = []
     for rounds in (0, 1, 3, 25):
-        q, cost = smooth(panda, s, poses, 5, first, rounds=rounds)
+        (q,), (cost,) = smooth(panda, s, poses, 5, first[None], rounds=rounds)
         np.testing.assert_allclose(panda.forward(q), poses[:, :, 3], atol=1e-9)
         costs.append(cost)
     assert costs == sorted(costs, reverse=True) and costs[-1] < 0.9 * costs[0]
-    held, _ = smooth(panda, s, poses, 5, first, start_stays=True)
+    (held,), _ = smooth(panda, s, poses, 5, first[None], start_stays=True)
     np.testing.assert_allclose(held[0], first[0], atol=1e-12)
     pace = panda.limits.joint_velocity.min() / panda.limits.joint_velocity
     # The cost, by its definition.

@@ -13,7 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, Value
 from armcontour._quantities import Mass
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, cross_matrix, rotations
+from armcontour.frames import Frame, rotations
 
 # What is changed in a chain again and again, and checks itself.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
@@ -164,19 +164,35 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
         chain: The chain.
         q: Joint positions [rad], (n, dof).
     """
-    at = np.asarray(q, dtype=np.float64)
-    found = np.empty((len(at), len(chain) + 1, 3, 4))
-    found[:, 0, :, :3], found[:, 0, :, 3] = chain.base.rotation, chain.base.position
-    # Rodrigues' formula: I + sin q K + (1 - cos q) K².
-    sines, rest = np.sin(at)[..., None, None], 1 - np.cos(at)[..., None, None]
-    turns = cross_matrix(chain.axes)
-    turned = np.stack([chain.rotations @ x for x in (np.eye(3), turns, turns @ turns)])
-    joints = turned[0] + sines * turned[1] + rest * turned[2]
-    for k in range(len(chain)):
-        before = found[:, k, :, :3]
-        found[:, k + 1, :, :3] = before @ joints[:, k]
-        found[:, k + 1, :, 3] = found[:, k, :, 3] + before @ chain.positions[k]
+    from armcontour.arms._kinematics import frames_of
+
+    joints = frames_of(link_table(chain), _checks.for_kernel(np.asarray(q, dtype=np.float64)))
+    found = np.empty_like(joints)
+    found[:, 0] = chain.base.matrix
+    found[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
+    found[:, 1:, :, 3] = joints[:, :-1, :, 3]
     return found
+
+
+def link_table(chain: Chain) -> FloatArray:
+    """The chain as compiled kinematics take it, (dof + 1, 12).
+
+    Rows have rotation and position of the frames of all joints and of the tool, each in the one
+    before, with z along the joint axis. The first is in the work frame.
+
+    Args:
+        chain: The chain.
+    """
+    found, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
+    turns = [*joint_frames(chain), np.eye(3)]
+    rotations = [*chain.rotations, end.rotation]
+    positions = [*chain.positions, end.position]
+    before, place = chain.base.rotation, chain.base.position
+    for own, rotation, position, turn in zip(found, rotations, positions, turns, strict=True):
+        own[:9] = (before @ rotation @ turn).ravel()
+        own[9:] = place + before @ position
+        before, place = turn.T, np.zeros(3)
+    return _checks.lock_floats(found)
 
 
 def joint_frames(chain: Chain) -> FloatArray:

@@ -1,4 +1,7 @@
-"""Inverse kinematics of serial arms: all joint positions that put the tool in one pose."""
+"""Inverse kinematics of serial arms: all joint positions that put the tool in one pose.
+
+They are known in closed form for most arms of six joints; else they are searched.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from armcontour._pool import map_in_threads, split_evenly
 from armcontour.arms import _newton
 from armcontour.arms.serial import SerialArm
 
+# Task dimension of the whole pose, for which there are closed forms.
+WHOLE = 6
 # Number of joint positions that the search starts from. With this number the search found all
 # eight configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
@@ -39,18 +44,35 @@ def configurations(
         pose: Rotation and position of the tool, (3, 4).
         task: Task dimension: 6 for the whole pose, 5 if rotation about the tool axis is free, 3
             for the tool point alone.
-        near: Joint positions [rad] to start the search from, (dof,); by default the search starts
-            all over the joint ranges.
+        near: Joint positions [rad] to start the search from, (dof,); by default all are found.
 
     Returns:
         Joint positions [rad], (k, dof); k is 0 if there is no solution.
+    """
+    if near is None and task == WHOLE and arm.closed_form is not None:
+        found = arm.closed_form.solve(arm.chain.base.matrix, pose)
+        if found is not None:
+            return found
+    return search(arm, pose, task, near)
+
+
+def search(
+    arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
+) -> FloatArray:
+    """As `configurations`, by damped Newton steps from joint positions all over the joint ranges.
+
+    Args:
+        arm: The arm.
+        pose: As in `configurations`.
+        task: As in `configurations`.
+        near: Joint positions [rad] to start from in the place of all these, (dof,).
     """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     target = np.ascontiguousarray(pose)
 
     def approach(part: slice) -> FloatArray:
-        own = task, q[part], SEARCH_WEIGHT, MOST_STEPS
-        return np.asarray(_newton.approach(*arm.arrays, target, *own))
+        own = q[part], SEARCH_WEIGHT, MOST_STEPS
+        return np.asarray(_newton.approach(arm.link_table, task, target, *own))
 
     if near is None:
         residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
@@ -58,8 +80,12 @@ def configurations(
         residuals = approach(slice(1))
     solutions = q[(residuals < MET).all(axis=1)]
     solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
-    kept = _newton.distinct(solutions, APART if task == arm.dof else APART_REDUNDANT)
-    return np.asarray(solutions[kept])
+    apart = np.cos(APART if task == arm.dof else APART_REDUNDANT)
+    kept, left, turns = [], np.arange(len(solutions)), np.exp(1j * solutions)
+    while len(left):
+        kept.append(left[0])
+        left = left[(turns[left] * turns[left[0]].conj()).real.min(axis=1) < apart]
+    return np.asarray(solutions[kept].reshape(-1, arm.dof))
 
 
 def seeds(arm: SerialArm) -> FloatArray:
@@ -106,6 +132,6 @@ def _approach(
 ) -> tuple[FloatArray, FloatArray]:
     """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
     tried = q.copy()
-    own = task, tried, REACH_WEIGHT, MOST_STEPS
-    residuals = _newton.approach(*arm.arrays, np.ascontiguousarray(pose), *own)
+    own = tried, REACH_WEIGHT, MOST_STEPS
+    residuals = _newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *own)
     return tried, np.asarray(residuals[:, 0])

@@ -7,9 +7,10 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour.arms.arm import Arm, hint_at_unit
+from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
+from armcontour.arms.serial import ChainArm
 from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
@@ -21,12 +22,12 @@ from armcontour.scene import ArmShapes, Capsule, LinkShape
 SINGULAR_MARGIN = 1e-9
 
 
-class PlanarTwoLink(Arm):
+class PlanarTwoLink(ChainArm):
     """An arm of two links in a plane, with two parallel joint axes.
 
     Joint angles are measured clockwise: the first from the y axis, the second from the first link.
-    The attribute `chain` holds the same joints in space. The plane is z = 0 and is assumed to be
-    horizontal, so gravity causes no torque.
+    The plane is z = 0 of the attribute `chain`. It is assumed to be horizontal, so gravity causes
+    no torque.
 
     Args:
         name: Name of the arm, for messages and reports.
@@ -59,19 +60,15 @@ class PlanarTwoLink(Arm):
         assumed: str = "",
         limits_hint: str = "",
     ) -> None:
-        _checks.refuse_other("A PlanarTwoLink", limits, Limits, "such as Limits(speed=0.1)")
         lengths = _checks.listed("links", links, object, "two lengths in m")
         if len(lengths) != 2:
             raise InvalidInput(f"A PlanarTwoLink has two link lengths, not {len(lengths)}.")
-        self.name = _checks.check_name("name of an arm", name)
         self.base = _checks.number("base", base, "m")
         self.link1 = _checks.positive("first link length", lengths[0], "m")
         self.link2 = _checks.positive("second link length", lengths[1], "m")
-        self.limits = limits.for_joints(2)
-        self.source = source
-        self.limits_hint = limits_hint
-        self.joint_names = _checks.check_names("joint_names", joint_names, 2)
-        self.chain = self._chain(tubes, payload, assumed)
+        joints = _checks.check_names("joint_names", joint_names, 2)
+        chain = self._chain(joints, tubes, payload, assumed)
+        self._describe(name, chain, limits, source, limits_hint)
         if tubes is not None:
             self.shapes = _capsules(tubes, (self.link1, self.link2))
 
@@ -84,17 +81,6 @@ class PlanarTwoLink(Arm):
     def span(self) -> float:
         """Length of all links together [m]."""
         return self.reach[1]
-
-    def forward(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m], eq. (1)-(2)."""
-        return self._motion(0, q)
-
-    def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of the base, the elbow and the tool, (n, 3, 2) [m]."""
-        q1, _ = self._angles(q)
-        base = np.stack([np.full_like(q1, self.base), np.zeros_like(q1)], axis=-1)
-        elbow = base + self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
-        return np.stack([base, elbow, self.forward(q)], axis=-2)
 
     def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
         """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
@@ -113,9 +99,9 @@ class PlanarTwoLink(Arm):
         if at.shape[-1:] != (2,):
             raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {at.shape}.")
         c, y = at[..., 0] - self.base, at[..., 1]
-        self._refuse_out_of_reach(at, np.hypot(c, y))
-        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
         distance = np.hypot(c, y)
+        self._refuse_out_of_reach(at, distance)
+        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
         near, far = self.reach
         low = (distance - near) * (distance + near) / (2 * self.link1 * self.link2)
         high = (far - distance) * (far + distance) / (2 * self.link1 * self.link2)
@@ -124,46 +110,6 @@ class PlanarTwoLink(Arm):
             self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
         )
         return np.stack([q1, q2], axis=-1)
-
-    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool velocity per joint velocity [m/rad], (n, 2, 2), as printed below eq. (23)."""
-        q1, q12 = self._angles(q)
-        far = np.stack([self.link2 * np.cos(q12), -self.link2 * np.sin(q12)], axis=-1)
-        near = np.stack([self.link1 * np.cos(q1), -self.link1 * np.sin(q1)], axis=-1)
-        return np.stack([near + far, far], axis=-1)
-
-    def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian at the joint velocities `dq`, (n, 2, 2)."""
-        q1, q12 = self._angles(q)
-        rate = _checks.floats("joint velocities", dq, "rad/s")
-        self._common_shape([rate])
-        rate1, rate12 = rate[..., 0, None], (rate[..., 0] + rate[..., 1])[..., None]
-        far = -rate12 * self.link2 * np.stack([np.sin(q12), np.cos(q12)], axis=-1)
-        near = -rate1 * self.link1 * np.stack([np.sin(q1), np.cos(q1)], axis=-1)
-        return np.stack([near + far, far], axis=-1)
-
-    def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity [m/s], eq. (22)."""
-        return self._motion(1, q, dq)
-
-    def tool_acceleration(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
-    ) -> FloatArray:
-        """Tool acceleration [m/s²], in closed form."""
-        return self._motion(2, q, dq, ddq)[..., 2:].copy()
-
-    def tool_jerk(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
-    ) -> FloatArray:
-        """Tool jerk [m/s³], (..., 2), in closed form; arguments as of every arm."""
-        return self._motion(3, q, dq, ddq, dddq)[..., 4:].copy()
-
-    def tool_motion(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
-    ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and acceleration [m/s²]."""
-        found = self._motion(2, q, dq, ddq)
-        return found[..., :2].copy(), found[..., 2:].copy()
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
@@ -194,8 +140,7 @@ class PlanarTwoLink(Arm):
         """
         rate, wanted = (_checks.floats("states of an arm", x) for x in (dq, acceleration))
         self._common_shape([_checks.floats("states of an arm", q), rate, wanted])
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, rate), rate)
-        return self._solve(q, wanted - coupling)
+        return self._solve(q, wanted - self.tool_acceleration(q, rate, np.zeros_like(rate)))
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2)."""
@@ -210,7 +155,11 @@ class PlanarTwoLink(Arm):
             ) from None
 
     def _chain(
-        self, tubes: tuple[Tube, Tube] | None, payload: Payload | None, assumed: str
+        self,
+        joints: tuple[str, ...],
+        tubes: tuple[Tube, Tube] | None,
+        payload: Payload | None,
+        assumed: str,
     ) -> Chain:
         """The two joints and links as a chain in space."""
         lengths = np.array([self.link1, self.link2])
@@ -221,7 +170,7 @@ class PlanarTwoLink(Arm):
             bodies["centers"] = np.outer(lengths / 2, [0.0, 1.0, 0.0])
             bodies["inertias"] = [tube.inertia(length) for tube, length in pieces]
         return Chain(
-            joints=self.joint_names,
+            joints=joints,
             rotations=np.tile(np.eye(3), (2, 1, 1)),
             positions=np.array([[self.base, 0.0, 0.0], [0.0, self.link1, 0.0]]),
             # Positive angles turn clockwise, seen from above.
@@ -233,22 +182,6 @@ class PlanarTwoLink(Arm):
             assumed=assumed,
             **bodies,  # type: ignore[arg-type]
         )
-
-    def _motion(self, order: int, *states: npt.ArrayLike) -> FloatArray:
-        """Tool points, or the derivatives up to an order side by side, (..., 2 or 2 order)."""
-        from armcontour.arms._planar import tool_motion
-
-        leading, rows = self._rows(*states)
-        # Derivatives above the order are not read.
-        q, first, second, third = (rows * 4)[:4]
-        found = tool_motion(self.base, (self.link1, self.link2), order, q, first, second, third)
-        return np.asarray(found.reshape(*leading, found.shape[1]))
-
-    def _angles(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Angles of the first and of the second link from the y axis [rad]."""
-        at = _checks.floats("joint positions", q, "rad")
-        self._common_shape([at])
-        return at[..., 0], at[..., 0] + at[..., 1]
 
     def _branch(self, branch: str | None) -> str:
         """Name of a solution, the default one for None.

@@ -10,10 +10,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.arms import Chain
-from armcontour.arms.chain import link_poses
-from armcontour.clearance import _places
+from armcontour.arms._kinematics import frames_of
+from armcontour.arms.chain import joint_frames, link_table
 from armcontour.clearance.pairs import Body, Pair
 from armcontour.errors import InvalidInput
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
@@ -39,7 +39,6 @@ class Distances:
         self._coal = _coal()
         # Not `ComputeDistance`, which is faster: what it finds depends on what it was asked before.
         self._least = self._coal.distance
-        self._chain = chain
         self._pairs = pairs
         # Places in the list of all bodies; bodies are compared by identity.
         self._bodies: dict[int, int] = {}
@@ -50,8 +49,12 @@ class Distances:
                 if id(body) not in self._bodies:
                     self._bodies[id(body)] = len(self._list)
                     self._list.append(body)
-        self._links = np.array([x.link for x in self._list], dtype=np.intp)
-        self._places = np.array([_matrix(x) for x in self._list]).reshape(-1, 3, 4)
+        self._links, self._base = link_table(chain), chain.base.matrix
+        # Frames of the bodies in the frames of joints, which have z along the joint axis.
+        turns = [np.eye(3), *np.swapaxes(joint_frames(chain), 1, 2)]
+        self._joints = np.array([x.link - 1 for x in self._list], dtype=np.intp)
+        places = [turns[x.link] @ x.place.matrix for x in self._list]
+        self._places = np.array(places).reshape(-1, 3, 4)
         self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
         self._exact = [
             None
@@ -116,11 +119,12 @@ class Distances:
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies, (n, bodies, 3, 4)."""
-        poses = link_poses(self._chain, q)[:, self._links]
-        found = np.empty_like(poses)
-        turned = poses[..., :3]
-        found[..., :3] = turned @ self._places[:, :, :3]
-        found[..., 3] = poses[..., 3] + np.einsum("nbij,bj->nbi", turned, self._places[:, :, 3])
+        joints = frames_of(self._links, for_kernel(q))
+        # The base, link 0, takes the place of the tool.
+        joints[:, -1] = self._base
+        poses = joints[:, self._joints]
+        found: FloatArray = poses[..., :3] @ self._places
+        found[..., 3] += poses[..., 3]
         return found
 
     def _relative(
@@ -130,19 +134,11 @@ class Distances:
 
         The library takes contiguous arrays in half of the time.
         """
-        x = self._chain
-        at, pair = (np.ascontiguousarray(y, dtype=np.intp) for y in (at, pair))
-        found = _places.relative_places(
-            x.rotations,
-            x.positions,
-            x.axes,
-            np.array(q, dtype=np.float64, order="C"),
-            self._links,
-            self._places,
-            self._ends,
-            at,
-            pair,
-        )
+        placed = self._placements(q)
+        first, second = placed[at, self._ends[pair, 0]], placed[at, self._ends[pair, 1]]
+        back = np.swapaxes(first[:, :, :3], 1, 2)
+        second[:, :, 3] -= first[:, :, 3]
+        found = back @ second
         return np.ascontiguousarray(found[:, :, :3]), np.ascontiguousarray(found[:, :, 3])
 
 
@@ -174,11 +170,6 @@ def _hulls_decide(pair: Pair) -> bool:
     return all(x.exact is None for x in bodies) or any(
         isinstance(x.shape, HalfSpace) for x in bodies
     )
-
-
-def _matrix(body: Body) -> FloatArray:
-    """The place of a body's shape in the frame of its link, (3, 4)."""
-    return np.column_stack([body.place.rotation, body.place.position])
 
 
 def _geometry(coal: Any, shape: Shape) -> Any:

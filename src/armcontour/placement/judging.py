@@ -12,12 +12,12 @@ import numpy as np
 from armcontour.arms import Arm, SerialArm
 from armcontour.clearance import Clearance
 from armcontour.errors import ArmContourError, NotRealizable
-from armcontour.jobs.avoiding import keep_clear
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
-from armcontour.jobs.programs import time_run, trace_run
+from armcontour.jobs.programs import trace_run
 from armcontour.jobs.quantities import torques_at
+from armcontour.jobs.study import plan_clear
 from armcontour.motion import Method, Trajectory
 from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.moving import Moves, place_arm, place_bases, place_job
@@ -26,7 +26,7 @@ from armcontour.program import Contour, Dwell
 from armcontour.scene import Scene
 from armcontour.scene.scene import PART
 from armcontour.timing import Tracing, with_reserve
-from armcontour.timing.fastest_configuration import SURE, bound_duration
+from armcontour.timing.program_tracing import SURE, bound_duration
 from armcontour.tracing.poses import task_dimension
 
 # Kinds of refusals, those of a screen first.
@@ -180,7 +180,7 @@ class Judge:
         if self.screen is None:
             return [Screened() for _ in places]
         assert isinstance(self._limited, SerialArm)
-        bases = place_bases(self._limited.arrays[3], self.moves.frames(places), self.what)
+        bases = place_bases(self._limited.chain.base.matrix, self.moves.frames(places), self.what)
         beyond = self.screen.refuses(bases)
         return [
             Screened(refusal=REACH) if far else self._traced(x)
@@ -256,16 +256,16 @@ class Judge:
             bound = SURE * self._bound(traced) if self.bounded else 0.0
             if self.objective == CYCLE and bound > cutoff:
                 return Verdict(bound=bound)
-            found = time_run(here, run, traced)
-            clear = keep_clear(here, run, traced, found, lambda step: None)
+            found = plan_clear(here, run, here.program, here.program, traced, lambda step: None)
         except ArmContourError as error:
             return _refused(error, bound)
+        assert found.traced is not None
         return Verdict(
             bound=bound,
-            duration=clear.trajectory.duration,
-            singular=_singular(here.arm, clear.traced),
-            clearance=_least_distance(clear.clearance, here.scene),
-            torque_margin=_torque_margin(here.arm, run, clear.trajectory),
+            duration=found.trajectory.duration,
+            singular=_singular(here.arm, found.traced),
+            clearance=_least_distance(found.clearance, here.scene),
+            torque_margin=_torque_margin(here.arm, run, found.trajectory),
         )
 
     def _bound(self, traced: Tracing) -> float:

@@ -17,8 +17,7 @@ from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
-from armcontour.jobs.choosing import choose_run
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
 from armcontour.jobs.programs import programs_of
 from armcontour.motion import Method
@@ -118,7 +117,7 @@ def place(
         uncertainty=off,
     )
     _refuse_objective(judge)
-    if job.objective is None:
+    if job.process.automatic:
         notes.append("Leads of automatic length are those of the job's own place.")
     compared = [x for x in ("arms", "tools") if getattr(asked, x)]
     if compared:

@@ -10,20 +10,18 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._quintics import quintic
 from armcontour.arms import Limits, SerialArm, _newton
-from armcontour.arms.inverse import out_of_reach
+from armcontour.arms.inverse import WHOLE, configurations, out_of_reach
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.placement.configurations import Configurations
 from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.reach import beyond_links
 from armcontour.program import Contour, Dwell, Program
-from armcontour.timing.fastest_configuration import bound_duration
-from armcontour.tracing._tool_errors import tool_errors
+from armcontour.timing.program_tracing import bound_duration
 from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, follow_ways, subdivide
 from armcontour.tracing.knots import PLACES, first_knots
 from armcontour.tracing.numeric import SINGULAR
-from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
+from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension, tool_errors
 from armcontour.tracing.ranges import ROUNDING
 from armcontour.tracing.solver import Ends
 
@@ -131,7 +129,6 @@ class _Poses:
     def __init__(self, path: Path, arm: SerialArm, start: FloatArray | None) -> None:
         self.path, self.start = path, start
         self.task = task_dimension(path, arm)
-        self.configurations = Configurations(arm, self.task)
         knots = first_knots(path, arm.span)
         self.first = FirstPoses.of(path, knots)
         fine, self.at = subdivide(path, knots, self.first.row)
@@ -141,14 +138,14 @@ class _Poses:
 
     def refuses(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
         """In which places of an arm's base a pose is surely out of its reach, (n,)."""
-        closed = self.configurations.closed
-        if closed is not None:
+        closed = arm.closed_form
+        if self.task == WHOLE and closed is not None:
             return closed.beyond(bases, self.fine, BEYOND) > BEYOND
         return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
 
     def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
         """What is known of the path on an arm."""
-        starts = self.configurations.find(arm, self.fine[0], self.start)[:MOST_STARTS]
+        starts = configurations(arm, self.fine[0], self.task, self.start)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
         ways, reached = follow_ways(arm, self.fine, self.task, starts)
@@ -224,9 +221,10 @@ class _Poses:
         m = len(rows)
         poses, rates = np.tile(first.poses, (k, 1, 1)), np.tile(first.rates, (k, 1, 1))
         w, g = np.zeros((m, 3, 0, dof)), np.zeros((m, 3, dof))
-        found, _ = _newton.newton(*arm.arrays, rows, poses, self.task, w, g)
+        links = arm.link_table
+        found = _newton.newton(links, self.task, rows, poses, w, g)
         dq_ds, d2q_ds2, pivots = _newton.path_derivatives(
-            *arm.arrays, rows, poses, rates, self.task, w, g
+            links, self.task, rows, poses, rates, w, g
         )
         good = found & (pivots > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1)
         q, dq_ds, d2q_ds2 = (x.reshape(k, -1, dof) for x in (rows, dq_ds, d2q_ds2))
@@ -246,14 +244,8 @@ class _Poses:
         coefficients = quintic(np.tile(self.width, k), *flat)  # type: ignore[arg-type]
         q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
         targets = np.tile(self.first.between.reshape(len(PLACES), 1, n, 3, 4), (1, k, 1, 1, 1))
-        errors = tool_errors(
-            *arm.arrays,
-            np.ascontiguousarray(q.reshape(-1, dof)),
-            np.ascontiguousarray(targets.reshape(-1, 3, 4)),
-            self.task,
-            NEAR,
-            NEAR_ANGLE,
-        )
+        q, targets = q.reshape(-1, dof), targets.reshape(-1, 3, 4)
+        errors = tool_errors(arm, q, targets, self.task, (NEAR, NEAR_ANGLE))
         return np.asarray((errors.reshape(len(PLACES), k, n) <= 1).all(axis=(0, 2)))
 
 

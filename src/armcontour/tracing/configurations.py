@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.inverse import configurations, out_of_reach, seeds
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing import _turns
 from armcontour.tracing.knots import Knots
 from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
 from armcontour.tracing.ranges import out_of_range
@@ -29,6 +28,8 @@ R = TypeVar("R")
 # Work on so many poses is shared by threads: starting them takes as long as that of a hundred. Ways
 # are followed in so many parts, as some end early.
 MANY, PARTS = 2000, 16
+# Joint paths are smoothed in so many parts: NumPy works on the ways of a part at once.
+SMOOTHED_PARTS = 4
 # Poses are followed until a correction is below this [rad]. Ways that cost the same are told apart
 # by the last digit; with a given start there is one way, of which the solver makes the last
 # correction: about the square of this times the condition number of the Jacobian.
@@ -132,16 +133,16 @@ def find_solutions(
     found: list[Solution] = []
     different = _Different(arm, knot_poses, task)
 
-    def smoothed(q: FloatArray) -> tuple[FloatArray, float]:
-        return smooth(arm, s, knot_poses, task, q, start_stays=start is not None)
+    def smoothed(ways: list[FloatArray]) -> list[tuple[FloatArray, float]]:
+        stays = start is not None
+        return _smooth(arm, s, knot_poses, task, ways, start_stays=stays) if redundant else []
 
-    best = followed[:MOST_SMOOTHED] if redundant else []
-    first = _in_threads(smoothed, best, len(best) * len(s))
+    first = smoothed(followed[:MOST_SMOOTHED])
     for i, q in enumerate(followed):
         if redundant and found and i >= MOST_SMOOTHED:
             break
         if redundant:
-            q, cost = first[i] if i < len(first) else smoothed(q)
+            q, cost = first[i] if i < len(first) else smoothed([q])[0]
         else:
             cost = _joint_distance(arm, q)
         in_range = _turn_into_range(arm, q, start)
@@ -151,7 +152,8 @@ def find_solutions(
             found.append(Solution(q=in_range, cost=cost))
     if not found:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
-    found.sort(key=lambda x: x.cost)
+    # Elbow up and down often cost the same: the one whose joints start nearer to 0 comes first.
+    found.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return found[:MOST_SOLUTIONS] if redundant else found
 
 
@@ -200,7 +202,7 @@ def follow_ways(
     q[:, 0] = starts
 
     def follow(ways: slice) -> None:
-        _newton.follow(*arm.arrays, poses, task, q[ways], reached[ways], enough)
+        _newton.follow(arm.link_table, task, poses, q[ways], reached[ways], enough)
 
     _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached
@@ -227,20 +229,11 @@ def _rank(
         return [_shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
 
-    def rank(q: FloatArray) -> tuple[float, FloatArray]:
-        shifted, _ = _shift_by_turns(arm, q)
-        rough, cost = smooth(
-            arm,
-            s[few],
-            poses[few],
-            task,
-            shifted[few],
-            start_stays=start is not None,
-            rounds=ROUGH_ROUNDS,
-        )
-        return cost, shifted if len(few) < len(s) else rough
-
-    ranked = _in_threads(rank, followed, len(followed) * len(few))
+    shifted = [_shift_by_turns(arm, q)[0] for q in followed]
+    options = {"start_stays": start is not None, "rounds": ROUGH_ROUNDS}
+    rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
+    both = zip(shifted, rough, strict=True)
+    ranked = [(cost, q if len(few) < len(s) else short) for q, (short, cost) in both]
     ranked.sort(key=lambda x: x[0])
     first: list[FloatArray] = []
     again: list[FloatArray] = []
@@ -248,6 +241,26 @@ def _rank(
     for _, q in ranked:
         (first if different.add(q) else again).append(q)
     return first + again
+
+
+def _smooth(
+    arm: SerialArm,
+    s: FloatArray,
+    poses: FloatArray,
+    task: int,
+    ways: list[FloatArray],
+    **options: Any,
+) -> list[tuple[FloatArray, float]]:
+    """Smoothed joint paths, (n, dof) each, with their costs; in threads if it takes long."""
+    if not ways:
+        return []
+
+    def work(part: slice) -> tuple[FloatArray, FloatArray]:
+        return smooth(arm, s, poses, task, np.array(ways[part]), **options)
+
+    parts = split_evenly(len(ways), SMOOTHED_PARTS)
+    done = _in_threads(work, parts, len(ways) * len(s))
+    return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
 
 
 class _Different:
@@ -264,7 +277,7 @@ class _Different:
         self._known: list[FloatArray] = []
         # Null spaces of known solutions that others are compared with, at some knots, and along all
         # of them where a difference is looked at closely.
-        self._rough: dict[int, FloatArray] = {}
+        self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
 
     @cached_property
@@ -274,38 +287,39 @@ class _Different:
 
     def add(self, q: FloatArray) -> bool:
         """Add joint positions, (n, dof), unless they are those of a known solution."""
-        if any(self._is_known(k, q) for k in range(len(self._known))):
-            return False
+        if self.task == self.arm.dof:
+            if any(np.abs(q - x).max() < SAME_SOLUTION for x in self._known):
+                return False
+        else:
+            few = self._few
+            if self._known:
+                # At any knot no more may be left than from a difference of half a turn.
+                apart = q[few] - np.array([x[few] for x in self._known])
+                near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
+                if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
+                    return False
+            self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
         self._known.append(q)
         return True
 
     def _is_known(self, k: int, q: FloatArray) -> bool:
         """Whether joint positions are those of a known solution but for null-space motion."""
-        known = self._known[k]
-        if self.task == self.arm.dof:
-            return bool(np.abs(q - known).max() < SAME_SOLUTION)
-        few = self._few
-        if k not in self._rough:
-            self._rough[k] = null_space(self.arm, self.poses[few], self.task, known[few])
-        # At any knot no more may be left than from a difference of half a turn.
-        if _outside(self._rough[k], q[few] - known[few])[0] >= SAME_SOLUTION * np.pi:
-            return False
         if k not in self._spaces:
-            self._spaces[k] = null_space(self.arm, self.poses, self.task, known)
-        rest, size = _outside(self._spaces[k], q - known)
-        return rest < SAME_SOLUTION * max(1.0, size)
+            self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
+        rest, size = _outside(self._spaces[k], q - self._known[k])
+        return bool(rest < SAME_SOLUTION * max(1.0, float(size)))
 
 
-def _outside(w: FloatArray, difference: FloatArray) -> tuple[float, float]:
+def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The largest part outside null spaces of differences of joint positions, and their largest.
 
     Args:
-        w: Bases of the null spaces, (n, free, dof).
-        difference: The differences, up to whole turns [rad], (n, dof).
+        w: Bases of the null spaces, (..., n, free, dof).
+        difference: The differences, up to whole turns [rad], (..., n, dof).
     """
     near = np.pi - np.mod(np.pi - difference, 2 * np.pi)
-    rest = near - np.einsum("nik,nij,nj->nk", w, w, near)
-    return float(np.abs(rest).max()), float(np.abs(near).max())
+    rest = near - (np.swapaxes(w, -1, -2) @ (w @ near[..., None]))[..., 0]
+    return np.abs(rest).max(axis=(-1, -2)), np.abs(near).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
@@ -327,23 +341,7 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
         turn = np.maximum(turn, turned)
     if turn.max() <= CHORD_TURN:
         return knots, np.arange(len(knots) + 1)
-    count = np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp)
-    at = np.concatenate([[0], np.cumsum(count)])
-    if at[-1] == len(knots):
-        return knots, at
-    interval = np.repeat(np.arange(len(knots)), count)
-    number = np.arange(at[-1]) - at[interval]
-    ahead = width[interval] * (number / count[interval])
-    after = width[interval] * ((number + 1) / count[interval])
-    u0 = knots.u0[interval]
-    found = Knots(
-        segment=knots.segment[interval],
-        piece=knots.piece[interval],
-        u0=u0 + ahead,
-        u1=u0 + after,
-        s0=knots.s0[interval] + ahead,
-    )
-    return found, at
+    return knots.cut(np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp))
 
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
@@ -361,11 +359,18 @@ def _shift_by_turns(
     They are as near to the start as the ranges allow, or as near to the middle of the ranges as
     possible. A joint whose range has one end only is shifted into its range.
     """
-    near = np.empty(0) if start is None else np.array(start)
-    found: tuple[FloatArray, bool] = _turns.shift_by_turns(
-        q, *arm.limits.joint_range(arm.dof), near
-    )
-    return found
+    lower, upper = arm.limits.joint_range(arm.dof)
+    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
+    both = np.isfinite(lower) & np.isfinite(upper)
+    middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+    least = np.where(both, -np.inf, np.ceil((lower - low) / turn))
+    most = np.where(both, np.inf, np.floor((upper - high) / turn))
+    turns = np.rint((middle - (low + high) / 2) / turn)
+    shift = turn * np.minimum(np.maximum(turns, least), most)
+    if start is not None:
+        near = turn * np.rint((start - q[0]) / turn)
+        shift = np.where((low + near >= lower) & (high + near <= upper), near, shift)
+    return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
 
 
 def _turn_into_range(

@@ -9,7 +9,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
-from armcontour.tracing._knots import cut_cells
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
@@ -68,6 +67,41 @@ class Knots:
         segment, piece = self.segment[parent], self.piece[parent]
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
+    def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
+        """The intervals, each cut into equal ones.
+
+        Args:
+            count: Number of parts of every interval, (n,).
+
+        Returns:
+            The parts, and the indices of the given knots among their starts and last end, (n + 1,).
+        """
+        at = np.append(0, np.cumsum(count))
+        of = np.repeat(np.arange(len(self)), count)
+        number = np.arange(at[-1]) - at[of]
+        share = ((self.u1 - self.u0) / count)[of]
+        last = number + 1 == count[of]
+        return Knots(
+            segment=self.segment[of],
+            piece=self.piece[of],
+            u0=self.u0[of] + share * number,
+            u1=np.where(last, self.u1[of], self.u0[of] + share * (number + 1)),
+            s0=self.s0[of] + share * number,
+        ), at
+
+    def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
+        """Places of the starts of the intervals, and of those ends that are not starts of others.
+
+        Returns:
+            The interval of every place, (m,); the distances along the segments there [m], (m,); and
+            the place of the end of every interval, (n,).
+        """
+        x, n = self, len(self)
+        alone = np.append((np.diff(x.segment) != 0) | (np.diff(x.piece) != 0), True)
+        alone[:-1] |= x.u0[1:] != x.u1[:-1]
+        row, u = np.append(np.arange(n), np.flatnonzero(alone)), np.append(x.u0, x.u1[alone])
+        return row, u, np.where(alone, n - 1 + np.cumsum(alone), np.arange(1, n + 1))
+
     def places(self) -> tuple[Knots, FloatArray]:
         """The intervals repeated for each of `PLACES`, and distances along the segments there [m].
 
@@ -101,12 +135,9 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
         middle = cells.at((cells.u0 + cells.u1) / 2) - path.orientation.breaks[i]
         rate, _ = path.orientation.rates_on_piece(i, middle)
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
-    # Kernels are compiled for arrays that may be written.
-    u0, u1, s0 = np.array(cells.u0), np.array(cells.u1), np.array(cells.s0)
     step = max(FIRST_STEP * extent, SHORTEST_FIRST_STEP * span)
-    cell, at = cut_cells(u0, u1, s0, turning, finer, step, FIRST_TURN)
-    u0, u1, s0 = at
-    return Knots(segment=cells.segment[cell], piece=cells.piece[cell], u0=u0, u1=u1, s0=s0)
+    count = np.ceil(finer * (cells.u1 - cells.u0) * np.maximum(1 / step, turning / FIRST_TURN))
+    return cells.cut(np.maximum(1, count).astype(np.intp))[0]
 
 
 def _cells(path: Path) -> Knots:

@@ -8,13 +8,13 @@ from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.tracing._tool_errors import tool_errors
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import MIDDLE, Knots
 from armcontour.tracing.poses import (
     FirstPoses,
     motion_at,
     poses_at,
+    tool_errors,
     turning_too_fast,
     what_helps,
 )
@@ -81,9 +81,10 @@ class Numeric(Solver[SerialArm]):
     ) -> Ends:
         """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
         w, g = self._rows(knots, u)
-        found, _ = _newton.newton(*self.arm.arrays, q, poses, self.task, w, g)
+        links = self.arm.link_table
+        found = _newton.newton(links, self.task, q, poses, w, g)
         dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
-            *self.arm.arrays, q, poses, rates, self.task, w, g
+            links, self.task, q, poses, rates, w, g
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
@@ -104,8 +105,7 @@ class Numeric(Solver[SerialArm]):
 
     def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
         """The errors of `tool_errors` from target poses, (n, 3, 4)."""
-        tolerances = self.tolerance, ANGULAR_TOLERANCE
-        return np.asarray(tool_errors(*self.arm.arrays, q, targets, self.task, *tolerances))
+        return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).

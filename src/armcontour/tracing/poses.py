@@ -11,7 +11,6 @@ from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding import OUT_OF_PLANE
-from armcontour.tracing._knots import find_ends
 from armcontour.tracing.knots import Knots
 
 # Jumps of the orientation below this are rounding errors [rad].
@@ -129,9 +128,8 @@ def turning_too_fast(path: Path, s: float) -> str:
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
-    poses = np.empty((len(u), 3, 4))
+    poses, orientation = np.empty((len(u), 3, 4)), path.orientation
     poses[:, :, 3] = path.on_segment(knots.segment, u)
-    orientation = path.orientation
     if orientation is None:
         poses[:, :, :3] = np.eye(3)
     elif orientation.fixed:
@@ -142,25 +140,46 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     return poses
 
 
+def tool_errors(
+    arm: SerialArm, q: FloatArray, targets: FloatArray, task: int, tolerances: tuple[float, float]
+) -> FloatArray:
+    """Larger of position error and orientation error of the tool, over its tolerance, (n,).
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        targets: Poses that the tool should have, (n, 3, 4).
+        task: Task dimension.
+        tolerances: Largest distance of the tool from its place [m], and angle [rad].
+    """
+    off = arm.poses(q) - targets
+    error: FloatArray = np.linalg.norm(off[:, :, 3], axis=1) / tolerances[0]
+    if task == 3:
+        return error
+    turned = off[:, :, 2] if task == 5 else off[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
+    angle: FloatArray = np.linalg.norm(turned, axis=1)
+    return np.maximum(error, angle / tolerances[1])
+
+
 def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3).
 
     The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
     derivative.
     """
-    rates, orientation = np.zeros((len(u), 4, 3)), path.orientation
-    for order in (1, 2):
-        rates[:, order - 1] = path.on_segment(knots.segment, u, order)
+    poses, rates, orientation = poses_at(path, knots, u), np.zeros((len(u), 4, 3)), path.orientation
+    rates[:, 0] = path.on_segment(knots.segment, u, 1)
+    rates[:, 1] = path.on_segment(knots.segment, u, 2)
     if orientation is not None and not orientation.fixed:
         after = knots.at(u) - orientation.breaks[knots.piece]
         rates[:, 2], rates[:, 3] = orientation.rates_on_piece(knots.piece, after)
-    return poses_at(path, knots, u), rates
+    return poses, rates
 
 
 def row_of_poses(path: Path, knots: Knots) -> FloatArray:
     """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
-    last = knots.part(np.array([len(knots) - 1]))
-    return np.concatenate([poses_at(path, knots, knots.u0), poses_at(path, last, last.u1)])
+    every = knots.part(np.append(np.arange(len(knots)), len(knots) - 1))
+    return poses_at(path, every, np.append(knots.u0, knots.u1[-1]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +210,7 @@ class FirstPoses:
     @classmethod
     def of(cls, path: Path, knots: Knots) -> FirstPoses:
         """Compute them."""
-        row, u, ends = find_ends(knots.segment, knots.piece, knots.u0, knots.u1)
+        row, u, ends = knots.ends()
         places = knots.part(row)
         poses, rates = motion_at(path, places, u)
         return cls(

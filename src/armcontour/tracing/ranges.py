@@ -11,7 +11,6 @@ from armcontour.arms import Limits
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.tracing._ranges import is_surely_within
 from armcontour.tracing.poses import what_helps
 
 # Joint positions have smaller rounding errors than this, and no robot resolves it [rad].
@@ -42,7 +41,9 @@ def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
     if limits.joint_lower is None and limits.joint_upper is None:
         return
     lower, upper = limits.joint_range(joint_path.dof)
-    if is_surely_within(joint_path.coefficients, lower, upper):
+    c = joint_path.coefficients
+    spread = np.abs(c[:, 1:]).sum(axis=1)
+    if ((c[:, 0] - spread >= lower) & (c[:, 0] + spread <= upper)).all():
         return
     # A polynomial lies within the hull of its Bernstein coefficients, so most pieces need no roots.
     hull = np.matmul(BERNSTEIN, joint_path.coefficients)

@@ -11,7 +11,7 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.tracing.closed_form import ClosedForm
+from armcontour.tracing.analytic import Analytic
 from armcontour.tracing.configurations import CHORD_TURN, find_solutions
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.numeric import Numeric
@@ -183,7 +183,7 @@ def _trace_planar(
         InvalidInput: As in `trace`.
     """
     joint_path = refine(
-        ClosedForm(path, arm, branch, tolerance), first_knots(path, arm.span), path.stops
+        Analytic(path, arm, branch, tolerance), first_knots(path, arm.span), path.stops
     )
     joint_path = turn_into_range(joint_path, arm.limits)
     refuse_out_of_range(joint_path, arm.limits)

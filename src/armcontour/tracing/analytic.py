@@ -12,7 +12,7 @@ from armcontour.tracing.knots import Knots
 from armcontour.tracing.solver import Ends, Solver
 
 
-class ClosedForm(Solver[PlanarTwoLink]):
+class Analytic(Solver[PlanarTwoLink]):
     """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27).
 
     Args:
