@@ -97,7 +97,9 @@ def sections(doc):
 
 
 DOCUMENTED = documented()
-BY_NAME = {x.__name__: x for x in vars(ac).values() if inspect.isclass(x)}
+# Public classes and their bases.
+CLASSES = [x for x in vars(ac).values() if inspect.isclass(x)]
+BY_NAME = {base.__name__: base for x in CLASSES for base in x.__mro__}
 
 
 def faults(name):

@@ -16,7 +16,7 @@ from armcontour._yaml import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, 
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
-from armcontour.jobs import Experiment, teach
+from armcontour.jobs import Experiment, run
 
 
 def chain(first, rest, count):
@@ -173,12 +173,12 @@ def teach_with_a_dwell_of_a_day(folder):
     file.write_text("G21 G90 G17\nG0 X10 Y10\nF600\nG1 X20 Y10\nG4 P99999\nG1 X20 Y20\nM2\n")
     job = read_cell("pmk3s", file)
     runs = tuple(dataclasses.replace(x, period=1e-3) for x in job.runs)
-    teach(dataclasses.replace(job, runs=runs))
+    run(dataclasses.replace(job, runs=runs), simulate=False)
 
 
 def test_large_motions_are_refused(tmp_path):
     for call in (
-        lambda: teach(job(limits__speed=1e-6, command_interval=1e-3)),
+        lambda: run(job(limits__speed=1e-6, command_interval=1e-3), simulate=False).runs,
         lambda: teach_with_a_dwell_of_a_day(tmp_path),
     ):
         with pytest.raises(ac.InvalidInput, match="longer command interval") as caught:

@@ -33,8 +33,8 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import armcontour as ac
 from armcontour.arms.chain import link_poses
-from armcontour.io.robots import shapes
-from armcontour.io.robots.shapes import STEP
+from armcontour.io.robots import loading
+from armcontour.io.robots.loading import STEP
 from armcontour.scene import ArmShapes, LinkShape, Mesh
 
 # How far a hull may be from the convex hull of the mesh [m].
@@ -45,7 +45,7 @@ ROUNDING = STEP
 SAME = 1e-8
 # Half-spaces that are added at a time.
 AT_ONCE = 12
-FOLDER = Path(shapes.__file__).parent / "library" / "hulls"
+FOLDER = Path(loading.__file__).parent / "library" / "hulls"
 SOURCES = {
     "ur": (
         "Convex hulls of the collision meshes of Universal_Robots_ROS2_Description, Universal "

@@ -1,10 +1,10 @@
-"""Times and joint values that a sampled motion can have, whoever recorded it."""
+"""Times and joint values that a sampled motion can have; wholes that are cut into parts."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 
 # Steps of time [s]. Controllers and planners sample at 1 MHz at most; a nanosecond is the last
 # digit of times that are printed with nine decimals. Shorter steps come of damaged files, and
@@ -72,3 +72,13 @@ def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray
         near = slice(max(first - 1, 0), last + 1)
         t, values = t[near], values[near]
     return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
+
+
+def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
+    """The whole that each part belongs to, and the number of the part in it, both from 0.
+
+    Args:
+        count: Number of parts of each whole, (n,).
+    """
+    whole = np.repeat(np.arange(len(count)), count)
+    return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)

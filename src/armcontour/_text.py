@@ -1,7 +1,8 @@
-"""Make text of other people safe for messages: printable, in one line, of limited length."""
+"""Text of other people for messages: printable, in one line, of limited length; and numbers."""
 
 from __future__ import annotations
 
+import math
 import reprlib
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +14,8 @@ LONGEST_SENTENCE = 2000
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MOST_SHOWN
+# Longest text of a number; no program prints more digits.
+LONGEST = 100
 
 
 def make_printable(text: str) -> str:
@@ -60,3 +63,30 @@ def list_some(names: Sequence[str], most: int) -> str:
 def _escape(character: str) -> str:
     """The escape of a character."""
     return character.encode("unicode_escape").decode("ascii")
+
+
+def parse_number(text: str) -> float:
+    """Parse a finite decimal number; blanks around the number are ignored.
+
+    `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
+
+    Raises:
+        ValueError: The text is not a finite decimal number.
+    """
+    if len(text) > LONGEST or not text.isascii() or "_" in text:
+        raise ValueError(f"{text[:40]!r} is not a number")
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:40]!r} is not a finite number")
+    return value
+
+
+def plain_number(value: Any) -> float | None:
+    """Convert a value of a YAML file to a finite number; None if the value is no number."""
+    if isinstance(value, bool):
+        return None
+    try:
+        found = parse_number(value) if isinstance(value, str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return found if math.isfinite(found) else None

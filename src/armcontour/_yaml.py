@@ -10,8 +10,7 @@ from typing import Any
 
 import yaml
 
-from armcontour._numbers import LONGEST, parse_number
-from armcontour._text import show
+from armcontour._text import LONGEST, parse_number, show
 from armcontour.errors import InvalidInput
 
 # Longest text: PyYAML's parser reads 0.3 million characters per second. Tables hold long paths.

@@ -84,6 +84,11 @@ class Frame(Value):
         )
 
     @property
+    def matrix(self) -> FloatArray:
+        """Rotation and position side by side, (3, 4)."""
+        return np.column_stack([self.rotation, self.position])
+
+    @property
     def inverse(self) -> Frame:
         """The reference frame of this frame, in the coordinates of this frame."""
         back = self.rotation.T

@@ -54,7 +54,7 @@ def test_a_row_is_what_the_job_gives_alone(reference, jobs):
         job = job.replace("0.1 m/s", f"{row['limits.speed']!r} m/s")
         try:
             alone = ac.read_job(_written(jobs, job))
-            duration = ac.jobs.teach(alone)["only"].trajectory.duration
+            duration = ac.jobs.run(alone, simulate=False).runs["only"].trajectory.duration
         except ac.ArmContourError as error:
             assert (row["status"], row["error"]) == ("refused", type(error).__name__)
             assert row["sentence"] == str(error) and row["duration"] is None

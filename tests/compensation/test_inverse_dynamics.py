@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 import armcontour as ac
 from armcontour.drives import Drives
 from armcontour.motion import Law, smooth
-from armcontour.servo.command import polynomials, sample_command
+from armcontour.servo.simulation import polynomials, sample_command
 
 pytest.importorskip("mujoco")
 DURATION, PERIOD = 0.4, 4e-3

@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.drives import Drives, regular_times, respond_along
 from armcontour.motion import TaughtData
-from armcontour.servo.command import command_weights, polynomials, sample_command
+from armcontour.servo.simulation import command_weights, polynomials, sample_command
 
 pytest.importorskip("mujoco")
 PERIOD = 4e-3

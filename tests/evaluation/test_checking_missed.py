@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.evaluation.angular_deviation import angle_off
+from armcontour.evaluation.error_profile import angle_off
 from armcontour.frames import exp
 
 ERROR = 5e-3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
+from armcontour.evaluation.evaluation import commanded_jerk, executed_jerk
 from armcontour.motion import stand_still
 
 ARM = ac.load_arm("pmk3s")

@@ -5,9 +5,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.evaluation import ErrorProfile
-from armcontour.evaluation.cornering_deviations import corner_deviations
 from armcontour.evaluation.following import follow_path
-from armcontour.evaluation.speed_shares import measure_shares
+from armcontour.evaluation.pieces import corner_deviations, measure_shares
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,11 @@ def test_the_paper_s_corners_at_1_ms_are_0_2_percent_farther_than_samples_show()
     coarse, fine = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
     error = ac.evaluate(coarse, path, objective=objective).objective_error
     assert largest(coarse, objective) < error.max * (1 - 1.5e-3)
-    assert largest(fine, objective) <= error.max <= largest(fine, objective) * (1 + 5e-5)
+    # Between two samples the distance changes by no more than the tool moves in half of the time.
+    between = 0.15 * (fine.t[1] - fine.t[0]) / 2
+    assert largest(fine, objective) <= error.max <= largest(fine, objective) + between
+    finer = ac.evaluate(fine, path, objective=objective).objective_error
+    assert error.max == pytest.approx(finer.max, rel=1e-6)
     assert error.values.max() == error.max == error.values[np.searchsorted(error.t, error.t_max)]
 
 

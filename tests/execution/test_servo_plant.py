@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 import armcontour as ac
 from armcontour.arms.chain import Chain
 from armcontour.arms.serial import SerialArm
-from armcontour.execution.servo_run import ServoRun, TorqueBounds
+from armcontour.execution.plant import ServoRun, TorqueBounds
 from armcontour.motion import LapLaw
-from armcontour.servo.command import polynomials
+from armcontour.servo.simulation import polynomials
 
 
 def taught_data(q, period=0.02):

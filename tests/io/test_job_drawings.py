@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.io import parse_job, read_job
 from armcontour.io.cell import cell_names, read_cell
 from armcontour.io.robots.loading import arm_names
-from armcontour.program import Program
+from armcontour.program import Program, prepare
 
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
@@ -57,18 +57,17 @@ def test_a_file_becomes_a_program_where_its_frame_lies(folder):
 
 def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder):
     plain = job(folder, path=PLAIN_FILE, runs={"one": {"until": "9 s"}})
-    assert plain.single_path.length == pytest.approx(0.1) and plain.runs[0].until == 9.0
+    assert plain.program.path.length == pytest.approx(0.1) and plain.runs[0].until == 9.0
     rest = job(folder, "process: {from_s: 30 mm}", path=PLAIN_FILE)
-    assert rest.single_path.length == pytest.approx(0.07)
-    np.testing.assert_allclose(rest.single_path(0.0), [0.33, 0.08])
-    assert ac.plan(rest.single_path, rest.arm, rest.runs[0].limits).duration > 0
+    single = prepare(rest.program, rest.process).single_path
+    assert single.length == pytest.approx(0.07)
+    np.testing.assert_allclose(single(0.0), [0.33, 0.08])
+    assert ac.plan(single, rest.arm, rest.runs[0].limits).duration > 0
+    assert job(folder, "process: {lead_out: {}}", path=PLAIN_FILE).process.automatic
     with_leads = job(folder, "process: {lead_in: {length: 5 mm}}", path=PLAIN_FILE)
-    automatic = job(folder, "process: {lead_out: {}}", path=PLAIN_FILE)
-    assert automatic.objective is None and automatic.process.automatic
     switched = parse_job(yaml.safe_dump({**POINTS, "process": {"switch": {"name": "laser"}}}))
-    assert switched.process.switch is not None
-    others = [(x, "with other moves") for x in (with_leads, automatic, switched)]
-    refusals(lambda x: x.single_path, others)
+    for x in (with_leads, switched):
+        assert prepare(x.program, x.process).single_path is None
 
 
 def test_a_drawing_is_repeated_in_its_own_coordinates(folder):
@@ -95,7 +94,6 @@ lead_in: {length: 5 mm, shape: arc, side: right} => {lead_in.length: 0.005, lead
 lead_in: {shape: arc, active: true} => {lead_in.shape: arc, lead_in.active: true}
 lead_out: {length: auto} => {lead_out.length: null, lead_out.active: false}
 {pierce: {time: 300 ms}, switch: {name: x}} => {pierce.time: 0.3}
-{pierce: {time: 1, height: 3 mm}, switch: {name: x}, lead_out: {}} => {pierce.height: 0.003}
 switch: {name: x, on_lead: 20 ms, off_lead: 5 ms} => {switch.on_lead: 0.02, switch.off_lead: 0.005}
 events: [{name: gas, value: 2.5, at: 1 mm}] => {events.gas.value: 2.5, events.gas.s: 0.001}
 events: [{name: gas, lead_time: -10 ms}] => {events.gas.lead_time: -0.01}
@@ -117,6 +115,11 @@ by_layer:
 
 def test_a_process_has_values_by_layer_with_their_units(folder):
     values(lambda x: job(folder, process=yaml.safe_load(x)).process, PROCESS)
+    pierced = "{pierce: {time: 1, height: 3 mm}, switch: {name: x}, lead_out: {}}"
+    refusals(lambda x: job(folder, process=yaml.safe_load(x)), [(pierced, "in the plane")])
+    file = {"file": str(folder / "two.csv"), "orientation": {"axis": [0, 0, -1]}}
+    in_space = {**JOB, "arm": "ur5e", "path": file, "process": yaml.safe_load(pierced)}
+    assert parse_job(yaml.safe_dump(in_space)).process.pierce.height == 0.003
     layers = {"contour,": "contour,layer,", "a,0": "a,CUT,0", "a,60": "a,CUT,60", "b,": "b,MARK,"}
     text = TWO
     for old, new in layers.items():
@@ -127,7 +130,7 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     assert own.lead_in is None and own.passes == 2
     assert own.tabs.width == 1e-3 and own.switch.value == 0.2
     assert made.process.of_layer("CUT").lead_in is not None
-    cut, mark = made.objective.contours
+    cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
     assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
     open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: null}}"
@@ -173,7 +176,7 @@ def test_space_and_plane(folder):
         ("{path: {file: deep.ngc}, arm: ur5e, corners: {tolerance: 0.2 mm}}", 3),
     ):
         found = job(folder, text)
-        assert found.single_path.dimension == found.program.dimension == dimension
+        assert found.program.path.dimension == dimension
     path = {"orientation": {"axis": [0, 0, -1]}, "frame": {"position": [0.4, 0, 0.1]}}
     drawn = job(folder, path=path, arm="ur5e").path
     assert isinstance(drawn, Program) and drawn.dimension == 3
@@ -199,7 +202,7 @@ def test_cells_take_a_drawing(folder):
         (bare, {"frame": frame}, 0.1),
     ):
         (folder / "cell.yaml").write_text(yaml.safe_dump(data))
-        found = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).single_path
+        found = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).program.path
         np.testing.assert_allclose(found(0.0), [0.3, 0.08])
         assert found.length == pytest.approx(length)
 
@@ -240,7 +243,7 @@ def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
     file = tmp_path / "seam.csv"
     file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
     job = read_cell("ur5e", file, path={"units": "mm"})
-    axis = job.single_path.orientation(0.0)[:, 2]
+    axis = job.program.path.orientation(0.0)[:, 2]
     np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
     assert "comes from seam.csv" in job.path.notes[-1]
 
@@ -262,7 +265,7 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     (folder / "layers.csv").write_text(text)
     layers = "{A: {speed: 0.02}, B: {speed: 0.01}}"
     found = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
-    assert found.single_path.speeds.tolist() == [0.02]
+    assert prepare(found.program, found.process).path.speeds.tolist() == [0.02]
 
 
 def test_jobs_and_cells_that_never_end_or_are_too_large_are_refused(folder):
@@ -295,9 +298,9 @@ def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(fol
     ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
     points = {**JOB, "path": {"points": ring}}
     found = parse_job(yaml.safe_dump(points))
-    np.testing.assert_array_equal(found.single_path(0.0), ring[0])
+    np.testing.assert_array_equal(found.program.path(0.0), ring[0])
     moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
-    assert np.linalg.norm(moved.single_path(0.0) - ring[0]) > 0.01
+    assert np.linalg.norm(prepare(moved.program, moved.process).path(0.0) - ring[0]) > 0.01
 
 
 def test_tools_have_diameters_by_their_numbers(folder):

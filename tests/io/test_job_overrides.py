@@ -9,6 +9,7 @@ from armcontour.io import parse_job
 from armcontour.io.cell import read_cell
 from armcontour.io.job_overrides import JobOverrides
 from armcontour.jobs import Rounding
+from armcontour.program import prepare
 
 JOB = yaml.safe_load("""
 name: plane
@@ -52,7 +53,7 @@ def test_values_go_before_those_of_the_job_and_of_its_runs():
     found = read("{corner_tolerance: 0.0002}", "corners: sharp")
     assert found["plain"].rounding.tolerance == 2e-4
     job = parse_job(yaml.safe_dump(JOB), overrides=JobOverrides(from_s=0.01))
-    assert job.objective.length == pytest.approx(0.06)
+    assert prepare(job.program, job.process).length == pytest.approx(0.06)
 
 
 def test_a_shape_goes_to_every_run_that_can_have_it():
@@ -120,7 +121,8 @@ def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(tmp_p
 
     def placed(**changes):
         x = JobOverrides(layers=("a",), **changes)
-        return read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", overrides=x).single_path
+        job = read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", overrides=x)
+        return prepare(job.program, job.process).path
 
     np.testing.assert_allclose(placed().vertices, [[0.3, 0.2], [0.34, 0.2]])
     assert placed().speeds.tolist() == [0.02]

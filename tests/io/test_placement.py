@@ -72,7 +72,8 @@ def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():
     assert new[0] == "arm:" and all(x.startswith("  ") for x in new[1:])
     again = parse_job(text)
     assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
-    np.testing.assert_allclose(again.arm.arrays[3], found.placed().arm.arrays[3], atol=1e-12)
+    bases = [x.arm.chain.base.matrix for x in (again, found.placed())]
+    np.testing.assert_allclose(*bases, atol=1e-12)
     position = yaml.safe_load(text)["arm"]["work"]["position"]
     assert position == [round(x, 12) for x in position]
 
@@ -85,7 +86,7 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
         text = written(found, text)
         again = parse_job(text)
         assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
-    (first, last) = parse_job(text).single_path.vertices
+    (first, last) = parse_job(text).program.path.vertices
     assert np.arctan2(*(last - first)[::-1]) == pytest.approx(0.4)
     np.testing.assert_allclose((first + last) / 2, [0.33, 0.2], atol=1e-12)
     # It does not lift the path out of the plane.

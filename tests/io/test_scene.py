@@ -134,7 +134,7 @@ def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
         assert isinstance(table.shape, HalfSpace) and part.fixed_to == "part"
         # The surface of the part is where the drawing lies.
         top = part.place.position + part.place.rotation @ [0, 0, 0.005]
-        assert top[2] == pytest.approx(found.single_path(0.0)[2])
+        assert top[2] == pytest.approx(found.program.path(0.0)[2])
         last = {x.name for x in found.arm.shapes.shapes if x.link == found.arm.dof}
         assert set(part.allow) == {"tool", *last}
 

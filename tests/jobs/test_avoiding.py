@@ -13,8 +13,8 @@ import armcontour as ac
 from armcontour.errors import Collision
 from armcontour.frames import Frame
 from armcontour.io import parse_job
-from armcontour.io.summary import summarise_taught
-from armcontour.jobs import teach
+from armcontour.io.summary import summary
+from armcontour.jobs import Study, run
 from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
 # Stand-ins of the links of a UR5e.
@@ -59,7 +59,7 @@ def job():
 
 
 def plan_of(job, **changed):
-    (plan,) = teach(dataclasses.replace(job, **changed)).values()
+    (plan,) = run(dataclasses.replace(job, **changed), simulate=False).runs.values()
     return plan
 
 
@@ -95,7 +95,9 @@ def test_a_rapid_goes_around_a_wall(job, free):
     torch = job.arm.forward(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
     inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
     assert not inside.any()
-    data = json.loads(summarise_taught(walled, {"taught": plan}))["runs"]["taught"]["clearance"]
+    data = json.loads(summary(Study(job=walled, runs={"taught": plan})))["runs"]["taught"][
+        "clearance"
+    ]
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
@@ -115,7 +117,7 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
 def test_collisions_are_refused_with_pair_place_and_time(job):
     blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
     with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
-        teach(blocked)
+        run(blocked, simulate=False)
     assert e.value.t is not None and e.value.exit_code == 8
     assert abs(e.value.point[0] - 0.5) < 0.02
     plan = plan_of(blocked, ignore_collisions=True)
@@ -129,7 +131,7 @@ def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
     assert single.clearance.kept and single.avoided == (OTHER,)
     # The first contour decides before all are timed.
-    monkeypatch.setattr("armcontour.jobs.avoiding.avoid", None)
+    monkeypatch.setattr("armcontour.jobs.ways.find_starts", None)
     plan = plan_of(job, scene=post_at_elbow(job, free))
     assert plan.clearance.kept and plan.avoided == (OTHER,)
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1

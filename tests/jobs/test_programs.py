@@ -17,9 +17,9 @@ from armcontour.geometry import Arc, Path
 from armcontour.geometry.placing import lift_path, place_path
 from armcontour.io.cell import read_cell
 from armcontour.io.job_overrides import JobOverrides
-from armcontour.jobs import Rounding, run, teach, warnings_of
-from armcontour.jobs.programs import plan_run, programs_of
-from armcontour.jobs.slow_ends import slow_ends
+from armcontour.jobs import Rounding, run, warnings_of
+from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.warnings import slow_ends
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -38,7 +38,8 @@ def planned(done):
     """The program of a job's run, its plan, and its speeds at the ends of the work."""
     (this,) = done.runs
     _, program = programs_of(done, this)
-    trajectory, found = plan_run(done, this, program), []
+    traced, found = trace_run(done, this, program), []
+    trajectory = ac.plan(traced, done.arm, this.limits, **this.plan_options)
     for span in trajectory.spans:
         if span.work is not None:
             t = np.array(span.work)
@@ -172,8 +173,8 @@ def test_what_makes_no_job_is_refused():
     refused(
         (lambda: run(job(auto, timing="mac")), "Run taught", "optimal", "mac"),
         (lambda: job(Process(), until=3.0), "until is for a job with a single path"),
-        (lambda: job(led, Contour(path=BEND), until=3.0), "until"),
-        (lambda: job(Process(from_s=1.0)), "resumed at 1 m"),
+        (lambda: run(job(led, Contour(path=BEND), until=3.0)), "until"),
+        (lambda: run(job(Process(from_s=1.0))), "resumed at 1 m"),
     )
 
 
@@ -222,10 +223,9 @@ def test_runs_share_their_tracing_and_find_their_own_leads():
     assert runs["mac"].path is runs["taught"].path
     assert runs["mac"].trajectory.method == "mac"
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
-    assert auto.objective is None
     (this,) = auto.runs
     less = dataclasses.replace(this, name="less", reserve=0.5)
-    runs = ac.jobs.teach(dataclasses.replace(auto, runs=(this, less)))
+    runs = ac.jobs.run(dataclasses.replace(auto, runs=(this, less)), simulate=False).runs
     assert runs["less"].path.contours[0].work[0] > runs["taught"].path.contours[0].work[0]
 
 
@@ -234,7 +234,7 @@ def test_a_job_of_a_path_is_one_of_its_program():
     by_path = dataclasses.replace(job(Process(), Contour(path=BEND), until=3.0), path=BEND)
     by_program = dataclasses.replace(by_path, path=program)
     for x in (by_path, by_program):
-        assert x.program.path is x.single_path is BEND
+        assert x.program.path is BEND
     first, second = (run(x).runs["taught"] for x in (by_path, by_program))
     assert first.path.single_path is not None and first.joint_path is not None
     np.testing.assert_array_equal(first.taught.q, second.taught.q)
@@ -262,7 +262,7 @@ def plans(path, *runs, arm=ARM):
         "timing_options": {"intervals": 200},
     }
     made = (a_run(f"run{i}", **asked | x) for i, x in enumerate(runs))
-    return list(teach(a_job(path, *made, arm=arm)).values())
+    return list(run(a_job(path, *made, arm=arm), simulate=False).runs.values())
 
 
 def stops_said(sentences):
@@ -304,7 +304,7 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
     one = JobOverrides(names=("handle 38",))
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", overrides=one)
-    as_planned, compensated = teach(drawn).values()
+    as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert as_planned.full_stops == {} and as_planned.warnings == ()
     limits, taught = drawn.runs[0].limits, as_planned.taught
     bounds = limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk
@@ -326,7 +326,7 @@ def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
     assert plan.full_stops == {"rounding off": 1} and plan.jerk_stops == ()
     assert plan.stops_note == "Run run0: 1 full stop inside contours (1 rounding off)."
     slow = dataclasses.replace(plan.run, duration=2 * plan.trajectory.duration)
-    again = teach(a_job(plan.path, slow))["run0"]
+    again = run(a_job(plan.path, slow), simulate=False).runs["run0"]
     assert again.full_stops == {"rounding off": 1} and again.jerk_stops == ()
 
 

@@ -10,7 +10,7 @@ from tests.jobs.making import ARM, a_job
 
 import armcontour as ac
 from armcontour.geometry import Arc, Path, ShapedPath
-from armcontour.jobs import Rounding, run, teach
+from armcontour.jobs import Rounding, run
 from armcontour.program import Contour, Event, Lead, Process, Program
 
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -30,7 +30,7 @@ def plans():
     """Plans of runs that differ in one value each."""
     others = (a_run("arcs", rounding=ARCS), a_run("sharp", rounding=None), a_run("r", reserve=0.3))
     more = (a_run("b", compensation="none"), a_run("d", timing_options={"intervals": 200}))
-    return teach(a_job(BEND, a_run(), *others, *more))
+    return run(a_job(BEND, a_run(), *others, *more), simulate=False).runs
 
 
 def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
@@ -64,7 +64,7 @@ def test_contours_have_rapids_leads_and_events_on_their_shapes():
     moves = (Contour(path=BEND, name="one", events=events), Contour(path=BACK))
     lead = Lead(length=4e-3)
     process = Process(lead_in=lead, lead_out=lead)
-    plan = teach(a_job(Program(moves=moves), a_run(), process=process))["free"]
+    plan = run(a_job(Program(moves=moves), a_run(), process=process), simulate=False).runs["free"]
     assert [type(x.path) for x in plan.path.contours] == [ShapedPath, ShapedPath]
     assert sum(plan.shaped.starts.values()) == 2
     spans = [x.t[1] - x.t[0] for x in plan.trajectory.contour_spans]
@@ -75,7 +75,9 @@ def test_contours_have_rapids_leads_and_events_on_their_shapes():
 
 def test_leads_of_automatic_length_are_found_with_arcs():
     process = Process(lead_in=Lead(length=None), lead_out=Lead(length=None))
-    plans = teach(a_job(BEND, a_run(), a_run("arcs", rounding=ARCS), process=process))
+    plans = run(
+        a_job(BEND, a_run(), a_run("arcs", rounding=ARCS), process=process), simulate=False
+    ).runs
     free, arcs = (plans[x].objective.contours[0].work for x in ("free", "arcs"))
     assert free == arcs and free[0] > 0
     assert isinstance(plans["free"].path.contours[0].path, ShapedPath)
@@ -108,7 +110,7 @@ def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for():
     rounding = Rounding(shape="free", tolerance=2.5e-4, iterations=2)
     limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
     this = a_run(limits=limits, rounding=rounding, reserve=0.1)
-    plan = teach(a_job(Program(moves=moves), this, arm=arm))["free"]
+    plan = run(a_job(Program(moves=moves), this, arm=arm), simulate=False).runs["free"]
     for span, x in zip(plan.trajectory.contour_spans, plan.path.contours, strict=True):
         assert span.t[1] - span.t[0] == pytest.approx(x.path.outcome.durations["shaped"], rel=1e-9)
 
@@ -128,7 +130,7 @@ def test_a_shape_is_never_slower_than_arcs_of_a_redundant_arm():
     asked = {"limits": limits, "reserve": 0.1, "timing_options": {"intervals": 150}}
     runs = (a_run("a", rounding=arcs, **asked), a_run("b", rounding=free, **asked))
     for given in (path, Program(moves=(Contour(path=path), ac.Dwell(duration=0.1)))):
-        plans = teach(a_job(given, *runs, arm=arm))
+        plans = run(a_job(given, *runs, arm=arm), simulate=False).runs
         told = plans["b"].shaped
         span, found = (plans[x].trajectory.contour_spans[0] for x in "ab")
         assert told.durations["arcs"] == pytest.approx(span.t[1] - span.t[0], rel=1e-9)

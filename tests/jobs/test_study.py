@@ -13,12 +13,11 @@ from tests.jobs.making import a_run
 from tests.properties.number_cases import PLANE, SPACE
 
 import armcontour as ac
-from armcontour import jobs
 from armcontour.errors import NotRealizable
 from armcontour.frames import from_rpy
 from armcontour.io import parse_job
-from armcontour.jobs import Experiment, Rounding, build_plant, teach
-from armcontour.jobs.choosing import choose_run
+from armcontour.jobs import Experiment, Rounding, build_plant, programs_of, run
+from armcontour.jobs.job import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
 from armcontour.tracing.tracer import trace_all
 
@@ -85,7 +84,7 @@ def test_run_is_all_arrows_one_by_one(job, study):
 
 def test_the_branch_reaches_the_tracer(job):
     other = with_runs(job, job.runs[1], branch="negative")
-    assert teach(other)["conventional"].trajectory(0.0)[1] < 0
+    assert run(other, simulate=False).runs["conventional"].trajectory(0.0)[1] < 0
 
 
 def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
@@ -218,10 +217,8 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     again = changed(this, name="again", compensation="pole_placement")
     runs = (this, again, *(changed(this, name=k, **x) for k, x in others.items()))
     found = ac.run(with_runs(in_space, *runs)).runs
-    assert jobs.same_plan(found["one"], found["again"])
     assert found["again"].trajectory is found["one"].trajectory
     for name in others:
-        assert not jobs.same_plan(found["one"], found[name])
         assert found[name].trajectory is not found["one"].trajectory
     # Runs that differ behind tracing are traced once.
     assert found["again"].joint_path is found["one"].joint_path
@@ -231,18 +228,20 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
 def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     (this,) = in_space.runs
     assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
-    found = teach(in_space)["one"].trajectory
+    found = run(in_space, simulate=False).runs["one"].trajectory
     planned = ac.plan(in_space.path, in_space.arm, this.limits)
     np.testing.assert_array_equal(found(0.0), planned(0.0))
     assert found.duration == planned.duration
     others = trace_all(in_space.path, in_space.arm)
     other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
     asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
-    np.testing.assert_allclose(teach(asked)["one"].trajectory(0.0), other(0.0), atol=1e-6)
+    np.testing.assert_allclose(
+        run(asked, simulate=False).runs["one"].trajectory(0.0), other(0.0), atol=1e-6
+    )
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
     this = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
-    corners = jobs.path_of(dataclasses.replace(in_space, path=turned), this).corners
+    corners = programs_of(dataclasses.replace(in_space, path=turned), this)[1].path.corners
     assert corners.angular_error[0] == pytest.approx(1e-3, rel=1e-6)
     assert corners.shrunk[0]
 
@@ -284,7 +283,7 @@ SQUARE = [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04], [0, 0]]
 
 
 def taught(base, **changed):
-    return teach(parse_job(yaml.safe_dump(base | changed)))
+    return run(parse_job(yaml.safe_dump(base | changed)), simulate=False).runs
 
 
 def refusal(base, **changed):
@@ -341,4 +340,4 @@ def test_of_very_many_contours_the_worst_is_found():
     moves = (*[ac.Contour(path=near)] * 299, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
     job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))
     with pytest.raises(ac.Unreachable, match="Contour 300 is out of reach"):
-        teach(dataclasses.replace(job, path=ac.Program(moves=moves)))
+        run(dataclasses.replace(job, path=ac.Program(moves=moves)), simulate=False)

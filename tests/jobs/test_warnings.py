@@ -10,7 +10,7 @@ from tests.geometry.tables import arc, line, path_of, refused
 from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
-from armcontour.jobs import Experiment, PlaceSearch, Rounding, teach
+from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
 from armcontour.jobs.axes import corners_of, read_axes, read_uncertainty
 from armcontour.placement import Moves
 from armcontour.program import Contour, Program, Rapid
@@ -31,7 +31,7 @@ def drawn(speed=0.1, tolerance=0.25e-3, lift=0.0):
 
 
 def warnings_of(asked):
-    return teach(asked)["one"].warnings
+    return run(asked, simulate=False).runs["one"].warnings
 
 
 def only(asked):
@@ -79,7 +79,9 @@ def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it(
     limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.1)
 
     def smoothed(windows, reserve=0.0):
-        return teach(job(drawn(), smoothing=windows, limits=limits, reserve=reserve))["one"]
+        return run(
+            job(drawn(), smoothing=windows, limits=limits, reserve=reserve), simulate=False
+        ).runs["one"]
 
     plan, plain = smoothed((0.03,)), smoothed(())
     assert plan.trajectory.duration == pytest.approx(plain.trajectory.duration + 0.03, rel=1e-12)
@@ -100,14 +102,18 @@ def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it(
 def test_smoothing_that_cannot_be_is_refused_and_a_duration_is_kept():
     def taught(**values):
         limits = LIMITS.replace(joint_acceleration=0.72)
-        return lambda: teach(job(drawn(), limits=limits, **{"smoothing": (0.02,), **values}))
+        return lambda: (
+            run(
+                job(drawn(), limits=limits, **{"smoothing": (0.02,), **values}), simulate=False
+            ).runs
+        )
 
     refused(
         (taught(timing="mac"), "Run one", "method mac"),
         (taught(duration=4.0), "Run one", "leave out smoothing, or the given duration"),
         (taught(smoothing=(0.02, 0.02, 0.02)), "one or two windows, not 3"),
     )
-    plan = teach(job(drawn(), duration=4.0))["one"]
+    plan = run(job(drawn(), duration=4.0), simulate=False).runs["one"]
     assert plan.trajectory.duration == pytest.approx(4.0, rel=1e-12)
 
 
@@ -147,7 +153,9 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
 def test_a_speed_that_lacks_its_unit_is_stated():
     for speed, count in ((60.0, 1), (0.06, 0)):
         limits = LIMITS.replace(speed=speed)
-        points = teach(job(ac.Path.polyline(LINES), limits=limits))["one"].weak_points
+        points = (
+            run(job(ac.Path.polyline(LINES), limits=limits), simulate=False).runs["one"].weak_points
+        )
         assert len([x for x in points if f"speed: {speed:g} mm/s" in x]) == count
 
 

@@ -6,8 +6,8 @@ import pytest
 from tests.geometry.tables import each
 
 from armcontour.io.job_file import parse_job
-from armcontour.io.summary import plan_summary
-from armcontour.jobs.study import teach
+from armcontour.io.summary import run_summary
+from armcontour.jobs.study import run
 
 JOB = """\
 name: weld
@@ -24,12 +24,12 @@ runs:
 
 def test_a_run_reports_what_its_plan_makes_of_the_weave():
     job = parse_job(JOB)
-    plan = teach(job)["only"]
+    plan = run(job, simulate=False).runs["only"]
     (found,) = plan.weaves
     assert found.width == pytest.approx((3e-3, 3e-3), rel=0.02)
     assert found.frequency == pytest.approx((2.0, 2.0), rel=0.02)
     assert any(found.sentence in x for x in plan.remarks) and not found.warnings
-    assert json.loads(json.dumps(plan_summary(job, plan)["weaves"]))[0]["left_out"] == 0.0
+    assert json.loads(json.dumps(run_summary(job, plan)["weaves"]))[0]["left_out"] == 0.0
 
 
 ODD = (
@@ -43,6 +43,6 @@ ODD = (
 def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     text = JOB.replace(old, new).replace("0.1 mm", "0.2 mm")
     assert text != JOB
-    plan = teach(parse_job(text))["only"]
+    plan = run(parse_job(text), simulate=False).runs["only"]
     (found,) = plan.weaves
     assert any(word in x for x in found.warnings) and any(word in x for x in plan.warnings)

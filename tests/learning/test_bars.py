@@ -29,7 +29,7 @@ def teach(taught, arm, robot, path, objective, runs):
 
 def test_the_papers_job_with_a_gain_that_is_not_known():
     job = read_job(str(resources.files("armcontour.jobs") / "library" / "paper.yaml"))
-    objective = job.single_path
+    objective = job.program.path
     path = ac.round_corners(objective, tolerance=5e-3)
     plan = smooth(ac.plan(path, job.arm, job.runs[-1].limits), 4e-3)
     assert plan.duration <= 5.335

@@ -8,7 +8,7 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Leads
-from armcontour.program.scrap_side import waste_sides
+from armcontour.program.kerf import waste_sides
 
 PLAIN = ac.Process()
 OUTLINE = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06), (0, 0)])

@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 import armcontour as ac
 from armcontour.motion import TaughtData
-from armcontour.servo.command import JointServo, LoggedCommand
-from armcontour.servo.simulation import follow
+from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 PERIOD, SLIDING = 4e-3, 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())

@@ -13,7 +13,7 @@ from tests.studio.conftest import DRAWINGS
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
-from armcontour.jobs import run, teach
+from armcontour.jobs import run
 from armcontour.studio.tasks import working
 from armcontour.studio.tasks.working import SMALL, do, work
 from armcontour.studio.wire import Frame
@@ -197,7 +197,7 @@ def test_a_sweep_is_the_duration_over_a_key(coarse):
     for speed, duration in zip(speeds, found.arrays["duration"], strict=True):
         data = coarse | {"limits": coarse["limits"] | {"speed": speed}}
         job = parse_job(yaml.safe_dump(data))
-        planned = teach(job)["optimal"].trajectory
+        planned = run(job, simulate=False).runs["optimal"].trajectory
         assert duration == pytest.approx(planned.duration, abs=1e-9)
     assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
 
@@ -216,7 +216,7 @@ def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     assert found.header["sentence"].endswith("s less than where the part was.")
     frame = {"position": [float(by[0]), float(by[1]), 0.0]}
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
-    taught = teach(parse_job(yaml.safe_dump(moved)))["optimal"]
+    taught = run(parse_job(yaml.safe_dump(moved)), simulate=False).runs["optimal"]
     assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
     data = coarse | {"placement": ASKED}
     found = ask("place", data, "optimal")

@@ -13,7 +13,7 @@ from armcontour.jobs.axes import UNITS
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
-    from armcontour.jobs import RunPlan, RunResult
+    from armcontour.jobs import RunResult
     from armcontour.placement import Placement
 
 # What is done with each job: each more than the one before, or something else.
@@ -29,7 +29,7 @@ class Column:
     Args:
         unit: Its unit.
         since: The least work that gives it.
-        value: The figure of what the work gives: a `RunPlan`, a `RunResult`, a `Certificate`, a
+        value: The figure of what the work gives: a `RunResult`, a `Certificate` or a
             `Placement`.
     """
 
@@ -83,7 +83,7 @@ def _of_experiment(figure: str) -> Callable[[RunResult], float | None]:
     return value
 
 
-def _corner_error(x: RunPlan) -> float | None:
+def _corner_error(x: RunResult) -> float | None:
     """The largest corner error of all contours [m]."""
     found = (getattr(y.path, "corners", None) for y in x.path.contours)
     return _largest(e for corners in found if corners is not None for e in corners.error)

@@ -79,8 +79,6 @@ def _do(work: str, job: Job, run: str | None) -> Any:
 
         # Others have jobs of their own.
         return place(job, run, processes=1)
-    from armcontour.jobs import study
+    from armcontour import jobs
 
-    if work == TEACH:
-        return study.teach(job)[str(run)]
-    return study.run(job).runs[str(run)]
+    return jobs.run(job, simulate=work != TEACH).runs[str(run)]

@@ -21,7 +21,7 @@ from armcontour.errors import NotRealizable
 from armcontour.evaluation import check
 from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory, smooth
 from armcontour.servo import ServoModel
-from armcontour.timing.methods import plan_rapid
+from armcontour.timing.program_timing import time_rapid
 
 # Lengths of the moving averages in command intervals, of which the fastest is taken. Without one
 # the tool settles later where the contour starts.
@@ -106,7 +106,7 @@ def _derate(
     factors: dict[str, float] = {}
     for _ in range(MOST_TRIALS):
         left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
-        plan = plan_rapid(joint_path, robot.arm, robot.limits.replace(**left))
+        plan = time_rapid(joint_path, robot.arm, robot.limits.replace(**left))
         plan = smooth(plan, *windows) if windows else plan
         over = {name: x for name, x in _uses(plan, approach, robot).items() if x > goal}
         if not over:

@@ -18,7 +18,7 @@ from armcontour.certification._bodies import rest_at_start
 from armcontour.certification._uses import Robot, work_on
 from armcontour.certification._whole import Assembly, Whole
 from armcontour.errors import InvalidInput, NotRealizable
-from armcontour.evaluation.unexplained import unexplained_errors
+from armcontour.evaluation.pieces import unexplained_errors
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
@@ -28,9 +28,8 @@ from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.robustness.box import Box
 from armcontour.robustness.unknowns import Unknowns
 from armcontour.timing import intervals_of
-from armcontour.timing.methods import Timing
+from armcontour.timing.program_timing import Timing, time_program
 from armcontour.timing.program_tracing import Tracing
-from armcontour.timing.programs import time_program
 
 # Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
 # tried in order until a plan is certified, and further while the error uses NEAR of its budget and

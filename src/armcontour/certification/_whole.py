@@ -15,7 +15,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
-from armcontour.arms import Arm
 from armcontour.certification._approach import Approach
 from armcontour.certification._proving import KEPT
 from armcontour.certification._rapids import Derated, plan_fastest_rapid
@@ -45,8 +44,8 @@ from armcontour.jobs.job import Job
 from armcontour.motion import Execution, JointPath, Law, Span, TaughtData, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.timing import intervals_of
-from armcontour.timing.program_tracing import Tracing
-from armcontour.timing.programs import time_program
+from armcontour.timing.program_timing import JoinedMoves
+from armcontour.timing.program_tracing import TracedMove, Tracing
 
 # The error that is left of a rapid at the start of the next contour may take this share of the
 # budget.
@@ -193,7 +192,12 @@ class Assembly:
     def _assemble(self) -> Whole:
         """Plan all moves that have no plan yet, and execute the whole program."""
         self._used = 0
-        trajectory = time_program(self.traced, self)
+        joined = JoinedMoves(self.traced, self.robot.arm)
+        for step in self.traced.steps:
+            with step.named():
+                found = self._plan(step, joined)
+            joined.add(step, found)
+        trajectory = joined.trajectory()
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)
@@ -230,29 +234,28 @@ class Assembly:
         judged = tuple(judge_piece(x, robot.limits.speed) for x in pieces)
         return taught, executed, judged, check(trajectory, robot.arm, robot.limits, points=POINTS)
 
-    @property
-    def arm(self) -> Arm:
-        """The arm that moves."""
-        return self.robot.arm
+    def _plan(self, step: TracedMove, joined: JoinedMoves) -> Trajectory | None:
+        """Plan the next move, and append the standstill that a contour needs before its start.
 
-    def contour(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """Plan the fastest motion along the next contour that keeps the goal."""
-        found = self._recall(lambda: self._search(joint_path, before))
-        assert isinstance(found, PlannedContour)
+        Contours keep the goal; rapids keep all joint limits when they are executed.
+        """
+        path, before = step.joint_path, joined.laws
+        if path is None:
+            return None
+        found: Planned
+        if self.traced.is_contour(step):
+            if before:
+                entry = ENTRY * self.budget
+                pause = self._recall(lambda: _settling_time(before, self.robot, entry))
+                assert isinstance(pause, float)
+                if pause > 0:
+                    joined.stand(pause)
+            found = self._recall(lambda: self._search(path, before))
+        else:
+            margin = self._margins.get(len(self._done), 1.0)
+            found = self._recall(lambda: plan_fastest_rapid(path, before, self.robot, margin))
+        assert not isinstance(found, float)
         return found.trajectory
-
-    def rapid(self, joint_path: JointPath, before: Sequence[Law] = ()) -> Trajectory:
-        """Plan the fastest rapid that keeps all joint limits when executed."""
-        margin = self._margins.get(len(self._done), 1.0)
-        found = self._recall(lambda: plan_fastest_rapid(joint_path, before, self.robot, margin))
-        assert isinstance(found, Derated)
-        return found.trajectory
-
-    def pause(self, before: Sequence[Law]) -> float:
-        """Time that the joints stand still so that the tool settles after a rapid [s]."""
-        found = self._recall(lambda: _settling_time(before, self.robot, ENTRY * self.budget))
-        assert isinstance(found, float)
-        return found
 
     def _recall(self, plan: Callable[[], Planned]) -> Planned:
         """Return the plan of an earlier round, or else make a new one."""

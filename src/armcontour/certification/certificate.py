@@ -21,7 +21,7 @@ from armcontour.execution.rigid_body_plant import can_simulate
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.study import ExperimentResult, RunResult, Study
+from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread

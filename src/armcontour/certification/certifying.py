@@ -30,16 +30,14 @@ from armcontour.certification.certificate import (
 )
 from armcontour.certification.lowering import find_lowered
 from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
-from armcontour.evaluation import evaluate
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
-from armcontour.jobs.choosing import choose_run
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.reach import reach_told
-from armcontour.jobs.study import on_bodies
+from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
+from armcontour.jobs.study import evaluate_run, on_bodies
+from armcontour.jobs.ways import reach_told
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
@@ -190,15 +188,8 @@ class _Certifying:
         job, this, whole = self.job, found.this, found.whole
         self.progress(Step(("evaluation",)))
         objective, path = whole.objective, whole.program
-        limits = whole.robot.limits
-        result = evaluate(
-            whole.execution,
-            path,
-            objective=objective,
-            limits=limits,
-            until=this.until,
-            limit_use=True,
-        )
+        judged = replace(this, limits=whole.robot.limits)
+        result = evaluate_run(judged, whole.execution, path, objective)
         experiment, failure = None, None
         if this.experiment is not None:
             self.progress(Step(("experiment",)))

@@ -242,7 +242,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """
     from armcontour.errors import InvalidInput
     from armcontour.jobs import traced_alike
-    from armcontour.jobs.choosing import find_run
+    from armcontour.jobs.job import find_run
 
     if run_name is not None:
         return find_run(job, run_name)

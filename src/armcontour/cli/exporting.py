@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armcontour.cli.options import ExportOptions, StoredExportOptions
     from armcontour.io import ResultFolder
     from armcontour.io.exports.table import Table
-    from armcontour.jobs import Job, RunPlan
+    from armcontour.jobs import Job, RunResult
     from armcontour.motion import TaughtData, Trajectory
     from armcontour.program import Event
 
@@ -320,7 +320,7 @@ def _title(job: Job, label: str) -> str:
 
 
 def write_exports(
-    folder: ResultFolder, job: Job, name: str, result: RunPlan, x: Exports
+    folder: ResultFolder, job: Job, name: str, result: RunResult, x: Exports
 ) -> list[str]:
     """Export taught data and plan of one run to the result folder; returns warnings."""
     from armcontour.io.exports import HAVE_ANALOG, make_table, takes_analog

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from armcontour._checks import FloatArray
     from armcontour.cli.options import JobOptions, LearnOptions
     from armcontour.io import ResultFolder
-    from armcontour.jobs import Job, RunPlan
+    from armcontour.jobs import Job, RunResult
     from armcontour.jobs.learning import JudgedStudy, LearningStudy
     from armcontour.learning import Recording
     from armcontour.motion import Log, TaughtData
@@ -153,7 +153,7 @@ def _learn(
 
 
 def _learn_from_log(
-    job: Job, plan: RunPlan, x: LearnOptions, window: tuple[float, float], progress: Progress
+    job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> LearningStudy:
     """Learn from the log of a real robot."""
     from armcontour.jobs.learning import LearningStudy, learn_run
@@ -182,7 +182,7 @@ def _judge(
 
 
 def _read(
-    job: Job, plan: RunPlan, x: LearnOptions, window: tuple[float, float], progress: Progress
+    job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """What a real robot executed, its log, and positions of its tool if there are any."""
     from armcontour.io.log_file import read_run_log

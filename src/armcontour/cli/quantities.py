@@ -64,7 +64,7 @@ def read_window(start: str | None, end: str | None) -> tuple[float, float]:
 
 def _read(option: str, text: str, kind: Any) -> float:
     """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
-    from armcontour._numbers import plain_number
+    from armcontour._text import plain_number
     from armcontour.errors import InvalidInput
     from armcontour.io.units import read_quantity
 

@@ -17,7 +17,7 @@ from armcontour.cli.progress import job_progress
 if TYPE_CHECKING:
     from armcontour.evaluation import Evaluation
     from armcontour.io import ResultFolder
-    from armcontour.jobs import Job, RunPlan, RunResult, Study
+    from armcontour.jobs import Job, RunResult, Study
 
 WRITING = Step(("writing the results",))
 
@@ -117,7 +117,7 @@ def run_job(
     from armcontour._warming import warm_for_run
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
-    from armcontour.io.summary import summarise_taught, summary
+    from armcontour.io.summary import summary
 
     if open_report and not simulate:
         raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
@@ -127,35 +127,33 @@ def run_job(
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
         with warm_for_run(job.arm.dimension, progress):
-            from armcontour.jobs import run, steps_of, teach
+            from armcontour.jobs import run, steps_of
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             progress.expect([*steps, WRITING.names[0]])
+            study = run(job, simulate=simulate, progress=progress)
+            progress(WRITING)
+            if simulate or not exports:
+                # With formats chosen, plans that are not simulated have no other files.
+                write_motions(folder, job, study.runs)
+            notes: list[str] = []
+            if exports:
+                for name, result in study.runs.items():
+                    notes += write_exports(folder, job, name, result, exports)
             if simulate:
                 from armcontour.report import render_report
 
-                study = run(job, progress=progress)
-                progress(WRITING)
-                notes = _write_plans(folder, job, study.runs, exports)
                 folder.write("report.html", render_report(study))
-                folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
-            else:
-                plans = teach(job, progress=progress)
-                progress(WRITING)
-                # With formats chosen, no other files are written.
-                motions = not exports
-                notes = _write_plans(folder, job, plans, exports, motions=motions)
-                files = [*folder.files, "summary.json"]
-                folder.write("summary.json", summarise_taught(job, plans, files))
+            folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
     if not simulate:
-        _print_plans(job, plans, out, notes)
+        _print_plans(study, out, notes)
         return
     _print_results(study, notes)
     _show_report(out, open_report)
 
 
 def write_motions(
-    folder: ResultFolder, job: Job, plans: Mapping[str, RunPlan], *, under: str = ""
+    folder: ResultFolder, job: Job, plans: Mapping[str, RunResult], *, under: str = ""
 ) -> None:
     """Write taught data, plan and torques of every run as CSV.
 
@@ -180,40 +178,21 @@ def write_motions(
             folder.place(f"{under}{name}/torque.csv", torque)
 
 
-def _write_plans(
-    folder: ResultFolder,
-    job: Job,
-    plans: Mapping[str, RunPlan],
-    exports: Exports | None,
-    *,
-    motions: bool = True,
-) -> list[str]:
-    """Write the motions of every run, if they are wanted, and its exports; returns warnings."""
-    if motions:
-        write_motions(folder, job, plans)
-    if not exports:
-        return []
-    found = [write_exports(folder, job, name, plan, exports) for name, plan in plans.items()]
-    return [warning for of_run in found for warning in of_run]
-
-
-def _print_plans(
-    job: Job, plans: Mapping[str, RunPlan], out: FilePath, notes: Sequence[str]
-) -> None:
+def _print_plans(study: Study, out: FilePath, notes: Sequence[str]) -> None:
     """Print duration and set-points of runs that are not simulated."""
     from armcontour.jobs import warnings_of
 
     console = Console()
-    for name, x in plans.items():
+    for name, x in study.runs.items():
         console.say(
             f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
             f"{x.run.period:g} s; not simulated."
         )
         for note in x.remarks:
             console.say(note)
-    for note in (*warnings_of(plans.values()), *notes):
+    for note in (*warnings_of(study.runs.values()), *notes):
         console.say(f"Warning: {note}")
-    for note in job.arm.notes:
+    for note in study.job.arm.notes:
         console.say(f"Note: {note}")
     console.say(f"Taught data: {out.resolve()}")
 

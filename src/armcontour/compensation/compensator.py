@@ -179,7 +179,7 @@ def _without_feedforward(
         from armcontour.compensation.inverse_dynamics import inverse_dynamics
 
         return inverse_dynamics(trajectory, servo, period, arm, **options)
-    from armcontour.compensation.inverse import inverse
+    from armcontour.compensation.set_points import inverse
 
     return inverse(trajectory, servo, period)
 

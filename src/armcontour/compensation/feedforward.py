@@ -10,8 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.compensation.set_points import SETTLING
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials
-from armcontour.servo.simulation import Simulation
+from armcontour.servo.simulation import Simulation, polynomials
 
 # What a set-point leaves of the end of the motion after its tail [rad].
 SETTLED = 1e-10

@@ -28,19 +28,20 @@ from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, SerialArm, choose_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.checking_laws import Law, judge_law
-from armcontour.evaluation.checking_missed import judge_missed
 from armcontour.evaluation.checking_samples import judge_samples
 from armcontour.evaluation.contour_windows import find_windows
+from armcontour.evaluation.following import follow_path
 from armcontour.evaluation.sample_windows import Log
 from armcontour.evaluation.tally import (
     CANNOT_TELL,
     KEPT,
     VERDICTS,
     VIOLATED,
+    Law,
     LimitUse,
     Occurrence,
     Tally,
+    judge_law,
     merge_uses,
 )
 from armcontour.geometry import Path
@@ -51,6 +52,8 @@ ULPS = 4
 # Printed times this near to a regular grid, in units of the last printed digit, are on the grid.
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+# The way of the tool is looked at so often between two breaks of a law.
+PLACES = 4
 
 
 class TimeSamples(Protocol):
@@ -222,10 +225,10 @@ def check(
         options |= {"points": points, "seed": seed, "resolution": resolution}
         return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
     _checks.refuse_other("check", arm, Arm, "such as load_arm('ur5e')")
-    single_path = None if program is None else program.path
-    _refuse_path(arm, single_path, deviation, missed, orientation_deviation)
+    on = None if program is None else program.path
+    _refuse_path(arm, on, deviation, missed, orientation_deviation)
     bounds = choose_limits("check", arm, limits)
-    tally = Tally(arm, bounds, single_path, deviation, orientation_deviation)
+    tally = Tally(arm, bounds, on, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
     if callable(samples):
@@ -240,9 +243,9 @@ def check(
     uses = tally.uses(tolerance)
     return Check(
         uses=uses,
-        not_judged=_not_judged(bounds, single_path, {use.name for use in uses}),
+        not_judged=_not_judged(bounds, on, {use.name for use in uses}),
         tolerance=tolerance,
-        path_deviation=None if path is None else PathDeviation(**tally.farthest),
+        path_deviation=None if on is None else PathDeviation(**tally.farthest),
         **judged,
     )
 
@@ -573,3 +576,35 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
             joint=joint,
         )
     return array
+
+
+def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
+    """Offer the distances from the path to the tool to the tally.
+
+    The tool's way is straight between two places that are looked at, less certain by as much as the
+    way is bent around them.
+
+    Args:
+        motion: A law, or samples with bounds on their errors.
+        tally: Where findings go; it has a path.
+        allowed: Largest distance [m].
+    """
+    assert tally.path is not None
+    if callable(motion):
+        breaks = np.asarray(motion.breaks, dtype=np.float64)
+        inner = breaks[:-1, None] + np.arange(PLACES) / PLACES * np.diff(breaks)[:, None]
+        t = np.append(inner.ravel(), breaks[-1])
+        q = np.asarray(motion(t, 0, side="left"))
+        error = np.zeros(q.shape[1])
+    else:
+        t, q, error = motion.t, motion.q, motion.errors[0]
+    points, off = tally.tool(q, error)
+    found = follow_path(tally.path, points)
+    bent = np.zeros(len(points))
+    middle = (points[2:] + points[:-2]) / 2
+    bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
+    around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
+    tally.offer("path_missed", t, found.missed, allowed, q, around + off)
+    if tally.deviation is not None:
+        # From its own place, where the nearest one may be on another line.
+        tally.offer("path_deviation", t, found.distance, tally.deviation, q, off)

@@ -21,8 +21,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm
-from armcontour.evaluation.checking_jerk import JerkOfSamples
-from armcontour.evaluation.sample_windows import Log, Windows, mean_rate, second_rate
+from armcontour.evaluation.sample_windows import Log, Windows, mean_rate, second_rate, third_rate
 from armcontour.evaluation.tally import SLOWEST, States, Tally, angular
 
 # Windows are not widened further once rounding is at most this share of every limit.
@@ -169,7 +168,7 @@ def _offer_from_velocities(
     x = mean_rate(log, velocity, off[:, None], k)
     return max(
         slack,
-        _offer_tool_acceleration(log, tally, velocity[:-k], velocity[k:], x, t, q, off[k:], k),
+        _offer_tool_acceleration(log, tally, (velocity[:-k], velocity[k:]), x, (t, q), off[k:], k),
     )
 
 
@@ -184,18 +183,18 @@ def _offer_from_positions(
     slack = tally.joint_acceleration(t, x.mean, q, x.error)
     before, after, x = second_rate(log, tool, off[:, None], k)
     chord_error = np.maximum(before.error, after.error)[:, 0]
-    found = _offer_tool_acceleration(log, tally, before.mean, after.mean, x, t, q, chord_error, k)
+    found = _offer_tool_acceleration(
+        log, tally, (before.mean, after.mean), x, (t, q), chord_error, k
+    )
     return max(slack, found)
 
 
 def _offer_tool_acceleration(
     log: Log,
     tally: Tally,
-    before: FloatArray,
-    after: FloatArray,
+    velocities: tuple[FloatArray, FloatArray],
     x: Windows,
-    t: FloatArray,
-    q: FloatArray,
+    at: tuple[FloatArray, FloatArray],
     velocity_error: FloatArray,
     k: int,
 ) -> float:
@@ -204,11 +203,10 @@ def _offer_tool_acceleration(
     Args:
         log: The samples.
         tally: Receives the values.
-        before: Tool velocities at the starts of the windows [m/s], (windows, dimension).
-        after: Tool velocities at their ends [m/s], (windows, dimension).
+        velocities: Those of the tool at the starts and at the ends of the windows [m/s],
+            (windows, dimension) each.
         x: Mean tool accelerations [m/s²].
-        t: Middle times of the windows [s], (windows,).
-        q: Joint positions there [rad], (windows, dof).
+        at: Middle times of the windows [s], (windows,), and joint positions there [rad].
         velocity_error: Bound on the error of the velocities [m/s], (windows,).
         k: Number of samples per window.
 
@@ -218,7 +216,7 @@ def _offer_tool_acceleration(
     from scipy.ndimage import maximum_filter1d
 
     limits, size, error = tally.limits, np.linalg.norm(x.mean, axis=1), x.error[:, 0]
-    slack = 0.0
+    slack, (before, after), (t, q) = 0.0, velocities, at
     if limits.tool_acceleration is not None:
         slack = tally.offer("tool_acceleration", t, size, limits.tool_acceleration, q, error)
     if limits.centripetal_acceleration is None or (log.dq is not None and log.ddq is not None):
@@ -256,3 +254,100 @@ def _interpolate(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArr
         - h * u**2 * (1 - u) * dq[1:, None]
     )
     return at, found.reshape(-1, q.shape[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Column:
+    """The highest derivative of joints or tool that samples have.
+
+    Args:
+        order: 0 for positions, 1 for velocities, 2 for accelerations.
+        values: Its values, (n, columns).
+        off: Bound on their error, (n, columns), or on the length of the error, (n, 1).
+    """
+
+    order: int
+    values: FloatArray
+    off: FloatArray
+
+    def jerk(self, log: Log, k: int) -> tuple[int, Windows]:
+        """Mean jerks, with the number of samples of their windows, a multiple of k."""
+        if self.order == 2:
+            return k, mean_rate(log, self.values, self.off, k)
+        if self.order == 1 and len(log.t) > 2 * k:
+            return 2 * k, second_rate(log, self.values, self.off, k)[2]
+        # Too few samples have no third differences either.
+        return 3 * k, third_rate(log, self.values, self.off, k)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JerkOfSamples:
+    """What samples say about jerk.
+
+    Args:
+        joints: The joints, where their jerk is limited; or None.
+        tool: The tool, where its jerk is limited; or None.
+    """
+
+    joints: _Column | None
+    tool: _Column | None
+
+    @classmethod
+    def of(cls, log: Log, tally: Tally) -> JerkOfSamples:
+        """Take the highest derivatives that samples have, as far as jerk is limited."""
+        limits, joints = tally.limits, None
+        if limits.joint_jerk is not None:
+            given = [(k, x) for k, x in enumerate((log.q, log.dq, log.ddq)) if x is not None]
+            order, values = given[-1]
+            joints = _Column(order=order, values=values, off=log.errors_of(order))
+        return cls(
+            joints=joints, tool=None if limits.tool_jerk is None else _tool_column(log, tally)
+        )
+
+    def offer(self, log: Log, tally: Tally, k: int) -> float:
+        """Offer mean jerks over windows of k, 2 k or 3 k samples.
+
+        Returns:
+            Largest share of a limit that rounding may have made.
+        """
+        limits, slack = tally.limits, 0.0
+        if self.joints is not None and limits.joint_jerk is not None:
+            width, x = self.joints.jerk(log, k)
+            t, q = log.middles(width)
+            size = np.abs(x.mean)
+            slack = tally.offer("joint_jerk", t, size, limits.joint_jerk, q, x.error)
+            if log.dq is not None:
+                _offer_both(log, log.dq, tally, limits.joint_jerk, k)
+        if self.tool is not None and limits.tool_jerk is not None:
+            width, x = self.tool.jerk(log, k)
+            t, q = log.middles(width)
+            size = np.linalg.norm(x.mean, axis=1)
+            off = x.error[:, 0]
+            slack = max(slack, tally.offer("tool_jerk", t, size, limits.tool_jerk, q, off))
+        return slack
+
+
+def _tool_column(log: Log, tally: Tally) -> _Column:
+    """The highest derivative of the tool point that samples have."""
+    if log.dq is None:
+        values, off = tally.tool(log.q, log.errors[0])
+        return _Column(order=0, values=values, off=off[:, None])
+    x = States(t=log.t, q=log.q, dq=log.dq, ddq=log.ddq, errors=log.errors)
+    order, arm = 1 if x.ddq is None else 2, tally.arm
+    values, off = tally.bounded(x, (arm.tool_velocity, arm.tool_acceleration)[order - 1], order)
+    return _Column(order=order, values=values, off=off[:, None])
+
+
+def _offer_both(log: Log, dq: FloatArray, tally: Tally, limit: FloatArray, k: int) -> None:
+    """Offer the mean jerks that follow from positions and velocities at both ends of windows."""
+    span, late = log.spans(k)
+    total = dq[k:] + dq[:-k]
+    rest = np.abs(total * span - 2 * (log.q[k:] - log.q[:-k]))
+    off = 4 * log.errors[0] + 2 * log.errors[1] * (span + late) + np.abs(total) * late
+    mean = 6 * rest / span**3
+    # As numbers of positions are rounded, this says nothing about the motion as it stands.
+    narrow, tally.narrow = tally.narrow, False
+    error = mean - 6 * (rest - off) / (span + late) ** 3
+    t, q = log.middles(k)
+    tally.offer("joint_jerk", t, mean, limit, q, error)
+    tally.narrow = narrow

@@ -26,19 +26,18 @@ from armcontour._describing import (
 from armcontour.arms import Limits, choose_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.cornering_deviations import CornerDeviation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.evaluation.executed_jerk import commanded_jerk, executed_jerk
-from armcontour.evaluation.limit_ratios import measure_limit_ratios
 from armcontour.evaluation.pieces import (
+    CornerDeviation,
     Piece,
     common_delay,
     evaluated_times,
     pieces_of,
     settling_time,
 )
+from armcontour.evaluation.tally import measure_limit_ratios
 from armcontour.geometry import Path
-from armcontour.motion import Execution
+from armcontour.motion import Execution, TaughtData
 from armcontour.program import Program
 
 # A joint makes full use of a limit from this share on.
@@ -339,3 +338,29 @@ def _torque(executed: Execution) -> FloatArray | None:
     if not executed.arm.has_bodies:
         return None
     return executed.arm.torque(executed.q, executed.dq, executed.ddq)
+
+
+def executed_jerk(executed: Execution) -> FloatArray:
+    """Largest mean jerk of each joint over any command interval [rad/s³], (dof,)."""
+    return np.asarray(np.abs(mean_jerk(executed)).max(axis=0))
+
+
+def mean_jerk(executed: Execution) -> FloatArray:
+    """Mean jerk over the command interval that ends at each time [rad/s³], (n, dof)."""
+    t, ddq = executed.t, executed.ddq
+    if len(t) < 2:
+        return np.zeros_like(ddq)
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    k = max(1, round(executed.taught.period / step))
+    # The arm stands still before the first result.
+    before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
+    return np.asarray((ddq - before) / (k * step))
+
+
+def commanded_jerk(taught: TaughtData) -> FloatArray:
+    """Largest third difference of the set-points over time, of each joint [rad/s³], (dof,).
+
+    Before the first and after the last set-point the command is constant.
+    """
+    third = np.diff(np.pad(taught.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
+    return np.asarray(np.abs(third).max(axis=0) / taught.period**3)

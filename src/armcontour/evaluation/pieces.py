@@ -9,25 +9,25 @@ from functools import cached_property
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import SerialArm
+from armcontour._sampling import number_parts
+from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.angular_deviation import angle_off
-from armcontour.evaluation.cornering_deviations import CornerDeviation, corner_deviations
-from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.evaluation.following import Followed, follow_path
-from armcontour.evaluation.peaks import (
+from armcontour.evaluation.error_profile import (
     CLOSE,
     ROUNDING,
     SHARP,
+    ErrorProfile,
     Hidden,
     Measure,
+    Missed,
+    angle_off,
     climb_smooth,
     find_peak,
 )
-from armcontour.evaluation.speed_shares import measure_shares
-from armcontour.evaluation.unexplained import unexplained_errors
+from armcontour.evaluation.following import Followed, follow_path
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.motion import Execution, FineMotion, Span
 from armcontour.program import Program
 
@@ -499,3 +499,205 @@ def _side(path: Path, found: Followed, tool: FloatArray) -> FloatArray:
         tangent = (path(s, 1) + path(s, 1, side="left")).T
         side[corner] = np.where(tangent[0] * y < tangent[1] * x, -1.0, 1.0)
     return side
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CornerDeviation:
+    """Deviations of the tool at one corner.
+
+    Args:
+        vertex: Index of the corner among the vertices of the objective path, from 0.
+        point: The corner [m].
+        rounding: Cornering round-off CR: smallest distance between corner and tool [m].
+        overshoot: Cornering overshoot CO: largest distance of the tool beyond the line that leaves
+            the corner, on the side away from the line that arrives [m].
+        contour: Number of the contour in a program, from 1; None for a single path.
+    """
+
+    vertex: int
+    point: tuple[float, ...]
+    rounding: float
+    overshoot: float
+    contour: int | None = None
+
+
+# The largest values beside some samples, (m,), given these samples, (m,), and a function of tool
+# points, (m, n, dimension), that has a value for each of them, (m, n).
+Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
+
+
+def corner_deviations(
+    tool: FloatArray, objective: Path, s: FloatArray | None = None, beside: Largest | None = None
+) -> tuple[CornerDeviation, ...]:
+    """Cornering deviations at every corner of a path.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        objective: The path with its corners.
+        s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
+        beside: Finds what is larger between the points than at them; None if nothing is known.
+    """
+    corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
+    if not len(corners):
+        return ()
+    at = objective.project(tool).s if s is None else s
+    order = np.argsort(at, kind="stable")
+    at, tool = at[order], tool[order]
+    # The region of a corner: from the middle of the segment before to the middle of the one after.
+    low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
+    high = objective.breaks[corners] + objective.lengths[corners] / 2
+    first, last = np.searchsorted(at, low), np.searchsorted(at, high, side="right")
+    # If no sample is in the region, take the samples before and after it.
+    empty = first == last
+    first = np.where(empty, np.maximum(first - 1, 0), first)
+    last = np.where(empty, np.minimum(last + 1, len(at)), last)
+    of, number = number_parts(last - first)
+    near = first[of] + number
+    points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
+    off = tool[near] - points[of]
+    across = _across(objective, corners)
+    away, past = length(off), dot(off, across[of])
+    rounding = np.minimum.reduceat(away, starts)
+    overshoot = np.maximum.reduceat(past, starts)
+    if beside is not None:
+        # The first of the extreme samples of each corner.
+        rows = [np.flatnonzero(x == y[of]) for x, y in ((away, rounding), (past, overshoot))]
+        nearest, farthest = (x[np.unique(of[x], return_index=True)[1]] for x in rows)
+        # What is largest where the tool comes and goes is not so between samples.
+        inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
+        farthest, count = farthest[inner], len(corners)
+        here, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
+
+        # Squares are smooth, also where the tool passes through the corner.
+        def both(x: FloatArray) -> FloatArray:
+            gap = x - here
+            return np.concatenate(
+                [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
+            )
+
+        found = beside(order[near[np.concatenate([nearest, farthest])]], both)
+        rounding, overshoot[inner] = np.sqrt(-found[:count]), found[count:]
+    return tuple(
+        CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
+        for vertex, point, cr, co in zip(
+            corners.tolist(), points.tolist(), rounding.tolist(), overshoot.tolist(), strict=True
+        )
+    )
+
+
+def _across(path: Path, corners: IntArray) -> FloatArray:
+    """Unit vectors of overshoot, (n, dimension): arriving direction normal to the leaving one."""
+    before = path.segments.end_tangents[corners - 1]
+    after = path.tangents[corners]
+    across = before - np.sum(before * after, axis=1, keepdims=True) * after
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    turned = size > TANGENT_TOLERANCE
+    return np.where(turned, across / np.where(turned, size, 1.0), before)
+
+
+def measure_shares(
+    path: Path, found: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
+) -> FloatArray:
+    """Measure the tool speed over the velocity assigned at the place of the tool, (n,).
+
+    The place of a tool off the path is known to within its distance from the path. So next to a
+    joint between segments, as near as that, the larger of both velocities is the assigned one.
+    Where it falls or rises between two samples, the speed at that place counts, which is
+    interpolated linearly.
+
+    Args:
+        path: The path, whose segments may have speeds of their own.
+        found: Places of the tool on it.
+        speed: Tool speed at the samples [m/s], (n,).
+        limit: Assigned velocity of the whole path [m/s]; None without one.
+        between: Whether the shares bound those between samples too, taking the speed for no more
+            bent there than it is at the samples around, with one kink at most.
+
+    Returns:
+        The shares; 0 where no velocity is assigned.
+    """
+    assigned = np.fmin(path.speeds, np.inf if limit is None else limit)
+    assigned = np.where(np.isnan(assigned), np.inf, assigned)
+    if not np.isfinite(assigned).any():
+        return np.zeros(len(speed))
+    high = speed + _bound_between(speed) if between else speed
+    s, off = np.maximum.accumulate(found.s), found.distance
+    first, last = s - off, s + off
+    here = np.maximum(_at(path, assigned, first, "left"), _at(path, assigned, last, "right"))
+    share = high / here
+    before, after = assigned[:-1], assigned[1:]
+    # Where the assigned velocity falls, the first sample past the joint has passed it before.
+    falls = np.flatnonzero(after < before)
+    _raise_at_joints(share, high, first, path.breaks[1:-1][falls], after[falls], past=1)
+    # Where it rises, the last sample before the joint goes on until there.
+    rises = np.flatnonzero(after > before)
+    _raise_at_joints(share, high, last, path.breaks[1:-1][rises], before[rises], past=0)
+    return share
+
+
+def _at(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
+    """Assigned velocities at places, which may be beyond the ends of the path [m/s], (n,)."""
+    inside = np.clip(s, 0.0, path.length)
+    return assigned[path.locate(inside, side="left" if side == "left" else "right")]
+
+
+def _raise_at_joints(
+    share: FloatArray,
+    speed: FloatArray,
+    place: FloatArray,
+    joints: FloatArray,
+    assigned: FloatArray,
+    *,
+    past: int,
+) -> None:
+    """Raise shares to those at the time at which the tool passes joints between segments.
+
+    Args:
+        share: The shares, (n,); changed.
+        speed: Tool speed at the samples [m/s], (n,).
+        place: Places of the samples [m], (n,).
+        joints: Places of the joints [m], (joints,).
+        assigned: Velocity assigned on the slow side of each joint [m/s], (joints,).
+        past: 1 to raise the share of the sample after the joint, 0 that of the one before.
+    """
+    place = np.maximum.accumulate(place)
+    i = np.searchsorted(place, joints, side="right")
+    inside = (i > 0) & (i < len(place))
+    i, joints, assigned = i[inside], joints[inside], assigned[inside]
+    size = place[i] - place[i - 1]
+    part = (joints - place[i - 1]) / np.where(size > 0, size, 1.0)
+    passing = speed[i - 1] + part * (speed[i] - speed[i - 1])
+    np.maximum.at(share, i - 1 + past, passing / assigned)
+
+
+def _bound_between(speed: FloatArray) -> FloatArray:
+    """How much higher than at a sample the speed may be between it and the next ones, (n,)."""
+    if len(speed) < 3:
+        return np.zeros(len(speed))
+    bent = np.pad(np.abs(np.diff(speed, 2)), 1, mode="edge")
+    # A parabola is above both ends by at most an eighth of its second difference, a kink by at most
+    # a quarter of the sum of those around it.
+    pairs = (bent[1:] + bent[:-1]) / 4
+    return np.asarray(np.maximum(np.append(pairs, 0.0), np.append(0.0, pairs)))
+
+
+def unexplained_errors(
+    arm: Arm, q: FloatArray, tangent: FloatArray, unexplained: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the tool error due to errors of the joints, to first order.
+
+    Each joint counts with its largest error and the worst sign.
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        tangent: Unit tangents of the path, (n, dimension).
+        unexplained: Largest error of each joint [rad], (dof,).
+
+    Returns:
+        Bounds along and across the path [m], (n,) each.
+    """
+    moved = arm.jacobian(q) * unexplained
+    along = (tangent[:, None] @ moved)[:, 0]
+    across = moved - tangent[:, :, None] * along[:, None]
+    return abs(along).sum(axis=1), length(across.swapaxes(1, 2)).sum(axis=1)

@@ -1,9 +1,10 @@
-"""Accumulation of a check: for every limit, its largest use and the verdict on it."""
+"""Use of every limit by a motion: along its laws, at its peaks, and the verdict of a check."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,19 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
-from armcontour.evaluation.angular_deviation import least_off
+from armcontour.errors import InvalidInput
+from armcontour.evaluation.error_profile import least_off
 from armcontour.geometry import Path
+from armcontour.motion import PathLaw, Trajectory
+
+# Places in each interval of a law, its ends included: so many at least, and no more unless all
+# intervals together have fewer than FEWEST; those with fewer than ENOUGH have more than the least.
+LEAST_PLACES, MOST_PLACES = 3, 20
+FEWEST, ENOUGH = 4000, 12_000
+# So many of the highest parabolas are looked at more closely, so often, each time so much narrower.
+PEAKS, ROUNDS, NARROWER = 12, 2, 1 / 16
+# They are at least this share of an interval away from its ends, which are known.
+INSIDE = 1e-9
 
 # Below this tool speed [m/s] the direction of motion is not defined, so the centripetal
 # acceleration is not defined either.
@@ -34,6 +46,20 @@ MOST_PLAIN = 1e4
 
 # A quantity of the motion: a function of q, of q and dq, or of q, dq and ddq.
 Quantity = Callable[..., FloatArray]
+# Places that are judged at a time.
+CHUNK = 200_000
+# Accelerations may jump at a break by what a limit of jerk covers in this time [s], which no
+# controller resolves: jumps by rounding are smaller, those of plans without such a limit larger.
+AT_ONCE = 1e-5
+# Limits of jerk, with the jumps at breaks that break them.
+JUMPS = {
+    "joint_jerk": "acceleration_step",
+    "tool_jerk": "tool_acceleration_step",
+    "path_jerk": "path_acceleration_step",
+}
+ORDERS = ("positions", "velocities", "accelerations", "jerks")
+# Joint positions may jump by this much at a break [rad]: rounding, not motion.
+POSITION_STEP = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -480,3 +506,369 @@ def _without_nan(values: FloatArray, instead: float) -> FloatArray:
 def angular(twist: Quantity) -> Quantity:
     """The angular part of a twist."""
     return lambda *states: twist(*states)[:, 3:]
+
+
+class Law(Protocol):
+    """Joint positions over time as a law, such as a `Trajectory`."""
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end [s]."""
+
+    @property
+    def breaks(self) -> FloatArray:
+        """Times between which the law is smooth, its start and end included [s]."""
+
+    def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Joint positions, velocities, accelerations or jerks, (n, dof).
+
+        Of a law that refuses the order 3, jerk is not judged.
+        """
+
+
+def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: float) -> int:
+    """Offer the law's states to the tally; returns how many.
+
+    Args:
+        law: The law.
+        tally: Where findings go.
+        points: Random places per interval.
+        seed: Of the random places.
+        velocity_step: Largest jump of a joint's velocity at a break [rad/s].
+
+    Raises:
+        InvalidInput: Breaks that do not increase, or a value that is not finite.
+    """
+    breaks = np.asarray(law.breaks, dtype=np.float64)
+    if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
+        raise InvalidInput("The breaks of a law must be at least two times that increase.")
+    random = np.random.default_rng(seed)
+    jerks = find_known_jerks(law, tally.limits, breaks[:1])
+    size = max(1, CHUNK // (points + 2))
+    count = 0
+    for first in range(0, len(breaks) - 1, size):
+        ends = breaks[first : first + size + 1]
+        inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
+        right = np.concatenate([ends[:-1], inner.ravel()])
+        left = ends[1:]
+        states = offer_states(law, tally, right, left, jerks)
+        count += len(states.t)
+        tally.pose(states.t, states.q, states.errors[0])
+        if "path_jerk" in jerks:
+            offer_path_jerk(law, tally, right, left, states)
+        _acceleration_steps(
+            law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
+        )
+        _steps(
+            law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
+        )
+    return count
+
+
+def offer_states(
+    law: Law, tally: Tally, right: FloatArray, left: FloatArray, jerks: Collection[str]
+) -> States:
+    """Offer what joints and tool do at some times to a tally.
+
+    Args:
+        law: The law.
+        tally: Where findings go.
+        right: Times at which a break belongs to the interval after it [s], (n,).
+        left: Times at which a break belongs to the interval before it [s], (m,).
+        jerks: The limits of jerk that are judged.
+
+    Returns:
+        The states, (n + m, dof).
+
+    Raises:
+        InvalidInput: A value is not finite, or the law has another number of joints.
+    """
+    # Of joints and tool the third derivative is asked for only where it is judged.
+    order = 3 if set(jerks) - {"path_jerk"} else 2
+    states = _states(law, right, left, tally.arm.dof, order)
+    tally.states(states)
+    return states
+
+
+def offer_path_jerk(
+    law: Law, tally: Tally, right: FloatArray, left: FloatArray, states: States
+) -> None:
+    """Offer the path jerk at some times to a tally; arguments as of `offer_states`."""
+    along = cast("Any", law)
+    rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+    tally.offer("path_jerk", states.t, np.abs(rate), _limit(tally, "path_jerk"), states.q)
+
+
+def _states(law: Law, right: FloatArray, left: FloatArray, dof: int, order: int) -> States:
+    t = np.concatenate([right, left])
+    if isinstance(law, Trajectory):
+        # All derivatives at once.
+        after, before = law.motion(right, order), law.motion(left, order, side="left")
+    else:
+        after, before = (
+            tuple(law(at, k, side=side) for k in range(order + 1))
+            for at, side in ((right, "right"), (left, "left"))
+        )
+    columns = []
+    for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
+        values = np.concatenate(sides)
+        if values.shape != (len(t), dof):
+            raise InvalidInput(
+                f"The law gives {values.shape[-1]} joints, but the arm has {dof}: "
+                "give the arm that the law was made for."
+            )
+        if not np.isfinite(values).all():
+            at = float(t[~np.isfinite(values).all(axis=1)][0])
+            raise InvalidInput(f"The law's {name} are not finite at t = {at:.9g} s.", t=at)
+        columns.append(values)
+    q, dq, ddq, *dddq = columns
+    none = np.zeros(dof)
+    return States(t=t, q=q, dq=dq, ddq=ddq, errors=(none,) * 3, dddq=dddq[0] if dddq else None)
+
+
+def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
+    """Offer the jumps at breaks, which no acceleration at either side would show."""
+    if not len(t):
+        return
+    q = law(t)
+    tally.offer("position_step", t, np.abs(q - law(t, side="left")), POSITION_STEP, q)
+    limits = tally.limits
+    derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
+    if any(x is not None for x in derived):
+        jump = np.abs(law(t, 1) - law(t, 1, side="left"))
+        tally.offer("velocity_step", t, jump, velocity_step, q)
+
+
+def _acceleration_steps(
+    law: Law, t: FloatArray, tally: Tally, names: Collection[str], ends: tuple[float, float]
+) -> None:
+    """Offer the jumps of accelerations at breaks, which no jerk at either side would show.
+
+    Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
+
+    Args:
+        law: The law.
+        t: Breaks [s], (n,).
+        tally: Where findings go.
+        names: The limits of jerk that are judged.
+        ends: The first and the last break [s].
+    """
+    if not names:
+        return
+    q = law(t)
+    resting = np.abs(law(t, 1)).max(axis=1) <= STILL
+    for name in names:
+        before, after = (_accelerations(law, t, tally, name, side) for side in ("left", "right"))
+        before[resting & (t == ends[0])] = 0.0
+        after[resting & (t == ends[1])] = 0.0
+        jump = np.abs(after - before)
+        size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
+        tally.offer(JUMPS[name], t, size, AT_ONCE * _limit(tally, name), q)
+
+
+def _limit(tally: Tally, name: str) -> FloatArray:
+    return np.asarray(getattr(tally.limits, name))
+
+
+def _accelerations(law: Law, t: FloatArray, tally: Tally, name: str, side: str) -> FloatArray:
+    """The accelerations whose rate a limit of jerk bounds, at one side of times, (n, columns)."""
+    if name == "path_jerk":
+        return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
+    q, dq, ddq = (law(t, order, side=side) for order in range(3))
+    return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
+
+
+def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+    """Find the limits of jerk that can be judged of a law: of joints and tool, along a path.
+
+    Args:
+        law: The law.
+        limits: The limits.
+        start: Its first time [s], (1,).
+    """
+    limited = (x for x in JUMPS if getattr(limits, x) is not None)
+    return tuple(x for x in limited if _knows_jerk(law, start, along=x == "path_jerk"))
+
+
+def _knows_jerk(law: Law, start: FloatArray, *, along: bool) -> bool:
+    """Whether a law has a third derivative, of its joints or `along` its tool path."""
+    # Of a law without a tool path s is the value of any parameter.
+    if along and getattr(law, "path", None) is None:
+        return False
+    try:
+        _ = cast("Any", law).s(start, 3) if along else law(start, 3)
+    except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return False
+    return True
+
+
+def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Measure the largest used share of every limit: 1 is the limit.
+
+    In a program, limits of the tool count along contours, limits of the joints in every move.
+
+    Args:
+        trajectory: The planned motion.
+        arm: The arm.
+        limits: The limits, with one value per joint.
+
+    Returns:
+        A share for the field of every limit that is given and can be judged.
+    """
+    found: dict[str, float] = {}
+    for motion, bounds in _parts(trajectory, limits):
+        for name, ratio in _largest_shares(motion, _Shares(arm, bounds)).items():
+            found[name] = max(ratio, found.get(name, ratio))
+    return found
+
+
+def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
+    """Motions, each with the limits that hold in all of it."""
+    if all(x.kind == "contour" for x in trajectory.spans):
+        yield trajectory, limits
+        return
+    yield trajectory, limits.of_joints
+    for span in trajectory.contour_spans:
+        if span.trajectory is not None:
+            yield span.trajectory, limits.of_tool
+
+
+class _Shares(Tally):
+    """A tally that keeps all shares instead of the largest ones.
+
+    Attributes:
+        shares: The shares of each limit that were offered last, (n, joints or 1).
+    """
+
+    def __init__(self, arm: Arm, limits: Limits) -> None:
+        super().__init__(arm, limits, None, None)
+        self.shares: dict[str, FloatArray] = {}
+
+    def offer(
+        self,
+        name: str,
+        t: FloatArray,
+        value: FloatArray,
+        limit: npt.ArrayLike,
+        q: FloatArray,
+        error: npt.ArrayLike = 0.0,
+        zero: FloatArray | float = 0.0,
+    ) -> float:
+        """Keep the shares of a limit; arguments as of every tally."""
+        if value.size:
+            self.shares[name] = share_of(value, limit, zero).reshape(len(value), -1)
+        return 0.0
+
+    def centripetal(
+        self,
+        t: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        q: FloatArray,
+        error: FloatArray,
+        where: BoolArray,
+    ) -> float:
+        """Keep the shares of tool accelerations normal to `velocity`: 0 where the tool rests."""
+        name = "centripetal_acceleration"
+        super().centripetal(t, velocity, acceleration, q, error, where)
+        if name in self.shares:
+            moving = self.shares[name]
+            self.shares[name] = np.zeros((len(t), 1))
+            self.shares[name][where] = moving
+        return 0.0
+
+    def at(self, motion: Trajectory, right: FloatArray, left: FloatArray) -> dict[str, FloatArray]:
+        """Shares of all limits on the right side of times, then on the left side of others [s]."""
+        self.shares = {}
+        jerks = find_known_jerks(motion, self.limits, motion.starts[:1])
+        states = offer_states(motion, self, right, left, jerks)
+        if "path_jerk" in jerks:
+            offer_path_jerk(motion, self, right, left, states)
+        return self.shares
+
+
+def _largest_shares(motion: Trajectory, shares: _Shares) -> dict[str, float]:
+    """The largest share of every limit in a motion."""
+    breaks = _smooth_pieces(motion)
+    few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
+    places = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
+    part = np.linspace(0.0, 1.0, places)[:, None]
+    size = max(1, CHUNK // places)
+    best: dict[str, float] = {}
+    peaks: dict[str, list[FloatArray]] = {}
+    for first in range(0, len(breaks) - 1, size):
+        ends = breaks[first : first + size + 1]
+        t = ends[:-1] + part * np.diff(ends)
+        t[-1] = ends[1:]
+        for name, values in shares.at(motion, t[:-1].ravel(), t[-1]).items():
+            best[name] = max(best.get(name, -np.inf), float(values.max()))
+            found = _find_peaks(t, values.reshape(*t.shape, -1), best[name])
+            peaks.setdefault(name, []).append(found)
+    _climb(motion, shares, best, {x: _highest(np.hstack(y)) for x, y in peaks.items()})
+    return best
+
+
+def _smooth_pieces(motion: Trajectory) -> FloatArray:
+    """Times between which both the laws and their joint paths are smooth [s]."""
+    found = [motion.breaks]
+    for law, start in zip(motion.laws, motion.starts[:-1], strict=True):
+        if isinstance(law, PathLaw):
+            # Those of most laws are breaks of the law, too.
+            passed = np.setdiff1d(law.joint_path.breaks, law.s)
+            passed = passed[(passed > law.s[0]) & (passed < law.s[-1])]
+            found.append(start + law.reach(passed)[1])
+    return np.unique(np.concatenate(found))
+
+
+def _find_peaks(t: FloatArray, values: FloatArray, least: float) -> FloatArray:
+    """The highest parabolas through three neighbouring places of an interval, above `least`.
+
+    Args:
+        t: Evenly spaced times of every interval [s], (places, n).
+        values: Shares there, (places, n, columns).
+        least: Lower parabolas do not count.
+
+    Returns:
+        Of each the height, when it is highest [s], half its width [s], the ends of its interval [s]
+        and the column, (6, m).
+    """
+    before, middle, after = values[:-2], values[1:-1], values[2:]
+    bend, tilt = before - 2 * middle + after, (after - before) / 2
+    # Elsewhere the highest place is an end.
+    round_ = np.flatnonzero((bend < 0) & (np.abs(tilt) < -bend))
+    bend, tilt = bend.flat[round_], tilt.flat[round_]
+    height = middle.flat[round_] - tilt**2 / (2 * bend)
+    at, which, column = np.unravel_index(round_, middle.shape)
+    half = t[1, which] - t[0, which]
+    when = t[at + 1, which] - tilt / bend * half
+    rows = np.stack([height, when, half, t[0, which], t[-1, which], column])
+    return _highest(rows[:, height > least])
+
+
+def _highest(peaks: FloatArray) -> FloatArray:
+    """The highest of the peaks from `_find_peaks`."""
+    return peaks[:, np.argsort(-peaks[0], kind="stable")[:PEAKS]]
+
+
+def _climb(
+    motion: Trajectory, shares: _Shares, best: dict[str, float], peaks: dict[str, FloatArray]
+) -> None:
+    """Raise the largest shares to those at peaks from `_find_peaks`."""
+    rows = np.hstack([np.zeros((6, 0)), *peaks.values()])
+    if not rows.size:
+        return
+    _, t, half, low, high, column = rows
+    of = np.repeat(np.arange(len(peaks)), [x.shape[1] for x in peaks.values()])
+    margin = INSIDE * (high - low)
+    for _ in range(ROUNDS):
+        t = np.clip(t, low + margin, high - margin)
+        half = np.minimum(NARROWER * half, np.minimum(t - low, high - t) / 2)
+        found = shares.at(motion, (t + half * [[-1], [0], [1]]).ravel(), np.zeros(0))
+        for k, name in enumerate(peaks):
+            mine = np.flatnonzero(of == k)
+            values = found[name].reshape(3, len(t), -1)[:, mine, column[mine].astype(np.intp)]
+            best[name] = max(best[name], float(values.max(initial=-np.inf)))
+            bend, tilt = values[0] - 2 * values[1] + values[2], (values[2] - values[0]) / 2
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.where(bend < 0, np.clip(-tilt / bend, -1, 1), np.sign(tilt))
+            t[mine] += step * half[mine]

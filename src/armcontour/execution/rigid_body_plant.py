@@ -29,7 +29,7 @@ from armcontour.execution.plant import (
 from armcontour.execution.stability import count_parts
 from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
-from armcontour.servo.command import polynomials, sample_command
+from armcontour.servo.simulation import polynomials, sample_command
 
 # Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual command interval,
 # and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
 from armcontour._quintics import re_expand
+from armcontour._sampling import number_parts
 from armcontour.geometry.biarcs import dot, length, unit
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
 from armcontour.geometry.transitions import (

@@ -14,7 +14,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.connecting import bound_deviation, connect, draw_connections

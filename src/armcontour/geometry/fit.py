@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.orientation import Orientation

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.transitions import draw_arcs

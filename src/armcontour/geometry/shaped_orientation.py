@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry.orientation import (
     RATE_FLOOR,

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._parts import number_parts
 from armcontour._quintics import evaluate, quintic
+from armcontour._sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, length, unit
 from armcontour.geometry.segments import Segments, largest_bend
 

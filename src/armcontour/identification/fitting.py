@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.motion.log import FEWEST, Log
-from armcontour.servo.command import JointServo, LoggedCommand
-from armcontour.servo.simulation import follow
+from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 # A gap of more sample intervals than this splits a log: the command in the gap is unknown.
 SHORT_GAP = 20.0

@@ -20,7 +20,7 @@ from armcontour.identification.intervals import estimate_parameters
 from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
-from armcontour.servo.command import JointServo
+from armcontour.servo.simulation import JointServo
 
 # A servo is written if its RMS error is at most this share of the tracking error, or at most this
 # many times the noise of the encoder.

@@ -17,7 +17,7 @@ from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
-from armcontour.servo.command import JointServo
+from armcontour.servo.simulation import JointServo
 
 UNITS = {
     "kp": "1/s",

@@ -12,8 +12,7 @@ from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io.job_model import ArmModel, FrameModel, PlacementModel, ToolModel
-from armcontour.io.robots.loading import equip, load_arm
-from armcontour.io.robots.shapes import with_more_shapes
+from armcontour.io.robots.loading import equip, load_arm, with_more_shapes
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes

@@ -28,14 +28,14 @@ from armcontour.io.drawings.reading import TEXTS, UNKNOWN
 from armcontour.io.forms import Place, Point
 from armcontour.io.keys import Given
 from armcontour.io.place_axes import AxesModel, OffModel
-from armcontour.io.scene_model import BodiesModel, Direction, RotationModel, SceneModel
+from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, Rounding
 from armcontour.jobs.place_search import OBJECTIVES, POINTS, WHAT
 from armcontour.motion import Method
 from armcontour.program import Process
 from armcontour.servo import ServoModel
-from armcontour.timing import methods
+from armcontour.timing import METHODS
 
 Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
@@ -341,7 +341,7 @@ class TimingModel:
             servo. With a reserve of 0, a servo that lags cannot catch up.
     """
 
-    method: Annotated[str, Choice(methods.METHODS), BeforeValidator(_method)] = "optimal"
+    method: Annotated[str, Choice(METHODS), BeforeValidator(_method)] = "optimal"
     knots: Annotated[int, AtLeast(8)] | None = None
     intervals: Annotated[int, AtLeast(2)] | None = None
     reserve: Reserve = 0.0

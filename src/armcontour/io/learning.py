@@ -8,7 +8,7 @@ from typing import Any
 
 from armcontour.evaluation import ErrorProfile
 from armcontour.io.json_text import to_json
-from armcontour.io.summary import UNITS, of_job, plan_summary
+from armcontour.io.summary import UNITS, of_job, run_summary
 from armcontour.jobs.learning import JudgedStudy, LearningStudy
 from armcontour.learning import LearnedRun
 
@@ -52,7 +52,7 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
         "runs": [_of_run(study, k, x) for k, x in enumerate(lesson.runs)],
         "notes": study.notes,
     }
-    runs = {run.name: plan_summary(study.job, study.plan)}
+    runs = {run.name: run_summary(study.job, study.plan)}
     data = {**of_job(study.job, runs, files), "learning": learned}
     data["units"] = UNITS | LEARNING_UNITS
     return to_json(data)
@@ -71,7 +71,7 @@ def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
         for name, error, missed in study.contours
     ]
     data = {
-        **of_job(study.job, {run.name: plan_summary(study.job, study.plan)}, files),
+        **of_job(study.job, {run.name: run_summary(study.job, study.plan)}, files),
         "judged": {
             "run": run.name,
             **_fields(judged.runs[0]),

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _files
 from armcontour._checks import FloatArray, IntArray
-from armcontour._numbers import plain_number
-from armcontour._text import show
+from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.io.units import parse
 from armcontour.scene import Mesh

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._numbers import LONGEST, parse_number
-from armcontour._text import show
+from armcontour._text import LONGEST, parse_number, show
 from armcontour.errors import InvalidInput
 
 NUMBER = re.compile(

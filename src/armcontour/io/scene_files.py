@@ -8,8 +8,7 @@ import numpy as np
 
 from armcontour import _files
 from armcontour._checks import FloatArray
-from armcontour._numbers import plain_number
-from armcontour._text import show
+from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame, exp, rotations
 from armcontour.io.robots.collision import Packages, collisions, shape_of

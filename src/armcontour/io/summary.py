@@ -14,7 +14,7 @@ from armcontour.clearance import Clearance
 from armcontour.evaluation import ErrorProfile, Evaluation
 from armcontour.geometry import Corners, Outcome, RoundedPath, ShapedPath
 from armcontour.io.json_text import to_json
-from armcontour.jobs import ExperimentResult, Job, Run, RunPlan, RunResult, Shaped, Study
+from armcontour.jobs import ExperimentResult, Job, Run, RunResult, Shaped, Study
 from armcontour.jobs.quantities import (
     Torques,
     angular_speed,
@@ -102,19 +102,9 @@ def summary(study: Study, files: Sequence[str] = ()) -> str:
     """
     job = study.job
     runs = {name: run_summary(job, result) for name, result in study.runs.items()}
-    return to_json(of_job(job, runs, files))
-
-
-def summarise_taught(job: Job, plans: Mapping[str, RunPlan], files: Sequence[str] = ()) -> str:
-    """Plans and taught data as JSON, without a simulation; in the form of `summary`.
-
-    Args:
-        job: The job.
-        plans: The plans by the names of the runs.
-        files: The files of the result, relative to its folder.
-    """
-    runs = {name: plan_summary(job, plan) for name, plan in plans.items()}
-    return to_json({**of_job(job, runs, files), "simulated": False})
+    found = of_job(job, runs, files)
+    simulated = any(x.execution is not None for x in study.runs.values())
+    return to_json(found if simulated else {**found, "simulated": False})
 
 
 def of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str, Any]:
@@ -143,7 +133,7 @@ def of_job(job: Job, runs: Mapping[str, Any], files: Sequence[str]) -> dict[str,
     }
 
 
-def plan_summary(job: Job, plan: RunPlan) -> dict[str, Any]:
+def _plan(job: Job, plan: RunResult) -> dict[str, Any]:
     """Data of the plan of one run."""
     path, trajectory = plan.path, plan.trajectory
     single_path = path.single_path
@@ -268,8 +258,10 @@ def _count_left_out(found: dict[str, Any], **lengths: int) -> None:
 
 
 def run_summary(job: Job, result: RunResult) -> dict[str, Any]:
-    """All metrics of one run."""
-    found = plan_summary(job, result)
+    """All metrics of one run; without those of its execution, if it was not simulated."""
+    found = _plan(job, result)
+    if result.execution is None:
+        return found
     found["unsettled"] = result.execution.unsettled
     found |= _errors(result.evaluation) | _angular_motion(result.execution, result.evaluation)
     # A single path has no list of moves; its one error is that of the whole run.
@@ -320,7 +312,7 @@ def _explanation(why: Explanation) -> dict[str, Any]:
     return found
 
 
-def _moves(job: Job, plan: RunPlan) -> dict[str, Any]:
+def _moves(job: Job, plan: RunResult) -> dict[str, Any]:
     """Moves and events with their times; empty for a single path without other moves."""
     if plan.path.single_path is not None:
         return {}

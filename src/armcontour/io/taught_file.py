@@ -10,7 +10,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.lesson_file import read_lesson
 from armcontour.io.results import verify_file
 from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
-from armcontour.jobs import Job, RunPlan
+from armcontour.jobs import Job, RunResult
 from armcontour.learning import Lesson
 from armcontour.motion import TaughtData
 
@@ -21,7 +21,7 @@ LESSON = "lesson.npz"
 SAME = 1e-9
 
 
-def read_taught(place: FilePath, job: Job, plan: RunPlan) -> TaughtData:
+def read_taught(place: FilePath, job: Job, plan: RunResult) -> TaughtData:
     """The taught data in a file of set-points, with what was learned before.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
@@ -85,7 +85,7 @@ def _near(found: TrajectoryFile) -> float:
     return found.resolution["t"] + SAME
 
 
-def _refuse_other_job(history: FilePath, lesson: Lesson, job: Job, plan: RunPlan) -> None:
+def _refuse_other_job(history: FilePath, lesson: Lesson, job: Job, plan: RunResult) -> None:
     """Refuse a lesson that began with other set-points than the job makes.
 
     Raises:

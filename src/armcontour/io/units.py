@@ -10,9 +10,8 @@ from functools import cache
 from typing import Any
 
 from armcontour._checks import LARGEST
-from armcontour._numbers import plain_number
 from armcontour._quantities import WHOLE_TURN, Quantity
-from armcontour._text import show
+from armcontour._text import plain_number, show
 
 # Longest text of a quantity.
 MOST_CHARACTERS = 100

@@ -6,21 +6,8 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.programs import programs_of
-from armcontour.jobs.shaped import Shaped
-from armcontour.jobs.study import (
-    STEPS,
-    ExperimentResult,
-    RunPlan,
-    RunResult,
-    Study,
-    path_of,
-    run,
-    same_plan,
-    steps_of,
-    teach,
-    traced_alike,
-    warnings_of,
-)
+from armcontour.jobs.results import ExperimentResult, RunResult, Shaped, Study, warnings_of
+from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
 
 __all__ = [
     "STEPS",
@@ -31,18 +18,14 @@ __all__ = [
     "PlaceSearch",
     "Rounding",
     "Run",
-    "RunPlan",
     "RunResult",
     "Shaped",
     "Study",
     "analog_outputs",
     "build_plant",
-    "path_of",
     "programs_of",
     "run",
-    "same_plan",
     "steps_of",
-    "teach",
     "traced_alike",
     "warnings_of",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -31,7 +31,8 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.single_corners import refuse_no_corners
 from armcontour.motion import Method, check_interval
-from armcontour.program import Process, Program, prepare
+from armcontour.program import Process, Program
+from armcontour.program.preparing import refuse_unfit
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 from armcontour.timing import refuse_endless
@@ -268,6 +269,21 @@ class Run:
         for x in self.smoothing:
             _checks.positive("smoothing", x, "s")
 
+    def refuse_until(self, program: Program) -> None:
+        """Refuse an end of the evaluation for a program of several moves.
+
+        Args:
+            program: The program, as it is drawn or prepared.
+
+        Raises:
+            InvalidInput: The run has `until`, and the program is no single path.
+        """
+        if self.until is not None and program.single_path is None:
+            raise InvalidInput(
+                "until is for a job with a single path: errors of a program are evaluated while "
+                "the process is on."
+            )
+
     @property
     def continuity(self) -> Continuity | None:
         """What is continuous along rounded corners; None without corners that arcs replace."""
@@ -291,6 +307,7 @@ class Run:
         return {
             "method": self.timing,
             "reserve": self.reserve,
+            "duration": self.duration,
             "smoothing": self.smoothing,
             **self.timing_options,
         }
@@ -300,9 +317,7 @@ class Run:
 class Job:
     """A path, an arm, a servo, and the runs to compare.
 
-    Its `program` is the path as a program. Its `objective` is the program with leads, overlaps and
-    events of the process, and with sharp corners. The objective is None if the process has leads of
-    automatic length, because every run computes these lengths itself.
+    Its `program` is the path as a program; runs add leads, overlaps and events of the process.
 
     Args:
         name: Short name.
@@ -327,7 +342,7 @@ class Job:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
             a start for another number of joints, gains too large for a command interval, a speed
             so low that the motion is endless, an analog output that needs a speed, axes of a
-            placement that the arm has not, or a process that does not fit the program.
+            placement that the arm has not, or a process that the program cannot have.
     """
 
     name: str
@@ -346,7 +361,6 @@ class Job:
     ignore_collisions: bool = False
     part: Frame = field(default_factory=Frame)
     program: Program = field(init=False)
-    objective: Program | None = field(init=False)
     _cell: CellOnce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -363,26 +377,18 @@ class Job:
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)
                 refuse_endless(program, x.limits)
+                x.refuse_until(program)
                 refuse_open_speeds(program, self.process, x.limits)
                 if x.rounding is not None and x.rounding.at:
                     refuse_no_corners(program, self.process, list(x.rounding.at))
+        with locate_errors("process"):
+            refuse_unfit(program, self.process)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
         if self.placement is not None:
             with locate_errors("placement"):
                 self.placement.check(self.arm.dimension)
-        objective = None
-        if not self.process.automatic:
-            with locate_errors("process"):
-                objective = prepare(program, self.process)
-        object.__setattr__(self, "objective", objective)
-        single_path = None if objective is None else objective.single_path
-        if single_path is None and any(x.until is not None for x in self.runs):
-            raise InvalidInput(
-                "until is for a job with a single path: errors of a program are evaluated while "
-                "the process is on."
-            )
         if self.start is not None:
             start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
             object.__setattr__(self, "start", _checks.lock_floats(start))
@@ -421,18 +427,39 @@ class Job:
         """
         return self._cell.cell()
 
-    @property
-    def single_path(self) -> Path:
-        """The objective path of a job with a single path.
 
-        Raises:
-            InvalidInput: The job is a program with several contours, or with other moves.
-        """
-        single_path = None if self.objective is None else self.objective.single_path
-        if single_path is not None:
-            return single_path
-        count = len(self.program.contours)
+def find_run(job: Job, name: str) -> Run:
+    """The run of a name.
+
+    Raises:
+        InvalidInput: There is no such run.
+    """
+    for run in job.runs:
+        if run.name == name:
+            return run
+    names = ", ".join(x.name for x in job.runs)
+    raise InvalidInput(f"The job {job.name} has no run {name!r}: its runs are {names}.")
+
+
+def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
+    """The run of a name, or the only run.
+
+    Args:
+        job: The job.
+        name: Name of the run; None for the only one.
+        done: What is done with it, as in "certified".
+        among: Runs that come into question without a name, if there are any; all by default.
+
+    Raises:
+        InvalidInput: There is no such run, or there are several.
+    """
+    if name is not None:
+        return find_run(job, name)
+    able = among or job.runs
+    if len(able) > 1:
+        names = ", ".join(x.name for x in able)
         raise InvalidInput(
-            f"The job {self.name} is a program of {count} contour{'s' if count != 1 else ''} with "
-            "other moves, not a single path: use its attribute program."
+            f"The job {job.name} has several runs: say which one is to be {done}, with --run "
+            f"({names})."
         )
+    return able[0]

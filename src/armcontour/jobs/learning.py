@@ -16,10 +16,9 @@ from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
 from armcontour.evaluation.error_profile import Missed
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.execution import RigidBodyPlant, execute
-from armcontour.jobs.choosing import choose_run
-from armcontour.jobs.job import Job, Run
-from armcontour.jobs.programs import RESOLUTION
-from armcontour.jobs.study import RunPlan, teach
+from armcontour.jobs.job import Job, Run, choose_run
+from armcontour.jobs.results import RunResult
+from armcontour.jobs.study import RESOLUTION, run
 from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
 from armcontour.learning.estimating import smooth_error
@@ -52,7 +51,7 @@ class LearningStudy:
     """
 
     job: Job
-    plan: RunPlan
+    plan: RunResult
     lesson: Lesson
     simulated: tuple[Evaluation, ...] = ()
     robot: str = ""
@@ -154,7 +153,7 @@ class JudgedStudy:
     """
 
     job: Job
-    plan: RunPlan
+    plan: RunResult
     judged: Lesson
 
     @property
@@ -185,7 +184,7 @@ class JudgedStudy:
         return found
 
 
-def _measured_pieces(job: Job, plan: RunPlan, t: FloatArray, q: FloatArray) -> Sequence[Piece]:
+def _measured_pieces(job: Job, plan: RunResult, t: FloatArray, q: FloatArray) -> Sequence[Piece]:
     """The contours of a measured motion, without demands, until the end of the plan."""
     still = np.zeros_like(q)
     executed = Execution(
@@ -229,7 +228,7 @@ def _other_set_points(run: LearnedRun) -> list[str]:
     ]
 
 
-def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunPlan:
+def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
     """Plan and taught data of one run of a job.
 
     Args:
@@ -241,12 +240,13 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
         ArmContourError: No such run, or a run that cannot be planned.
     """
     this = choose_run(job, name, "learned")
-    return teach(replace(job, runs=(this,)), progress=progress)[this.name]
+    alone = replace(job, runs=(this,))
+    return run(alone, simulate=False, progress=progress).runs[this.name]
 
 
 def learn_run(
     job: Job,
-    plan: RunPlan,
+    plan: RunResult,
     taught: TaughtData,
     executed: Execution | Log | Recording,
     *,
@@ -288,7 +288,7 @@ def learn_run(
 
 def judge_log(
     job: Job,
-    plan: RunPlan,
+    plan: RunResult,
     taught: TaughtData,
     log: Log | Recording,
     *,
@@ -339,7 +339,7 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
         return
     times = taught.times(len(taught.q), taught.period)
     misfits = []
-    for q in (*(run.q for run in taught.runs), taught.q):
+    for q in (*(x.q for x in taught.runs), taught.q):
         offset, rate = fit_to(log.t, log.command, times, q)
         told = interpolate(offset + rate * log.t, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
@@ -353,7 +353,7 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
         )
 
 
-def limits_to_keep(job: Job, plan: RunPlan) -> Limits | None:
+def limits_to_keep(job: Job, plan: RunResult) -> Limits | None:
     """The limits of a run; None if its set-points exceed them before learning.
 
     Args:
@@ -369,7 +369,7 @@ def limits_to_keep(job: Job, plan: RunPlan) -> Limits | None:
 
 def simulate_learning(
     job: Job,
-    plan: RunPlan,
+    plan: RunResult,
     robot: Robot,
     about: str,
     *,

@@ -1,4 +1,4 @@
-"""The steps of a run one by one, and the lengths of automatic leads."""
+"""The program of a run: prepared, with leads of automatic length, and with rounded corners."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ from collections.abc import Callable
 import numpy.typing as npt
 
 from armcontour._progress import Progress
-from armcontour.compensation import compensate
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
-from armcontour.execution import ServoPlant, execute
 from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
-from armcontour.jobs.slow_ends import SAME_SPEED, assigned_speed
-from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
+from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
+from armcontour.motion import JointPath, Method
 from armcontour.program import (
     Contour,
     Leads,
@@ -26,21 +24,13 @@ from armcontour.program import (
     round_corners,
     smooth_curvature,
 )
-from armcontour.servo import ServoModel
 from armcontour.timing import (
-    Explanation,
     Tracing,
-    explain,
     intervals_of,
     plan,
-    start_of,
-    trace_and_plan,
     trace_program,
-    with_reserve,
 )
 
-# Largest time between two results of an execution [s], unless the drives on bodies are slower.
-RESOLUTION = 1e-3
 # Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
 MOST_DOUBLINGS = 12
@@ -54,30 +44,47 @@ FINEST_LEAD = 1e-4
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
 
-def programs_of(job: Job, this: Run, progress: Progress | None = None) -> tuple[Program, Program]:
+def programs_of(
+    job: Job, this: Run, progress: Progress | None = None, known: Program | None = None
+) -> tuple[Program, Program]:
     """The program of a run, prepared, before and after its corners are rounded or shaped.
 
     Args:
         job: The job.
         this: The run.
         progress: Called with the step "shaping" and the share that is done.
+        known: The prepared program, if another run has it already.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    objective = job.objective
-    if objective is None:
-        if this.timing != "optimal":
+    objective = prepare_program(job, this) if known is None else known
+    this.refuse_until(objective)
+    if this.rounding is not None and this.rounding.at:
+        refuse_missing(job.program.path, objective, list(this.rounding.at))
+    return objective, round_program(job, this, objective, progress)
+
+
+def prepare_program(job: Job, this: Run) -> Program:
+    """The program of a job with leads, overlaps and events of the process, and sharp corners.
+
+    Args:
+        job: The job.
+        this: The run, whose plans decide how long leads of automatic length are.
+
+    Raises:
+        ArmContourError: As `programs_of`.
+    """
+    leads = None
+    if job.process.automatic:
+        if this.timing != Method.OPTIMAL:
             raise InvalidInput(
                 f"Run {this.name}: leads of automatic length need the timing optimal, not "
                 f"{this.timing}: give their lengths."
             )
         leads = automatic_leads(job, this)
-        with locate_errors("process"):
-            objective = prepare(job.program, job.process, leads)
-    if this.rounding is not None and this.rounding.at:
-        refuse_missing(job.program.path, objective, list(this.rounding.at))
-    return objective, round_program(job, this, objective, progress)
+    with locate_errors("process"):
+        return prepare(job.program, job.process, leads)
 
 
 def round_program(
@@ -153,8 +160,8 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
-    if this.rounding is not None:
-        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+    rounding = None if this.rounding is None else this.rounding.with_arcs
+    this = dataclasses.replace(this, rounding=rounding, duration=None)
     process = job.process
     layers = {
         layer: {key: x for key, x in given.items() if key not in UNLED}
@@ -205,7 +212,8 @@ def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[fl
     alone = round_program(job, this, prepare(Program(moves=(contour,)), ends, [leads]))
     (only,) = alone.contours
     assert only.work is not None
-    on, off = plan_run(job, this, alone).speed_at(only.work)
+    traced = trace_run(job, this, alone)
+    on, off = plan(traced, job.arm, this.limits, **this.plan_options).speed_at(only.work)
     return float(on), float(off)
 
 
@@ -263,106 +271,24 @@ def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float
     return short if found is None else found
 
 
-def plan_run(job: Job, this: Run, program: Program) -> Trajectory:
-    """Trace and time a program under the limits and the options of a run."""
-    return trace_and_time_run(job, this, program)[1]
-
-
-def trace_and_time_run(
+def trace_run(
     job: Job,
     this: Run,
     program: Program,
     progress: Progress | None = None,
-    *,
-    duration: float | None = None,
     fits: Callable[[JointPath], bool] | None = None,
-) -> tuple[Tracing, Trajectory]:
-    """Trace a program as `trace_run`, and time it as `time_run`, partly at the same time.
+) -> Tracing:
+    """Trace the joint paths of all moves of a program, under the limits of a run.
 
-    With `fits`, as of `trace_program`, configurations may be passed over.
+    A shaped program is traced in the configuration that it was shaped for. With `fits`, as of
+    `trace_program`, configurations may be passed over.
     """
-    return trace_and_plan(
+    return trace_program(
         program,
         job.arm,
         this.limits,
         branch=job.branch,
-        start=start_of(program, job.start),
-        duration=duration,
+        start=job.start,
         fits=fits,
         progress=progress,
-        **this.plan_options,
     )
-
-
-def trace_run(job: Job, this: Run, program: Program, progress: Progress | None = None) -> Tracing:
-    """Trace the joint paths of all moves of a program, under the limits of a run.
-
-    A shaped program is traced in the configuration that it was shaped for.
-    """
-    start = start_of(program, job.start)
-    return trace_program(
-        program, job.arm, this.limits, branch=job.branch, start=start, progress=progress
-    )
-
-
-def time_run(
-    job: Job,
-    this: Run,
-    traced: Tracing,
-    progress: Progress | None = None,
-    *,
-    duration: float | None = None,
-) -> Trajectory:
-    """Time a traced program under the limits and the options of a run, in a given time if any."""
-    return plan(
-        traced,
-        job.arm,
-        this.limits,
-        duration=duration,
-        progress=progress,
-        **this.plan_options,
-    )
-
-
-def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | None:
-    """Which limit binds where on the plan of a run; None for methods that have no such limits.
-
-    A smoothed plan has none, as it is moved away from the limits.
-    """
-    if trajectory.method is not Method.OPTIMAL:
-        return None
-    return explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
-
-
-def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
-    """Compensate the plan of a run for the servo's delay.
-
-    Raises:
-        CompensationError: The method cannot compensate this delay.
-    """
-    return compensate(
-        trajectory,
-        job.servo,
-        method=this.compensation,
-        period=this.period,
-        arm=job.arm,
-        **this.compensation_options,
-    )
-
-
-def execute_run(
-    job: Job, this: Run, taught: TaughtData, servo: ServoModel | None = None
-) -> Execution:
-    """Simulate how the servo executes the set-points of a run.
-
-    Args:
-        job: The job.
-        this: The run.
-        taught: Its set-points.
-        servo: The simulated servo; by default that of the job's plant.
-
-    Raises:
-        ExecutionError: The joints do not come to rest.
-    """
-    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo, this.limits)
-    return execute(taught, plant, resolution=RESOLUTION)

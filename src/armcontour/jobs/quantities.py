@@ -9,7 +9,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
-from armcontour.jobs.study import ExperimentResult, RunResult, Study
+from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, Trajectory
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.

@@ -14,7 +14,7 @@ from armcontour.execution import RigidBodyPlant
 from armcontour.jobs.experiment import Experiment, build_plant
 from armcontour.jobs.job import Job
 from armcontour.jobs.learning import Robot
-from armcontour.jobs.study import RunPlan
+from armcontour.jobs.results import RunResult
 
 # Mass that the arm carries and nobody knows of, as a share of the mass that its joints move. On a
 # UR5e it is 2 kg of the 5 kg that it may carry.
@@ -33,7 +33,7 @@ GAINS = 0.05
 NOISE = 1e-5
 
 
-def unknown_robot(job: Job, plan: RunPlan, seed: int | None = None) -> tuple[Robot, str]:
+def unknown_robot(job: Job, plan: RunResult, seed: int | None = None) -> tuple[Robot, str]:
     """The robot of a simulation of learning, and what nobody knows of it.
 
     It is that of the run's experiment, if this or the job's plant differs from the nominal robot.
@@ -82,7 +82,7 @@ def _other_servo(job: Job) -> str:
     return f"{' and '.join(found)} of the job's plant" if found else ""
 
 
-def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
+def _assumed(job: Job, plan: RunResult, experiment: Experiment) -> Experiment:
     """An experiment with a load, friction and noise that nobody knows of."""
     chain = job.arm.chain
     assert chain is not None and chain.masses is not None
@@ -103,7 +103,7 @@ def _assumed(job: Job, plan: RunPlan, experiment: Experiment) -> Experiment:
     )
 
 
-def _load(job: Job, plan: RunPlan, torque: FloatArray) -> float:
+def _load(job: Job, plan: RunResult, torque: FloatArray) -> float:
     """Mass that the robot carries beside its payload [kg]."""
     arm, chain = job.arm, job.arm.chain
     assert chain is not None and chain.masses is not None

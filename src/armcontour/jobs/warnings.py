@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some
-from armcontour.arms import Arm
+from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import UNITS
 from armcontour.evaluation import Evaluation, LimitUse, check
 from armcontour.geometry import Path, count_full_stops
-from armcontour.geometry.segments import TANGENT_TOLERANCE
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.job import TANGENT, Run
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
-from armcontour.program import Program, contour_called
+from armcontour.motion.trajectory import Span
+from armcontour.program import Contour, Program, contour_called
 from armcontour.timing import RESERVED, Tracing, find_jerk_stops
 
 # So many contours or segments are named in one sentence.
@@ -41,6 +43,18 @@ CURVATURE_JUMPS = "curvature jumps"
 # A contour is slow if it takes this multiple of the time of a straight line of its length, with the
 # largest mean acceleration that its ends show beyond this share of its length.
 SLOW, ENDS = 2.0, 1e-3
+# Relative difference below which two speeds are equal: margins of the timing are smaller.
+SAME_SPEED = 1e-3
+# An arc is the cause if the speed is at least this share of the largest speed on the arc.
+ON_THE_ARC = 0.98
+# Share of the contour's length by which is looked into it, for whether the tool gets faster there.
+INTO = 1e-3
+# Samples of the planned path per wave.
+SAMPLES = 64
+# Relative difference from what was asked above which there is a warning.
+ALLOWED = 0.02
+# A limit is reached from this share of it on.
+REACHED = 0.95
 
 
 def capped(program: Program, this: Run) -> list[str]:
@@ -400,3 +414,243 @@ def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
         f"{worst.limit:.4g} {UNITS[worst.name]} at {worst.t:.4g} s{more}, where the path bends: "
         f"{mend}; armcontour certify smooths plans within the limits."
     ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowEnd:
+    """A start or an end of a contour below the assigned velocity.
+
+    Args:
+        contour: What messages call the contour.
+        word: "begins" at the start, "ends" at the end.
+        speed: Speed of the tool there [m/s].
+        assigned: Assigned velocity there [m/s].
+        lead: Length of the lead [m].
+        cause: "lead" for the arc of the lead, "contour" for an arc of the contour, "beyond" for
+            what is farther on the contour, else "length".
+        radius: Radius of that arc [m]; infinite without one.
+    """
+
+    contour: str
+    word: str
+    speed: float
+    assigned: float
+    lead: float
+    cause: str
+    radius: float
+
+
+def slow_ends(program: Program, trajectory: Trajectory, this: Run) -> list[str]:
+    """One warning per cause, with the slowest of the starts and ends that it slows.
+
+    Args:
+        program: The program that was planned.
+        trajectory: Its plan.
+        this: The run.
+    """
+    found = sorted(_find_slow_ends(program, trajectory, this), key=lambda x: x.cause)
+    groups = [list(of) for _, of in groupby(found, key=lambda x: x.cause)]
+    acceleration = this.limits.centripetal_acceleration
+    return [_warn(of, math.inf if acceleration is None else acceleration) for of in groups]
+
+
+def assigned_speed(contour: Contour, s: float, side: str, this: Run) -> float:
+    """The assigned velocity of a contour at an arc length [m/s], on one side of a vertex."""
+    most = np.inf if this.limits.speed is None else this.limits.speed
+    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
+
+
+def _find_slow_ends(program: Program, trajectory: Trajectory, this: Run) -> Iterator[SlowEnd]:
+    """The starts and ends below the assigned velocity that have a lead."""
+    spans = trajectory.contour_spans
+    for i, (x, span) in enumerate(zip(program.contours, spans, strict=True)):
+        if x.work is None or span.trajectory is None:
+            continue
+        start, end = x.work
+        for word, s, lead, inside, inward in (
+            ("begins", start, start, "right", 1),
+            ("ends", end, x.path.length - end, "left", -1),
+        ):
+            if lead <= REPEATED_POINT:
+                continue
+            assigned = assigned_speed(x, s, inside, this)
+            speed = float(span.trajectory.speed_at(s, side=inside))
+            if not np.isfinite(assigned) or speed >= assigned * (1 - SAME_SPEED):
+                continue
+            # The joint with the lead is where rounding errors have put it, on either side of s.
+            beside = s + inward * REPEATED_POINT * np.array([1, -1])
+            bend, of_lead = x.path.curvatures[x.path.locate(beside)].tolist()
+            cause, radius = _find_cause(bend, of_lead, speed, this)
+            step = INTO * (end - start) * inward
+            if cause == "length" and span.trajectory.speed_at(s + step) <= speed:
+                cause = "beyond"
+            yield SlowEnd(
+                contour=contour_called(x, i),
+                word=word,
+                speed=speed,
+                assigned=assigned,
+                lead=lead,
+                cause=cause,
+                radius=radius,
+            )
+
+
+def _find_cause(contour: float, lead: float, speed: float, this: Run) -> tuple[str, float]:
+    """What keeps the tool slow, and the radius of the arc [m], from curvatures [1/m]."""
+    acceleration = this.limits.centripetal_acceleration
+    for cause, curvature in (("contour", contour), ("lead", lead)):
+        if acceleration is not None and curvature > 0:
+            if speed >= ON_THE_ARC * math.sqrt(acceleration / curvature):
+                return cause, 1 / curvature
+    return "length", math.inf
+
+
+def _warn(of: list[SlowEnd], acceleration: float) -> str:
+    """The warning for places that are slow for the same cause."""
+    worst = min(of, key=lambda x: x.speed / x.assigned)
+    place = f"{worst.contour}: the work {worst.word} at"
+    if len(of) > 1:
+        place = f"at {len(of)} places the tool is slow, most at {place}"
+    text = f"{place} {worst.speed * 1e3:.3g} of {worst.assigned * 1e3:.3g} mm/s"
+    arc = f"the centripetal acceleration of {acceleration:.3g} m/s^2 allows no more on"
+    if worst.cause == "contour":
+        return (
+            f"{text}, since {arc} the contour's arc with a radius of {worst.radius * 1e3:.3g} mm."
+        )
+    if worst.cause == "lead":
+        # The radius of a lead's arc grows with the length of the lead, and the speed with its root.
+        enough = worst.lead * worst.assigned**2 / (acceleration * worst.radius)
+        return (
+            f"{text}, since {arc} the lead's arc with a radius of {worst.radius * 1e3:.3g} mm: "
+            f"with {enough * 1e3:.3g} mm in place of {worst.lead * 1e3:.3g} mm the lead's arc "
+            "allows it."
+        )
+    if worst.cause == "beyond":
+        why = (
+            "brakes for what follows" if worst.word == "begins" else "comes from what is before it"
+        )
+        return (
+            f"{text}, since it {why} on the contour: no lead makes it faster there; a lead at the "
+            "contour's other end, a wider corner or more acceleration may."
+        )
+    return (
+        f"{text}, with a lead of {worst.lead * 1e3:.3g} mm: a longer lead reaches more. A lead "
+        "without a length is as long as helps much and as the arm reaches."
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weaving:
+    """What the plan makes of the weave of a contour, where the weave has its full width.
+
+    Args:
+        contour: What messages call the contour.
+        width: Smallest and largest distance between neighbouring crests, across the seam [m].
+        frequency: Smallest and largest number of waves per second [1/s].
+        asked: Width [m] and frequency [1/s] that were asked for; the frequency is NaN without an
+            assigned velocity.
+        left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
+        slowed_by: The limit that the plan reaches, in words.
+    """
+
+    contour: str
+    width: tuple[float, float]
+    frequency: tuple[float, float]
+    asked: tuple[float, float]
+    left_out: float
+    slowed_by: str
+
+    @property
+    def sentence(self) -> str:
+        """The widths and the frequencies."""
+        width = _range(self.width, 1e3)
+        frequency = _range(self.frequency, 1.0)
+        return f"{self.contour} weaves {width} mm wide at {frequency} Hz."
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences on what differs from what was asked for."""
+        found = []
+        if max(abs(x - self.asked[0]) for x in self.width) > ALLOWED * self.asked[0]:
+            found.append(
+                f"{self.contour} weaves {_range(self.width, 1e3)} mm wide in place of "
+                f"{self.asked[0] * 1e3:.4g} mm, because the corners of the weave are rounded: "
+                "give a smaller corner tolerance, or the shape sine."
+            )
+        if self.frequency[0] < (1 - ALLOWED) * self.asked[1]:
+            found.append(
+                f"{self.contour} weaves at {_range(self.frequency, 1.0)} Hz in place of "
+                f"{self.asked[1]:.4g} Hz, because {self.slowed_by} slows the tool down: give a "
+                "lower velocity or frequency, a smaller width, or a higher limit."
+            )
+        if self.left_out:
+            found.append(
+                f"{self.contour} is not woven along {self.left_out * 1e3:.4g} mm of its seam, in "
+                "parts between corners that are shorter than half a pitch."
+            )
+        return found
+
+
+def weavings(program: Program, trajectory: Trajectory, limits: Limits) -> list[Weaving]:
+    """What the plan makes of each weave.
+
+    Args:
+        program: The program that was planned.
+        trajectory: Its plan.
+        limits: Its limits.
+    """
+    pairs = zip(program.contours, trajectory.contour_spans, strict=True)
+    found = (_weaving(i, x, span, limits) for i, (x, span) in enumerate(pairs))
+    return [x for x in found if x is not None]
+
+
+def _weaving(number: int, contour: Contour, span: Span, limits: Limits) -> Weaving | None:
+    """What the plan makes of the weave of a contour; None without waves of full width."""
+    woven, plan = contour.woven, span.trajectory
+    if woven is None or plan is None or len(woven.crests) < 3:
+        return None
+    begin, end = (0.0, plan.duration) if span.work is None else span.work
+    offset = 0.0 if span.work is None else span.t[0]
+    count = int(SAMPLES * woven.seam.length / woven.pitch) + 2
+    t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
+    near = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
+    # The tool may stop or turn, but along the seam it only goes on.
+    s = np.maximum.accumulate(near.s)
+    at = np.interp(woven.crests, s, t)
+    heights = _heights(s, near.distance, woven.crests, woven.pitch / 4)
+    widths, times = heights[:-1] + heights[1:], at[2:] - at[:-2]
+    # Crests of two parts of the seam belong to no common wave.
+    same = np.diff(woven.crests) < 0.75 * woven.pitch
+    widths, times = widths[same], times[same[:-1] & same[1:]]
+    if not len(times):
+        return None
+    return Weaving(
+        contour=contour_called(contour, number),
+        width=(float(widths.min()), float(widths.max())),
+        frequency=(float(1 / times.max()), float(1 / times.min())),
+        asked=(woven.width, woven.frequency),
+        left_out=woven.left_out,
+        slowed_by=_slowed_by(contour.path, plan, limits),
+    )
+
+
+def _slowed_by(path: Path, plan: Trajectory, limits: Limits) -> str:
+    """The limit that slows a weave: of the centripetal acceleration if it is reached."""
+    limit = limits.centripetal_acceleration
+    s = (path.breaks[:-1] + path.breaks[1:]) / 2
+    reached = float((np.abs(path.curvatures) * plan.speed_at(s) ** 2).max())
+    if limit is None or reached < REACHED * limit:
+        return "a limit of the joints or of the tool"
+    return f"limits.centripetal_acceleration of {limit:.4g} m/s²"
+
+
+def _heights(s: FloatArray, off: FloatArray, crests: FloatArray, reach: float) -> FloatArray:
+    """Largest distances from the seam near crests [m], (n,)."""
+    first, last = np.searchsorted(s, crests - reach), np.searchsorted(s, crests + reach)
+    return np.array([off[i:j].max(initial=0.0) for i, j in zip(first, last, strict=True)])
+
+
+def _range(pair: tuple[float, float], scale: float) -> str:
+    """Two numbers as text, or one if they are printed alike."""
+    low, high = (f"{scale * x:.3g}" for x in pair)
+    return low if low == high else f"{low} to {high}"

@@ -20,7 +20,7 @@ from armcontour.drives import Drives, respond_along
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
-from armcontour.servo.command import command_weights
+from armcontour.servo.simulation import command_weights
 
 # Longest time between two times of the model [s]. The rule of the response is off by about
 # (w h)² / 12 at the rate w: 0.2 % at the 150 1/s of the paper's velocity loop.

@@ -3,8 +3,13 @@
 from armcontour._quintics import quintic
 from armcontour.motion._intervals import interval_times
 from armcontour.motion.bounding import largest_shares
-from armcontour.motion.execution import Execution
-from armcontour.motion.fine_motion import FineMotion
+from armcontour.motion.execution import (
+    LONGEST_CLOCK,
+    Execution,
+    FineMotion,
+    TaughtData,
+    check_interval,
+)
 from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
@@ -19,7 +24,6 @@ from armcontour.motion.laws import (
 from armcontour.motion.log import Log
 from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.smoothing import smooth
-from armcontour.motion.taught import LONGEST_CLOCK, TaughtData, check_interval
 from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
 
 __all__ = [

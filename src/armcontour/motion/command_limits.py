@@ -8,7 +8,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import CompensationError
-from armcontour.motion.taught import TaughtData
+from armcontour.motion.execution import TaughtData
 
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.

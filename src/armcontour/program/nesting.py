@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.segments import Segments
 from armcontour.geometry.transitions import draw_arcs

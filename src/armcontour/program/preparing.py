@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -16,8 +16,7 @@ from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import weave_seam
-from armcontour.program.closed_contours import close_contour
-from armcontour.program.kerf import apply_kerf
+from armcontour.program.kerf import LeadPlacement, apply_kerf
 from armcontour.program.moves import (
     Contour,
     Dwell,
@@ -26,16 +25,20 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
+    is_meant,
+    last_end,
+    leading_away,
+    next_rapid,
+    reroute,
 )
-from armcontour.program.ordering import order_contours
-from armcontour.program.process import Lead, Leads, Process, Weave
-from armcontour.program.rapids import is_meant, last_end, leading_away, next_rapid, reroute
-from armcontour.program.resuming import resume
-from armcontour.program.scrap_side import LeadPlacement
-from armcontour.program.switching import Switching
-from armcontour.program.tabs import add_tabs
+from armcontour.program.ordering import close_contour, order_contours
+from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
 ANY_DEMAND = Demand()
+# Free length between a tab and a corner, the start point or another tab, in widths of a tab.
+CLEAR = 1.0
+# Smaller turns are those of curves that are drawn as polylines, on which tabs may lie [rad].
+CORNER = np.radians(20)
 
 
 def prepare(
@@ -55,10 +58,7 @@ def prepare(
     """
     program = Program.of(program, "prepare needs a Path or a Program")
     _checks.refuse_other("prepare", process, Process)
-    _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
-    pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
-    if process.approach or process.retract or pierces:
-        _refuse_plane(program)
+    refuse_unfit(program, process)
     program = arrange(program, process)
     rapids_away = leading_away(program.moves)
     switching = Switching(program.moves, process)
@@ -90,6 +90,23 @@ def prepare(
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *placement.notes)
     return dataclasses.replace(program, moves=tuple(result), notes=notes)
+
+
+def refuse_unfit(program: Program, process: Process) -> None:
+    """Refuse a process that the program as it is drawn cannot have.
+
+    Args:
+        program: The program as it is drawn.
+        process: Requirements of the process.
+
+    Raises:
+        InvalidInput: A layer does not exist, or a program in the plane has an approach, a retract
+            or the height of a pierce.
+    """
+    _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
+    pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
+    if process.approach or process.retract or pierces:
+        _refuse_plane(program)
 
 
 def arrange(program: Program, process: Process) -> Program:
@@ -353,3 +370,254 @@ def _vertical(
     side = "right" if s == 0 else "left"
     rotation = path.orientation(s, side=side)
     return line.oriented(rotation, axis_only=path.orientation.axis_only)
+
+
+def resume(
+    program: Program, from_s: float, *, keeps_lead: Callable[[Contour, Event], bool]
+) -> tuple[Program, Contour | None]:
+    """The rest of a program, and the part of the resumed contour before the arc length.
+
+    Outputs switched before the arc length are switched again: at the arc length if they were
+    switched on the same contour, else before the first move.
+
+    Args:
+        program: The program.
+        from_s: Arc length at which to resume, over all contours [m].
+        keeps_lead: Whether an event of a contour keeps its time advance when it is switched again.
+
+    Returns:
+        The rest of the program, and the part of its first contour before the arc length; None if
+        the program resumes at the start of a contour.
+
+    Raises:
+        InvalidInput: The arc length is not below the length of all contours.
+    """
+    if from_s == 0:
+        return program, None
+    if from_s >= program.length - REPEATED_POINT:
+        raise InvalidInput(
+            f"The program is to be resumed at {from_s:g} m, but its contours are "
+            f"{program.length:.9g} m long together.",
+            s=from_s,
+            allowed=program.length,
+        )
+    # The end of a contour counts as the start of the next one.
+    which = int(np.searchsorted(program.breaks, from_s + REPEATED_POINT, side="right")) - 1
+    s = max(from_s - float(program.breaks[which]), 0.0)
+    number = -1
+    switched: dict[str, Event] = {}
+    for i, move in enumerate(program.moves):
+        if isinstance(move, Event):
+            switched[move.name] = dataclasses.replace(move, s=0.0, lead_time=0, lead_distance=0)
+        if not isinstance(move, Contour):
+            continue
+        number += 1
+        if number < which:
+            for x in move.events:
+                switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
+            continue
+        rest = _cut_after(move, s, keeps_lead)
+        moves = (*switched.values(), rest, *program.moves[i + 1 :])
+        resumed = dataclasses.replace(program, moves=moves)
+        return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
+    raise AssertionError("the arc length is within the contours")
+
+
+def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event], bool]) -> Contour:
+    """The part of a contour after arc length s, with outputs restored at its start."""
+    if s <= REPEATED_POINT:
+        return contour
+    last: dict[str, Event] = {}
+    for x in contour.events:
+        if x.s <= s + REPEATED_POINT:
+            # Outputs keep the order of their last events.
+            last.pop(x.name, None)
+            lead = x.lead_time if keeps_lead(contour, x) else 0.0
+            last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
+    later = [dataclasses.replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
+    return dataclasses.replace(
+        contour,
+        path=cut_path(contour.path, s, contour.path.length),
+        events=(*last.values(), *later),
+    )
+
+
+def _cut_before(contour: Contour, s: float) -> Contour:
+    """The part of a contour before arc length s, without events."""
+    return Contour(path=cut_path(contour.path, 0.0, s), name=contour.name, layer=contour.layer)
+
+
+class Switching:
+    """State of the outputs of `switch` and `off_between`, from one contour to the next.
+
+    Args:
+        moves: The moves of the program.
+        process: Requirements of the process.
+    """
+
+    def __init__(self, moves: Sequence[Move], process: Process) -> None:
+        switches = (x.switch.name for x in process.variants if x.switch is not None)
+        self.names = tuple(dict.fromkeys([*switches, *process.off_between]))
+        self.process = process
+        # Contours of a drawing can be reordered, so that none depends on the one before it.
+        self.in_order = any(not isinstance(x, Contour) for x in moves)
+        self.states: dict[str, Event] = {}
+        known: set[str] = set()
+        for x in moves if self.in_order else ():
+            for event in x.events if isinstance(x, Contour) else [x]:
+                if isinstance(event, Event) and event.name not in known:
+                    known.add(event.name)
+                    # An output that is first switched on is off before.
+                    if event.value:
+                        self.states[event.name] = dataclasses.replace(event, value=False)
+
+    def takes(self, event: Event) -> bool:
+        """Whether an event between contours takes effect at the start of the next contour."""
+        if event.name in self.names:
+            self.states[event.name] = event
+        return event.name in self.names
+
+    def confine(self, contour: Contour, events: Sequence[Event]) -> Contour:
+        """A contour with events of the process, whose outputs are off at both of its ends.
+
+        Args:
+            contour: The contour from its start point, with laps and overlap.
+            events: Events of the process on the contour.
+        """
+        found = sorted((*contour.events, *events), key=lambda x: x.s)
+        for name in self.names:
+            drawn = [x for x in contour.events if x.name == name]
+            switch = self.process.of_layer(contour.layer).switch
+            switch = switch if switch is not None and switch.name == name else None
+            state = self.states.get(name) if self.in_order else None
+            if state is None and switch is not None:
+                state = Event(name=name, value=not (drawn and drawn[0].value))
+            own = [x for x in found if x.name == name]
+            last = own[-1] if own else state
+            if last is not None:
+                self.states[name] = last
+            found = [x for x in found if x.name != name]
+            found += _confined(own, state, switch, name, contour.path.length)
+        return dataclasses.replace(contour, events=tuple(found))
+
+
+def _confined(
+    own: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
+) -> list[Event]:
+    """Events of one output of a contour that begins and ends with the output off.
+
+    Args:
+        own: The events along the contour, by arc length.
+        state: The last event before the contour, if any.
+        switch: Value and leads of events that have none, if any.
+        name: Name of the output.
+        end: Length of the contour [m].
+    """
+    kept: list[Event] = []
+    if state is not None and not (own and own[0].s <= REPEATED_POINT):
+        own = [dataclasses.replace(state, s=0.0), *own]
+    own = [x for x in own if x.s < end - REPEATED_POINT]
+    before: object = False
+    for x in (*own, Event(name=name, value=False, s=end)):
+        if switch is not None:
+            x = dataclasses.replace(x, value=switch.value) if x.value is True else x
+            if not (x.lead_time or x.lead_distance):
+                lead = switch.on_lead if x.value else switch.off_lead
+                x = dataclasses.replace(x, lead_time=lead)
+        if (type(x.value), x.value) != (type(before), before):
+            kept.append(x)
+            before = x.value
+    return kept
+
+
+def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
+    """A closed contour whose process is switched off at tabs, at the same places of every lap.
+
+    Args:
+        contour: The contour from its start point, with laps and overlap.
+        process: Tabs and switch; a process without tabs leaves the contour as it is.
+        lap: Length of one lap [m].
+
+    Raises:
+        InvalidInput: The contour has no room for its tabs.
+    """
+    if process.tabs is None:
+        return contour
+    assert process.switch is not None
+    switch, width = process.switch, process.tabs.width
+    end = contour.path.length
+    events = list(contour.events)
+    own = [x for x in events if x.name == switch.name]
+    first = find_tabs(contour, process.tabs, lap)
+    laps = np.arange(int(np.ceil(end / lap))) * lap
+    for s in (laps[:, None] + first).ravel().tolist():
+        off, on = s - width / 2, min(s + width / 2, end)
+        events = [x for x in events if x.name != switch.name or not off <= x.s < on]
+        for place, lead in ((off, switch.off_lead), (on, switch.on_lead)):
+            # The output stays off in gaps of the program that begin or end on the tab.
+            value = next((x.value for x in reversed(own) if x.s <= place), False)
+            if value and place < end:
+                value = value if place == on else False
+                events.append(Event(name=switch.name, value=value, s=place, lead_time=lead))
+    return dataclasses.replace(contour, events=tuple(events))
+
+
+def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
+    """Arc lengths of the middles of tabs on the first lap [m], (tabs,).
+
+    Tabs are as far from each other as corners and the start point allow: those that would lie on
+    one of them are moved beside it.
+
+    Raises:
+        InvalidInput: The contour has no room for its tabs.
+    """
+    width = tabs.width
+    count = tabs.count or _count(contour, tabs.spacing or lap, lap)
+    wanted = (np.arange(count) + 0.5) * lap / count
+    corners = _corners(contour.path, lap)
+    margin = (0.5 + CLEAR) * width
+    low, high = corners[:-1] + margin, corners[1:] - margin
+    free = low <= high
+    moved = np.clip(wanted[:, None], low[free], high[free])
+    places = np.empty(0)
+    if free.any():
+        nearest = np.argmin(np.abs(moved - wanted[:, None]), axis=1)
+        places = np.sort(moved[np.arange(count), nearest])
+    if not free.any() or (np.diff(places) < (1 + CLEAR) * width).any():
+        raise InvalidInput(
+            f"{_called(contour)} of {lap * 1e3:.4g} mm "
+            f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm, which "
+            "keep a width free to corners, to the start point and to each other: take fewer or "
+            "narrower ones, or leave them out with by_layer.",
+            allowed=lap,
+            needed=2 * count * width,
+        )
+    return places
+
+
+def _count(contour: Contour, spacing: float, lap: float) -> int:
+    """The number of tabs of a lap with a spacing [m].
+
+    Raises:
+        InvalidInput: There are more than MOST_TABS.
+    """
+    count = max(1, round(lap / spacing))
+    if count > MOST_TABS:
+        raise InvalidInput(
+            f"{_called(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a spacing "
+            f"of {spacing * 1e3:.4g} mm, more than {MOST_TABS}: take a larger spacing.",
+            needed=count,
+            allowed=MOST_TABS,
+        )
+    return count
+
+
+def _called(contour: Contour) -> str:
+    """What messages call a contour."""
+    return contour_called(contour, 0) if contour.name else "A contour"
+
+
+def _corners(path: Path, lap: float) -> FloatArray:
+    """Arc lengths of start, corners and end of the first lap of a path [m]."""
+    inner = path.breaks[1:-1][path.turns > CORNER]
+    return np.concatenate([[0.0], inner[inner < lap], [lap]])

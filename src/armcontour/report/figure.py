@@ -165,7 +165,6 @@ def make_subplots(
     *,
     shared_xaxes: bool = False,
     vertical_spacing: float,
-    horizontal_spacing: float | None = None,
     row_heights: Sequence[float] | None = None,
     subplot_titles: Sequence[str] = (),
     column_titles: Sequence[str] = (),
@@ -177,13 +176,11 @@ def make_subplots(
         cols: Number of columns.
         shared_xaxes: Whether the plots of a column have the same x axis, with labels at the last.
         vertical_spacing: Space between rows, as a share of the height.
-        horizontal_spacing: Space between columns, as a share of the width.
         row_heights: Relative heights of the rows.
         subplot_titles: Titles of the plots, row by row.
         column_titles: Titles of the columns.
     """
-    space = 0.2 / cols if horizontal_spacing is None else horizontal_spacing
-    left, right = _spans([1.0] * cols, space)
+    left, right = _spans([1.0] * cols, 0.2 / cols)
     # Rows are placed from below.
     heights = list(row_heights or [1.0] * rows)[::-1]
     bottom, top = (x[::-1] for x in _spans(heights, vertical_spacing))

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.arms._tool_point import Robot, tool_in_plane, tool_in_space, tool_point
+from armcontour.arms._kinematics import tool_point
 from armcontour.geometry._segments import Point, search_along
 from armcontour.servo._response import Motion, Servo
 from armcontour.servo._simulation import march
@@ -73,7 +73,7 @@ class Setting(NamedTuple):
     """What all robots share.
 
     Attributes:
-        robot: The arm.
+        robot: Numbers of the links, as `arm.link_table` has them.
         reach: Largest distance of the tool from a joint [m].
         line: The path.
         clock: The times.
@@ -82,7 +82,7 @@ class Setting(NamedTuple):
         lower, upper: Acceleration bounds [rad/s²], (dof,).
     """
 
-    robot: Robot
+    robot: FloatArray
     reach: float
     line: Line
     clock: Clock
@@ -231,16 +231,11 @@ def _measure(
     # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
-    planar, rotations, positions, axes, base, tip = setting.robot
-    flat = planar[1] > 0.0
     q = np.empty(len(places))
     for row in range(size * clock.steps):
         for j in range(len(q)):
             q[j] = places[j, row, 0]
-        if flat:
-            p = tool_in_plane(planar, q, anchors)
-        else:
-            p = tool_in_space(rotations, positions, axes, base, tip, q, anchors)
+        p = tool_point(setting.robot, q, anchors)
         k = min(begin + row // clock.steps, len(low) - 1)
         d2, now = search_along(p, rows, around, segment, low[k], high[k])
         peak = max(e.peak, d2)

@@ -14,7 +14,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData
 from armcontour.robustness.unknowns import Unknowns
-from armcontour.servo.command import polynomials, sample_command
+from armcontour.servo.simulation import polynomials, sample_command
 
 # Time between two times of the model: a share of the command interval, and at most [s].
 PER_INTERVAL = 8

@@ -12,8 +12,8 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
-from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
-from armcontour.arms._tool_point import Robot
+from armcontour.arms import Arm, Limits
+from armcontour.arms.serial import ChainArm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.nearest import pack_arcs
@@ -23,9 +23,8 @@ from armcontour.motion import TaughtData
 from armcontour.robustness._monte_carlo import Clock, Line, Sample, Setting, execute
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
-from armcontour.servo.command import command_and_rates, polynomials
 from armcontour.servo.model import GAINS
-from armcontour.servo.simulation import CUBIC, STRAIGHT
+from armcontour.servo.simulation import CUBIC, STRAIGHT, command_and_rates, polynomials
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -528,7 +527,7 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
     return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
 
 
-def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
+def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
     """The arm for the compiled code, and the largest distance of the tool from a joint [m].
 
     Raises:
@@ -539,17 +538,12 @@ def _robot(arm: Arm, path: Path) -> tuple[Robot, float]:
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves in "
             f"{arm.dimension}."
         )
-    if isinstance(arm, SerialArm):
-        rotations, positions, axes, base, end = (np.array(x) for x in arm.arrays)
-        reach = float(np.linalg.norm(positions, axis=1).sum() + np.linalg.norm(end[:, 3]))
-        return Robot(np.zeros(3), rotations, positions, axes, base, end), reach
-    if not isinstance(arm, PlanarTwoLink):
+    if not isinstance(arm, ChainArm):
         raise InvalidInput(
             "Robustness needs the compiled kinematics of a planar two-link arm or a serial arm, "
             f"not of a {type(arm).__name__}."
         )
-    empty = np.zeros((2, 3, 3)), np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3, 4), np.eye(3, 4)
-    return Robot(np.array([arm.base, arm.link1, arm.link2]), *empty), arm.link1 + arm.link2
+    return arm.link_table, arm.span
 
 
 def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:

@@ -15,7 +15,7 @@ from armcontour.frames import Frame
 from armcontour.io.job_arm import frame_of
 from armcontour.io.job_edits import Keys
 from armcontour.io.job_model import FrameModel, PathModel
-from armcontour.io.scene_model import BodiesModel, SceneModel
+from armcontour.io.scene import BodiesModel, SceneModel
 from armcontour.io.si_data import in_si
 from armcontour.io.units import write_like
 from armcontour.jobs import Job

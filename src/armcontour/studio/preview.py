@@ -27,14 +27,9 @@ from armcontour.io.job_path import part_of, placed_path, unplaced_path
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
-from armcontour.jobs.programs import (
-    explain_run,
-    programs_of,
-    teach_run,
-    time_run,
-    trace_run,
-)
-from armcontour.jobs.reach import reach_told
+from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.study import explain_run, teach_run
+from armcontour.jobs.ways import reach_told
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
@@ -47,6 +42,7 @@ from armcontour.studio.preview_run import (
     with_one_run,
 )
 from armcontour.studio.previewed import Executed, Planned
+from armcontour.timing import plan
 from armcontour.timing.program_tracing import ends_of
 
 # Most set-points of an exact preview.
@@ -281,7 +277,7 @@ class Previewer:
         get, limits = self._kept.get, comparable(this.limits)
         start = None if job.start is None else job.start.tobytes()
         rounding = this.rounding
-        by_limits = job.objective is None or (rounding is not None and rounding.free)
+        by_limits = job.process.automatic or (rounding is not None and rounding.free)
         of_path = (
             *(drawn, comparable(job.process), rounding),
             *(this.continuity, this.transition_tolerance, this.limits.centripetal_acceleration),
@@ -296,8 +292,8 @@ class Previewer:
         )
         trajectory = get(
             "timing",
-            (traced, limits, this.duration, this.plan_options),
-            lambda: time_run(job, this, traced, progress, duration=this.duration),
+            (traced, limits, this.plan_options),
+            lambda: plan(traced, job.arm, this.limits, progress=progress, **this.plan_options),
         )
         explanation = get(
             "explanation",

@@ -9,25 +9,22 @@ from armcontour._checks import FloatArray
 from armcontour.evaluation import ErrorProfile
 from armcontour.evaluation.pieces import Piece
 from armcontour.jobs import Job
-from armcontour.jobs.study import TimedRun
+from armcontour.jobs.results import RunResult
 from armcontour.motion import Execution, TaughtData
-from armcontour.timing import Explanation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Planned(TimedRun):
-    """The plan of a run, and why it is not faster.
+class Planned(RunResult):
+    """The plan of a run of a document.
 
     Args:
         job: The job, with this run only.
-        explanation: Which limit binds where; None for methods that have no such limits.
         start: Joint positions at the start of the motion [rad], (dof,).
         seconds: Time that each step took [s], without steps whose results were kept.
         differs: Sentences on what a full run may do in another way.
     """
 
     job: Job
-    explanation: Explanation | None
     start: FloatArray
     seconds: Mapping[str, float] = field(default_factory=dict)
     differs: tuple[str, ...] = ()

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Chain, PlanarTwoLink
+from armcontour.arms import Arm, Chain
 from armcontour.frames import Frame
 from armcontour.jobs import Job
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
@@ -42,7 +42,7 @@ def arm_frame(job: Job) -> Message:
     lower, upper = arm.limits.joint_range(arm.dof)
     header = {
         "name": arm.name,
-        "planar": isinstance(arm, PlanarTwoLink),
+        "planar": arm.dimension == 2,
         "joints": [
             {
                 "name": name,

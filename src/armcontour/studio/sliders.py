@@ -18,7 +18,7 @@ from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import SHAPES
 from armcontour.studio.edits.keys import SHARP, joint_values, place_of, run_of
-from armcontour.timing import methods
+from armcontour.timing import METHODS
 
 JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"
 
@@ -57,7 +57,7 @@ SLIDERS = (
     Slider("timing.reserve", "reserve", "run", 0.0, 0.9, log=False),
 )
 CHOICES = (
-    ("timing.method", "timing", "run", methods.METHODS),
+    ("timing.method", "timing", "run", METHODS),
     ("compensation.method", "compensation", "run", compensator.METHODS),
     ("corners.shape", "corners", "path", (SHARP, *SHAPES)),
 )

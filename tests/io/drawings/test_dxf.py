@@ -14,9 +14,8 @@ from scipy.interpolate import BSpline, CubicSpline
 from tests.io.tables import refusals
 
 import armcontour as ac
-from armcontour.io.drawings.colors import color_set
 from armcontour.io.drawings.dxf import UNITS, read_dxf
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.reading import Reading, color_set
 
 MM = 1e-3
 TOLERANCE = 1e-5

@@ -15,7 +15,7 @@ from tests.io.tables import refusals, values
 import armcontour as ac
 from armcontour.arms import Payload
 from armcontour.frames import Frame
-from armcontour.io.robots import shapes
+from armcontour.io.robots import loading
 from armcontour.scene import ArmShapes, Capsule, LinkShape, Mesh, Sphere
 
 GOOD = yaml.safe_load("""
@@ -354,7 +354,7 @@ def test_every_link_of_a_built_in_arm_has_a_hull(name):
     content = (FOLDER / f"{name}.json").read_bytes()
     assert len(content) <= 100_000
     assert max(x["excess"] for x in json.loads(content)["hulls"]) <= 0.0003
-    source = shapes.read_hulls(name).source
+    source = loading.read_hulls(name).source
     text = (FOLDER / source.split("see ")[1].rstrip(".")).read_text(encoding="utf-8")
     license = source.split(":")[0].split(". ")[-1]
     assert f"{name}.json" in text and license in ("BSD-3-Clause", "Apache-2.0")

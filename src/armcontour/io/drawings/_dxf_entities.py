@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.io.drawings.affine import Affine
-from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.chain import Affine, Chain
 from armcontour.io.drawings.clipping import Clip
 from armcontour.io.drawings.shapes import Shape
 from armcontour.io.drawings.splines import Spline

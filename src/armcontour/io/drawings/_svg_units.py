@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour._checks import lock_floats
 from armcontour.io.drawings._svg_tree import Element
-from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Affine
 
 # Lengths of an inch and of a CSS pixel [m]; a CSS pixel is SVG's user unit if there is no viewBox.
 INCH = 0.0254

@@ -27,11 +27,9 @@ from armcontour.io.drawings._svg_units import (
     view_box,
     viewbox_transform,
 )
-from armcontour.io.drawings.affine import Affine
-from armcontour.io.drawings.chain import Chain
+from armcontour.io.drawings.chain import Affine, Chain
 from armcontour.io.drawings.clipping import Clip
-from armcontour.io.drawings.colors import color_of
-from armcontour.io.drawings.reading import SKIP, Labels
+from armcontour.io.drawings.reading import SKIP, Labels, color_of
 
 # Elements that draw nothing.
 SILENT = (

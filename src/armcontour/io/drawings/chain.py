@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._parts import number_parts
+from armcontour._sampling import number_parts
 from armcontour.geometry import Segments
 from armcontour.geometry.fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_up
-from armcontour.io.drawings.affine import Affine
 
 # An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord
 # tolerance,
@@ -323,3 +322,34 @@ def draw_plain(chains: Sequence[Chain], tolerance: float) -> list[Segments | Non
         for i, begin, end in zip(which, ends - count[which], ends, strict=True):
             found[i] = drawn[begin:end]
     return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Affine:
+    """The map `linear @ point + offset`."""
+
+    linear: FloatArray
+    offset: FloatArray
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Images of points, (..., dimension)."""
+        return np.asarray(points @ self.linear.T + self.offset)
+
+    def __matmul__(self, inner: Affine) -> Affine:
+        """The composition of two maps: first the inner map, then this map."""
+        # An overflow is found later, by `finite`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
+
+    def turn(self, vectors: FloatArray) -> FloatArray:
+        """Images of differences of points, (..., dimension), without the offset."""
+        return np.asarray(vectors @ self.linear.T)
+
+    @property
+    def finite(self) -> bool:
+        """Whether all coefficients are finite."""
+        return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
+
+
+# Projection from space onto the plane z = 0.
+WITHOUT_Z = Affine(np.eye(3)[:2], np.zeros(2))

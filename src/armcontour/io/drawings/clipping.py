@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Affine
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,24 +2,50 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import itertools
+import logging
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import list_some
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings._dxf_document import line_of_handle, open_document, silence_log
-from armcontour.io.drawings._dxf_walk import Found, Walk
-from armcontour.io.drawings.affine import WITHOUT_Z
+from armcontour.io.drawings._dxf_entities import (
+    NO_CONTOUR,
+    SHAPES,
+    Unreadable,
+    clip_of,
+    grid,
+    insertions,
+    refuse_missing,
+)
+from armcontour.io.drawings.chain import WITHOUT_Z, Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
-from armcontour.io.drawings.clipping import clip_path
-from armcontour.io.drawings.colors import count_names
+from armcontour.io.drawings.clipping import Clip, clip_path
 from armcontour.io.drawings.mending import mend, printed_in_dxf
-from armcontour.io.drawings.reading import WALKED, Reading, Tell, tell_share
-from armcontour.io.drawings.shapes import Outline, paths_of
+from armcontour.io.drawings.reading import (
+    FARTHEST,
+    SKIP,
+    WALKED,
+    Labels,
+    Reading,
+    Tell,
+    count_names,
+    hex_of,
+    tell_share,
+)
+from armcontour.io.drawings.shapes import Outline, Shape, paths_of
 from armcontour.program import Program
 from armcontour.program.moves import describe_not_run
 
@@ -46,6 +72,26 @@ UNITS = {
     23: 3600 / 3937,
     24: 6336000 / 3937,
 }
+# Largest depth of blocks in blocks, and largest number of copied entities: a document with more
+# is made to do harm.
+DEEPEST = 50
+# Largest number of broken entities that a note names.
+NAMED = 6
+EXPLODE = "explode it into lines and arcs in the CAD program"
+MOST_COPIES = 200_000
+OFF, FROZEN = "off", "frozen"
+# Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
+BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
+WHITE = frozenset({"7", "#ffffff", "#000000"})
+BINARY = b"AutoCAD Binary DXF"
+DRAWING_DATABASE = b"AC10"
+CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
+# What is between entities.
+STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
+# Codes of which one comes first in the class of a SPLINE.
+SPLINE_CODES = ("10", "40", "70", "71", "72", "73", "74", "210")
+# Numbers of objects in ezdxf's messages.
+ADDRESS = re.compile(r"\(#\d+\)")
 
 
 def read_dxf(
@@ -110,7 +156,7 @@ def read_dxf(
         remarks=describe_not_run(walk.elsewhere),
     )
     printed = printed_in_dxf(data, unit)
-    return mend(program, lambda _: printed, reading)
+    return mend(program, printed, reading)
 
 
 def _unit(document: Any, source: str, reading: Reading) -> float:
@@ -170,3 +216,508 @@ def _pieces(
             for part, name in zip(parts, names, strict=True)
         ]
     return pieces
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """A shape with the type, the name and the layer of its entity.
+
+    Args:
+        clips: Clips of the blocks around it [m].
+    """
+
+    shape: Shape
+    kind: str
+    name: str
+    layer: str
+    clips: tuple[Clip, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Block:
+    """The drawing, or one copy of a block in it, with what its entities inherit.
+
+    Args:
+        name: Name of the INSERT, empty for the drawing.
+        affine: Map from the block's coordinates to world coordinates [m].
+        layer: Layer of the entities that are on layer 0 of the block.
+        inside: Keys of the block and of the blocks around it.
+        color: Names of the colour of the entities whose colour is that of the block.
+        clips: Clips of the block and of those around it [m].
+    """
+
+    name: str
+    affine: Affine
+    layer: str
+    inside: tuple[str, ...]
+    color: frozenset[str] = WHITE
+    clips: tuple[Clip, ...] = ()
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Walk:
+    """Traversal of a document's entities, which counts the entities that it leaves out.
+
+    Args:
+        document: ezdxf's document.
+        source: Name of the file.
+        skip: Whether entities that cannot be read are left out instead of refused.
+        line_of: Text that says in which line of the file a handle stands.
+        wanted: Layers whose entities matter; None means all layers.
+        colors: Colours of the entities that are read; None means all colours.
+        texts: Whether the letters of texts are contours.
+        empty: Names of entities without length.
+        unknown: Numbers of entities that are no contour by their types.
+        broken: Sentences on entities that cannot be read.
+        hidden: Numbers of entities on layers that are off or frozen, by their layers.
+        invisible: Number of entities that are marked invisible.
+        others: Numbers of entities of other colours than those of `colors`, by their colours.
+        elsewhere: Numbers of lines, arcs and curves on layers that are not wanted, by layer.
+        drawn_texts: Number of texts whose letters are contours.
+        labels: Names of entities and layers as the contours get them.
+    """
+
+    document: Any
+    source: str
+    skip: bool
+    line_of: Callable[[str], str]
+    wanted: frozenset[str] | None = None
+    colors: frozenset[str] | None = None
+    texts: bool = False
+    empty: list[str] = field(default_factory=list)
+    unknown: Counter[str] = field(default_factory=Counter)
+    broken: list[str] = field(default_factory=list)
+    hidden: Counter[str] = field(default_factory=Counter)
+    invisible: int = 0
+    others: Counter[str] = field(default_factory=Counter)
+    elsewhere: Counter[str] = field(default_factory=Counter)
+    drawn_texts: int = 0
+    labels: Labels = field(default_factory=Labels)
+    _copies: int = 0
+    _sizes: dict[str, int] = field(default_factory=dict)
+    _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
+    _layer_colors: dict[str, frozenset[str]] = field(default_factory=dict)
+
+    def shapes(self, unit: float, tell: Tell) -> Iterator[Found]:
+        """Yield the shapes of all entities of the model space, in the order of the document.
+
+        Args:
+            unit: Length of the drawing's unit [m].
+            tell: Called from time to time with the share of the drawing that is read.
+
+        Raises:
+            InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
+        """
+        try:
+            for layer in self.document.layers:
+                state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
+                self._layers[_key(layer.dxf.name)] = (layer.dxf.name, state)
+                self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
+            entities = self.document.modelspace()
+        except Exception as error:
+            raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
+        world = Affine(unit * np.eye(3), np.zeros(3))
+        drawing = _Block(name="", affine=world, layer="0", inside=())
+        for k, entity in enumerate(entities):
+            tell(WALKED * k / len(entities))
+            yield from self._shapes_in([entity], drawing)
+
+    def _shapes_in(self, entities: Iterable[Any], block: _Block) -> Iterator[Found]:
+        """Yield the shapes of the entities of a block or of the drawing."""
+        for entity in entities:
+            kind = entity.dxftype()
+            handle = _attribute(entity, "handle", "?")
+            name = f"{block.name}/{handle}" if block.name else f"handle {handle}"
+            layer, state = self._layer(entity, block)
+            try:
+                if kind == "ATTDEF" and block.inside:
+                    # A template of a text; the drawing shows the texts of the INSERT instead.
+                    continue
+                if state == FROZEN or (state == OFF and kind != "INSERT"):
+                    self.hidden[layer] += 1
+                elif _attribute(entity, "invisible", 0):
+                    self.invisible += 1
+                elif kind == "INSERT":
+                    yield from self._insert(entity, block, name, layer)
+                elif self.wanted is not None and self.labels(layer) not in self.wanted:
+                    # Nothing on other layers matters, broken or not.
+                    self.elsewhere[self.labels(layer)] += kind in SHAPES
+                    continue
+                elif kind == "MLINE":
+                    for k, part in enumerate(entity.virtual_entities()):
+                        yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
+                elif kind in SHAPES and not _is_mesh(entity):
+                    yield from self._shape(entity, kind, name, layer, block)
+                elif kind == "TEXT" and self.texts:
+                    self.drawn_texts += 1
+                    for k, part in enumerate(letters_of(entity)):
+                        yield from self._shape(
+                            part, part.dxftype(), f"{name}[{k + 1}]", layer, block
+                        )
+                elif kind in NO_CONTOUR:
+                    self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
+                else:
+                    self._leave(kind, name, layer, f"is not read: {EXPLODE}", handle)
+            except Unreadable as error:
+                self._leave(kind, name, layer, str(error), handle)
+            except InvalidInput:
+                raise
+            except Exception as error:
+                # A broken entity makes ezdxf raise exceptions of any class.
+                self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+
+    def _shape(
+        self, entity: Any, kind: str, name: str, layer: str, block: _Block
+    ) -> Iterator[Found]:
+        """Yield the shape of an entity, if it has a length and one of the chosen colours.
+
+        Raises:
+            Unreadable: The entity does not define a shape.
+        """
+        if self.colors is not None:
+            color = self._color(entity, layer, block)
+            if not color & self.colors:
+                self.others[min(color)] += 1
+                return
+        refuse_missing(entity)
+        shape = SHAPES[entity.dxftype()](entity)
+        if shape is None:
+            self.empty.append(name)
+            return
+        placed = shape.place(block.affine)
+        _refuse_far(placed)
+        name, layer = self.labels(name), self.labels(layer)
+        yield Found(shape=placed, kind=kind, name=name, layer=layer, clips=block.clips)
+
+    def _color(self, entity: Any, layer: str, block: _Block) -> frozenset[str]:
+        """The names of the colour in which an entity is drawn."""
+        number = _attribute(entity, "color", BY_LAYER)
+        if _attribute(entity, "true_color", None) is None:
+            if number == BY_BLOCK:
+                return block.color
+            if number == BY_LAYER:
+                return self._layer_colors.get(_key(layer), WHITE)
+        return _color_names(entity, number)
+
+    def _layer(self, entity: Any, block: _Block) -> tuple[str, str]:
+        """Name of an entity's layer, and the layer's state: off, frozen or empty."""
+        own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
+        # In a block, layer 0 means the layer of the INSERT.
+        own = block.layer if own == "0" and block.inside else own
+        return self._layers.get(_key(own), (own, ""))
+
+    def _insert(self, entity: Any, block: _Block, name: str, layer: str) -> Iterator[Found]:
+        """Yield the shapes of all copies of a block.
+
+        Raises:
+            Unreadable: The block is missing, contains itself, or has too many copies.
+        """
+        if self.wanted is None or self.labels(layer) in self.wanted:
+            self.unknown["ATTRIB"] += len(getattr(entity, "attribs", ()))
+        refuse_missing(entity)
+        called = str(_attribute(entity, "name", ""))
+        content = self.document.blocks.get(called)
+        if content is None:
+            raise Unreadable(f"places the block {called!r}, which does not exist")
+        if _key(called) in block.inside or len(block.inside) >= DEEPEST:
+            raise Unreadable(f"places the block {called!r} in itself")
+        if not block.inside:
+            self._copies += self._copies_of(entity)
+            if self._copies > MOST_COPIES:
+                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
+        base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
+        affine, offsets = insertions(entity, base)
+        columns = grid(entity)[1]
+        clip = clip_of(entity)
+        color = self._color(entity, layer, block)
+        for k, offset in enumerate(offsets):
+            copy = block.affine @ Affine(affine.linear, affine.offset + offset)
+            row, column = k // columns + 1, k % columns + 1
+            inner = _Block(
+                name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
+                affine=copy,
+                layer=layer,
+                inside=(*block.inside, _key(called)),
+                color=color,
+                clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
+            )
+            yield from self._shapes_in(content, inner)
+
+    def _copies_of(self, entity: Any) -> int:
+        """Number of entities that an INSERT draws, computed without drawing them."""
+        name = _key(str(_attribute(entity, "name", "")))
+        if name not in self._sizes:
+            # A block that contains itself is refused later, with its name.
+            self._sizes[name] = 1
+            content = self.document.blocks.get(name)
+            inner = [x for x in content or () if x.dxftype() == "INSERT"]
+            own = 1 + (len(content) if content is not None else 0)
+            self._sizes[name] = own + sum(self._copies_of(x) for x in inner)
+        rows, columns = grid(entity)
+        return rows * columns * self._sizes[name]
+
+    def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
+        """Leave out an entity that cannot be read, or refuse it.
+
+        Raises:
+            InvalidInput: Such entities are refused.
+        """
+        if kind != "INSERT" and self.wanted is not None and self.labels(layer) not in self.wanted:
+            return
+        # Looking for a line takes as long as the file; the notes name the first entities only.
+        line = self.line_of(handle) if len(self.broken) < NAMED else ""
+        what = f"{kind} {name}{line} on layer {layer!r} {why}"
+        if not self.skip:
+            raise InvalidInput(
+                f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
+                f"(layers, or --layer), or {SKIP}."
+            )
+        self.broken.append(what)
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on the entities that were left out."""
+        found = []
+        if +self.unknown:
+            found.append(
+                f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
+            )
+            if self.unknown["TEXT"]:
+                found[-1] += (
+                    " Letters of TEXT become contours with path.texts or --texts: contours."
+                )
+        if self.drawn_texts:
+            found.append(
+                f"Drawn through a font of this machine, which may differ from the drawing's: "
+                f"{self.drawn_texts} TEXT."
+            )
+        if self.broken:
+            found.append(f"Left out, because it cannot be read: {list_some(self.broken, NAMED)}.")
+        if self.hidden:
+            found.append(f"Left out, on layers that are off or frozen: {count_names(self.hidden)}.")
+        if self.invisible:
+            found.append(f"Left out, because they are invisible: {self.invisible}.")
+        if self.empty:
+            found.append(f"Left out, because of no length: {list_some(self.empty, 6)}.")
+        return found + self.labels.notes
+
+
+def letters_of(entity: Any) -> list[Any]:
+    """The outlines of the letters of a TEXT, as splines and polylines.
+
+    Raises:
+        Unreadable: The text cannot be drawn.
+    """
+    from ezdxf.addons import text2path
+
+    try:
+        return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
+    except Exception as error:
+        raise Unreadable(f"cannot be drawn through a font: {said(error)}") from None
+
+
+def _attribute(entity: Any, name: str, default: Any) -> Any:
+    """An attribute of an entity; the default if the entity or its type does not have it."""
+    return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
+
+
+def _key(name: str) -> str:
+    """The name of a layer or block in lower case: DXF ignores the case of such names."""
+    return name.lower()
+
+
+def _layer_tag(entity: Any) -> str:
+    """Layer of an entity whose type ezdxf does not know."""
+    tags = getattr(entity, "xtags", None)
+    found = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
+    return str(next(found, "0"))
+
+
+def _color_names(entity: Any, number: int) -> frozenset[str]:
+    """The names of the colour of an entity or layer: its number and #rrggbb, or its true colour."""
+    from ezdxf.colors import aci2rgb
+
+    if entity.rgb is not None:
+        return frozenset({hex_of(*entity.rgb)})
+    if number == ACI_WHITE or not 0 < number < BY_LAYER:
+        return WHITE
+    return frozenset({str(number), hex_of(*aci2rgb(number))})
+
+
+def _is_mesh(entity: Any) -> bool:
+    """Whether a POLYLINE is a mesh and not a curve."""
+    return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
+
+
+def _refuse_far(shape: Shape) -> None:
+    """Refuse a shape with points beyond `FARTHEST`.
+
+    Raises:
+        Unreadable: A coordinate is too large.
+    """
+    far = float(np.abs(shape.reach).max())
+    if not far <= FARTHEST:
+        raise Unreadable(
+            f"reaches to {far:.3g} m, further than {FARTHEST:g} m: give the unit in which it is "
+            "drawn, such as units: mm"
+        )
+
+
+def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
+    """Open the document in a DXF file.
+
+    Args:
+        data: Content of the file, ASCII or binary.
+        source: Name of the file.
+        skip: Whether entities that ezdxf cannot read are left out.
+
+    Returns:
+        ezdxf's document, and a sentence on the damage if the file had to be repaired.
+
+    Raises:
+        InvalidInput: ezdxf is not installed, or the data are not a DXF file.
+    """
+    try:
+        import ezdxf  # noqa: F401
+    except ImportError:
+        raise InvalidInput(
+            "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
+        ) from None
+    if data.startswith(DRAWING_DATABASE):
+        raise InvalidInput(f"{source} is a DWG file, which is not read: save it as DXF.")
+    if not data.strip():
+        raise InvalidInput(f"{source} is empty.")
+    if not (data.startswith(BINARY) or b"SECTION" in data):
+        raise InvalidInput(f"{source} is no DXF file: it has no section.")
+    # A broken file makes ezdxf raise exceptions of any class.
+    notes = [] if _has_end(data) else [CUT_OFF]
+    try:
+        return _read(data), notes
+    except Exception as error:
+        first = error
+    try:
+        document, changes = _repair(data)
+        if notes and not changes:
+            # What is left of a file that is cut off is intact.
+            return document, notes
+        mended = f" and was mended in {several(changes, 'place')}" if changes else ""
+        why = ADDRESS.sub("", said(first))
+        damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
+        return document, [*notes, damage]
+    except Exception:
+        rest, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+    if not broken:
+        with contextlib.suppress(Exception):
+            return _read(rest), notes
+        raise InvalidInput(
+            f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
+        )
+    if not skip:
+        raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
+    try:
+        document = _read(rest)
+    except Exception as error:
+        raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
+    return document, [
+        *notes,
+        f"Left out, because it cannot be read: {list_some(broken, 6)}.",
+    ]
+
+
+def _has_end(data: bytes) -> bool:
+    """Whether the last line of an ASCII file is its end mark."""
+    return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
+
+
+def _read(data: bytes) -> Any:
+    """Ezdxf's document of an intact file."""
+    from ezdxf.document import Drawing
+    from ezdxf.filemanagement import dxf_stream_info
+    from ezdxf.lldxf.tagger import binary_tags_loader
+
+    if data.startswith(BINARY):
+        return Drawing.load(binary_tags_loader(data, errors="surrogateescape"))
+    # The header names the encoding; the header itself is plain ASCII.
+    info = dxf_stream_info(io.StringIO(data.decode("utf-8", errors="ignore"), newline=None))
+    text = data.decode(info.encoding, errors="surrogateescape")
+    return Drawing.read(io.StringIO(text, newline=None))
+
+
+def _reason(error: Exception) -> str:
+    """Why ezdxf cannot read a file, as a sentence; its own mistakes tell a user nothing."""
+    from ezdxf.lldxf.const import DXFError
+
+    if isinstance(error, DXFError):
+        return f"{ADDRESS.sub('', said(error))}."
+    return "its structure is damaged. Open it in a CAD program, and save it again."
+
+
+def _repair(data: bytes) -> tuple[Any, int]:
+    """Ezdxf's document of a damaged file, and in how many places it was mended."""
+    from ezdxf import recover
+
+    document, auditor = recover.read(io.BytesIO(data))
+    return document, len(auditor.errors) + len(auditor.fixes)
+
+
+def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
+    """An ASCII file without the entities that ezdxf cannot make, and sentences on these."""
+    from ezdxf.entities import factory
+    from ezdxf.lldxf.extendedtags import ExtendedTags
+
+    text = data.decode("utf-8", errors="surrogateescape")
+    lines = text.replace("\r\n", "\n").split("\n")
+    first = next(
+        (i for i, x in enumerate(lines) if x.strip() in ("BLOCKS", "ENTITIES")), len(lines)
+    )
+    # Codes and values alternate; the code 0 begins an entity.
+    begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
+    kept, broken = lines[: begins[0] if begins else len(lines)], []
+    for i, end in itertools.pairwise([*begins, len(lines)]):
+        kind, part = lines[i + 1].strip(), lines[i:end]
+        if kind == "SPLINE" and "AcDbSpline" not in part:
+            part = _mark_spline(part)
+        try:
+            if kind not in STRUCTURE:
+                factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
+        except Exception as error:
+            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
+        else:
+            kept += part
+    return "\n".join([*kept, ""]).encode("utf-8", errors="surrogateescape"), broken
+
+
+def _mark_spline(lines: list[str]) -> list[str]:
+    """A SPLINE with the marks of its classes, which some programs leave out."""
+    own = next((k for k in range(0, len(lines), 2) if lines[k].strip() in SPLINE_CODES), len(lines))
+    marks = ["100", "AcDbEntity", "100", "AcDbSpline"]
+    return [*lines[:own], *marks, *lines[own:]] if "100" not in map(str.strip, lines) else lines
+
+
+def line_of_handle(data: bytes, handle: str) -> str:
+    """` in line 12`, where the entity of a handle says it; "" if the file does not."""
+    found = re.search(
+        rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
+        data,
+        re.MULTILINE | re.IGNORECASE,
+    )
+    return f" in line {data.count(bytes([10]), 0, found.start()) + 2}" if found else ""
+
+
+def said(error: Exception) -> str:
+    """The first line of an exception's message, shortened to 120 characters."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    text = lines[0].strip().rstrip(".")
+    return text if len(text) <= 120 else text[:117] + "..."
+
+
+@contextmanager
+def silence_log() -> Iterator[None]:
+    """Switch off ezdxf's log; what the user must know is in the notes of the program."""
+    logger = logging.getLogger("ezdxf")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        yield
+    finally:
+        logger.disabled = before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from itertools import islice
 
 from armcontour._describing import digits
@@ -70,14 +70,14 @@ def _half_a_place(places: list[int]) -> float:
     return 0.5 * 10.0 ** -max(most, 0)
 
 
-def mend(program: Program, printed: Callable[[Contour], Printed], reading: Reading) -> Program:
+def mend(program: Program, printed: Printed | Mapping[str, Printed], reading: Reading) -> Program:
     """The program with vertices made tangent again that printing has bent.
 
     Contours with a tool orientation stay.
 
     Args:
         program: The program as it was read.
-        printed: What the coordinates of a contour can hold, each for itself.
+        printed: What the coordinates can hold, each for itself: of all contours, or by their names.
         reading: How the drawing is read.
     """
     if reading.mend_vertices == 0:
@@ -87,7 +87,8 @@ def mend(program: Program, printed: Callable[[Contour], Printed], reading: Readi
         i for i, x in enumerate(moves) if isinstance(x, Contour) and x.path.orientation is None
     ]
     contours = [x for x in program.contours if x.path.orientation is None]
-    held = [_held(printed(x), x.path.dimension, reading) for x in contours]
+    own = [printed if isinstance(printed, Printed) else printed[x.name] for x in contours]
+    held = [_held(y, x.path.dimension, reading) for x, y in zip(contours, own, strict=True)]
     most = [reading.layer_tolerances.get(x.layer, math.inf) for x in contours]
     done = [mend_vertices(x.path, y, z) for x, y, z in zip(contours, held, most, strict=True)]
     for i, x, mended in zip(which, contours, done, strict=True):

@@ -18,9 +18,8 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.rounding import Continuity
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings.colors import color_set
 from armcontour.io.drawings.endings import READERS, find_reader
-from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of
+from armcontour.io.drawings.reading import FARTHEST, Reading, bytes_of, color_set
 from armcontour.io.units import parse
 from armcontour.program import Program, smooth_curvature
 

@@ -11,8 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path, Segments
-from armcontour.io.drawings.affine import Affine
-from armcontour.io.drawings.chain import Chain, draw_plain
+from armcontour.io.drawings.chain import Affine, Chain, draw_plain
 from armcontour.io.drawings.splines import Spline, fit_splines
 
 # The gap of a closed outline is closed by moving the end only if it is at most this fraction of

@@ -15,7 +15,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Affine
 
 # Number of Bézier curves that are fitted at once: enough to make numpy's overhead small, and few
 # enough to keep what they need in memory below 100 MB.

@@ -22,12 +22,11 @@ from armcontour.io.drawings._svg_units import (
     viewbox_transform,
 )
 from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
-from armcontour.io.drawings.affine import Affine
+from armcontour.io.drawings.chain import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import clip_path
-from armcontour.io.drawings.colors import count_names
 from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, tell_share
+from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, count_names, tell_share
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
@@ -90,7 +89,7 @@ def read_svg(
     notes += walk.labels.notes
     program = Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
     units = _printed_units(shapes)
-    return mend(program, lambda x: Printed(point=units[x.name]), reading)
+    return mend(program, {name: Printed(point=x) for name, x in units.items()}, reading)
 
 
 def _pieces(

@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import plain_number
+from armcontour._text import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.geometry import Path
@@ -79,7 +79,7 @@ def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
     printed = _printed(table, reading)
-    return mend(program, lambda _: printed, reading)
+    return mend(program, printed, reading)
 
 
 def _printed(table: Table, reading: Reading) -> Printed:

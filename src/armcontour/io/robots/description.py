@@ -10,8 +10,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import plain_number
-from armcontour._text import list_some, show
+from armcontour._text import list_some, plain_number, show
 from armcontour.arms.chain import Chain, refuse_inertia
 from armcontour.arms.dynamics import pinocchio
 from armcontour.errors import InvalidInput

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour import _files, _yaml
-from armcontour._numbers import plain_number
-from armcontour._text import show
+from armcontour._text import plain_number, show
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
 from armcontour.errors import InvalidInput
 

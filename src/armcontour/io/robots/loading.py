@@ -2,25 +2,68 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
+from functools import cache, partial
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour import _files
+import numpy as np
+
+from armcontour import _checks, _files, _yaml
+from armcontour._checks import FloatArray
+from armcontour._text import plain_number, show
 from armcontour.arms.arm import Arm
-from armcontour.arms.chain import Payload
+from armcontour.arms.chain import Chain, Payload
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
+from armcontour.arms.limits import UNITS as LIMIT_UNITS
+from armcontour.arms.planar import PlanarTwoLink
 from armcontour.arms.serial import SerialArm
+from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
-from armcontour.io.robots.arm_file import read_arm, read_built_in
+from armcontour.frames import Frame, from_rpy
+from armcontour.io.robots import derived
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
-from armcontour.io.robots.shapes import with_hulls, with_more_shapes
+from armcontour.io.robots.srdf import read_left_out
+from armcontour.io.robots.tree import MOST_CHARACTERS
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
 from armcontour.io.robots.xacro_file import Value
+from armcontour.scene import ArmShapes, LinkShape, Mesh
 
 # Arm files that name an arm file that names an arm file: more of them name themselves.
 MOST_DERIVED = 16
+UNITS = {
+    "base": "m",
+    "links": "m",
+    "outer_diameter": "m",
+    "wall": "m",
+    "density": "kg/m^3",
+    "positions": "m",
+    "angles": "rad",
+    "axes": "1",
+    "tip": "m",
+    "tip_angles": "rad",
+    "masses": "kg",
+    "centers": "m",
+    "inertias": "kg m^2",
+    "inertia_angles": "rad",
+    "armature": "kg m^2",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "gravity": "m/s^2",
+    "payload_mass": "kg",
+    "payload_center": "m",
+    "payload_inertia": "kg m^2",
+}
+# Arm files write powers as ^2 and ^3.
+LIMITS = {
+    name: LIMIT_UNITS[name].replace("²", "^2").replace("³", "^3")
+    for name in (*JOINT_LIMITS, *JOINT_RANGE)
+}
+# Lengths in files of hulls are whole numbers of this [m].
+STEP = 1e-6
 
 
 def arm_names() -> tuple[str, ...]:
@@ -187,3 +230,288 @@ def equip(
             "instead."
         )
     return arm
+
+
+UNITS |= LIMITS
+# "not_kept" is for readers of the file: published limits that armcontour does not use.
+COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
+PLANAR = COMMON | {"base", "links", "tubes"}
+BODIES = ("masses", "centers", "inertias")
+OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
+SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, derived.KIND: derived.KEYS}
+
+
+def read_arm(
+    file: str,
+    content: bytes,
+    payload: Payload | None = None,
+    load: Callable[..., Arm] | None = None,
+) -> Arm:
+    """Read the arm in an arm file.
+
+    Args:
+        file: Name of the file, for messages.
+        content: Content of the file.
+        payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
+        load: Loads the arm that a derived one names; None where too many name each other.
+
+    Raises:
+        InvalidInput: Not YAML, or no description of an arm.
+    """
+    return arm_of(file, _yaml.load(content, file, _yaml.AngleLoader), payload, load)
+
+
+def read_built_in(name: str, payload: Payload | None) -> Arm:
+    """Read a built-in arm.
+
+    Args:
+        name: Its name.
+        payload: As in `read_arm`.
+    """
+    return arm_of(f"{name}.yaml", _built_in(name), payload)
+
+
+@cache
+def _built_in(name: str) -> Any:
+    """The data of a built-in arm, whose text takes twenty times as long to parse as to make an arm.
+
+    Jobs are read by thousands in batches and searches, and nothing changes the data.
+    """
+    file = f"{name}.yaml"
+    content = (resources.files("armcontour.io.robots") / "library" / file).read_bytes()
+    return _yaml.load(content, file, _yaml.AngleLoader)
+
+
+def arm_of(
+    file: str,
+    data: Any,
+    payload: Payload | None = None,
+    load: Callable[..., Arm] | None = None,
+) -> Arm:
+    """The arm of an arm file's data.
+
+    Args:
+        file: As in `read_arm`.
+        data: The data.
+        payload: As in `read_arm`.
+        load: As in `read_arm`.
+
+    Raises:
+        InvalidInput: They describe no arm.
+    """
+    kind = data.get("kind") if isinstance(data, Mapping) else None
+    known = KINDS.get(kind) if isinstance(kind, str) else None
+    if known is None:
+        raise InvalidInput(
+            f"{file} does not describe an arm: it takes keys such as name and source, and its kind "
+            f"must be {' or '.join(KINDS)}."
+        )
+    if not set(data) <= known:
+        raise InvalidInput(
+            f"{file} does not describe an arm of the kind {kind}: it takes the keys "
+            f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
+        )
+    if kind == derived.KIND:
+        if load is None:
+            raise InvalidInput(
+                f"{file} names an arm file that leads back to it: name the arm that differs."
+            )
+        return derived.read_derived(file, data, lambda key, n: _array(file, key, data, n), load)
+    return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
+
+
+def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> PlanarTwoLink:
+    """The planar arm of an arm file."""
+    links = _array(file, "links", data, (2,)).tolist()
+    return PlanarTwoLink(
+        **_common(file, data),
+        base=_value(file, "base", data),
+        links=(links[0], links[1]),
+        tubes=_tubes(file, data["tubes"]) if "tubes" in data else None,
+        payload=payload,
+        assumed=str(data.get("assumed", "")),
+    )
+
+
+def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
+    """The two tubes of a planar arm."""
+    keys = ("outer_diameter", "wall", "density")
+    if not isinstance(data, Mapping) or set(data) != set(keys):
+        raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
+    values = {key: _array(file, key, data, (2,)) for key in keys}
+    first, second = (Tube(**{key: values[key][k] for key in keys}) for k in range(2))
+    return first, second
+
+
+def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
+    """The serial arm of an arm file."""
+    joints = data.get("joints")
+    if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
+        raise InvalidInput(f"{file}: joints must be the names of the joints.")
+    for joint in joints:
+        _checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
+    n = len(joints)
+    values = _bodies(file, data, n)
+    for key in ("armature", "viscous", "coulomb"):
+        if key in data:
+            values[key] = _array(file, key, data, (n,))
+    if "gravity" in data:
+        values["gravity"] = _array(file, "gravity", data, (3,))
+    position, angles = (
+        _array(file, key, data, (3,)) if key in data else np.zeros(3)
+        for key in ("tip", "tip_angles")
+    )
+    directions = _array(file, "axes", data, (n, 3))
+    return SerialArm(
+        **_common(file, data),
+        chain=Chain(
+            joints=tuple(joints),
+            rotations=from_rpy(_array(file, "angles", data, (n, 3))),
+            positions=_array(file, "positions", data, (n, 3)),
+            axes=directions,
+            tip=Frame(position=position, rotation=from_rpy(angles)),
+            assumed=str(data.get("assumed", "")).strip(),
+            **values,
+        ),
+    )
+
+
+def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
+    """Masses, centres of mass and inertias of n bodies; empty if the file gives none."""
+    given = [key for key in BODIES if key in data]
+    if not given:
+        return {}
+    if len(given) < len(BODIES):
+        raise InvalidInput(f"{file}: bodies need all of {', '.join(BODIES)}, not {given[0]} alone.")
+    tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+    angles = np.zeros((n, 3))
+    if "inertia_angles" in data:
+        angles = _array(file, "inertia_angles", data, (n, 3))
+    axes = from_rpy(angles)
+    inertias = axes @ tensors.reshape(n, 3, 3) @ np.swapaxes(axes, -1, -2)
+    return {
+        "masses": _array(file, "masses", data, (n,)),
+        "centers": _array(file, "centers", data, (n, 3)),
+        # Products of rotations are symmetric only up to rounding.
+        "inertias": (inertias + np.swapaxes(inertias, -1, -2)) / 2,
+    }
+
+
+def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Name, source and limits of an arm file."""
+    limits = data.get("limits") or {}
+    if not isinstance(limits, Mapping):
+        raise InvalidInput(f"{file}: limits must be named quantities, each with value and unit.")
+    unknown = set(limits) - set(LIMITS)
+    if unknown:
+        raise InvalidInput(
+            f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
+        )
+    name = str(data.get("name", file))
+    _checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+    hint = f"add joint_acceleration to the limits in {file}"
+    return {
+        "name": name,
+        "source": str(data.get("source", "")),
+        "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
+        "limits_hint": "" if "joint_acceleration" in limits else hint,
+    }
+
+
+def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
+    """The numbers of a key as an array of a given shape."""
+    array = _checks.numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
+    if array.shape != shape:
+        raise InvalidInput(
+            f"{file}: {key} must be {' by '.join(str(x) for x in shape)} numbers, but is "
+            f"{' by '.join(str(x) for x in array.shape) or 'one'}."
+        )
+    return array
+
+
+def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
+    """The value of a key, which must be a quantity in the unit of `UNITS`."""
+    quantity = data.get(key)
+    if not isinstance(quantity, Mapping) or "value" not in quantity:
+        raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
+    if quantity.get("unit") != UNITS[key]:
+        raise InvalidInput(
+            f"{file}: {key} must be given in {UNITS[key]}, not {quantity.get('unit')!r}."
+        )
+    return _numbers(f"{key} in {file}", quantity["value"], UNITS[key])
+
+
+def _numbers(where: str, value: Any, unit: str) -> Any:
+    """A number of a file, or a nested list of numbers."""
+    if isinstance(value, list):
+        return [_numbers(where, x, unit) for x in value]
+    found = plain_number(value)
+    if found is None:
+        raise InvalidInput(f"{where} must be finite numbers in {unit}, not {show(value)}.")
+    return found
+
+
+def with_hulls(arm: Arm, name: str) -> Arm:
+    """A built-in arm with the hulls of its links, if there are any.
+
+    Args:
+        arm: The arm.
+        name: Its built-in name.
+    """
+    return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
+
+
+def read_hulls(name: str) -> ArmShapes:
+    """Read the hulls of a built-in arm: convex bodies that hold its links.
+
+    Args:
+        name: Its built-in name.
+    """
+    data = json.loads(_file(name).read_bytes())
+    return ArmShapes(
+        shapes=tuple(
+            LinkShape(
+                name=x["name"],
+                link=x["link"],
+                shape=Mesh(points=STEP * np.array(x["points"]), source=f"the hull of {x['name']}"),
+            )
+            for x in data["hulls"]
+        ),
+        source=f"{data['source']} {data['license']}",
+    )
+
+
+def _file(name: str) -> Traversable:
+    """The file of the hulls of a built-in arm, which need not be there."""
+    return resources.files("armcontour.io.robots") / "library" / "hulls" / f"{name}.json"
+
+
+def with_more_shapes(
+    arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
+) -> Arm:
+    """An arm with more shapes, or with pairs that a file of MoveIt leaves out.
+
+    Args:
+        arm: The arm.
+        shapes: The shapes.
+        srdf: The .srdf file.
+    """
+    if not shapes and srdf is None:
+        return arm
+    return arm.with_shapes(partial(_add, arm, shapes, srdf))
+
+
+def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
+    """The shapes of an arm and more of them."""
+    # Loaded with the compiled code of motions, which an arm alone does not need.
+    from armcontour.clearance.touching import leave_out_touching
+
+    known = arm.shapes or ArmShapes(shapes=())
+    every = (*known.shapes, *shapes)
+    left_out = known.left_out
+    if srdf is not None:
+        names = list(dict.fromkeys(x.name for x in every))
+        left_out = (*left_out, *read_left_out(srdf, names))
+    found = ArmShapes(shapes=every, left_out=left_out, source=known.source)
+    return leave_out_touching(arm.with_shapes(found)) if every else found

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from armcontour._checks import check_name
-from armcontour._numbers import plain_number
-from armcontour._text import list_some, show
+from armcontour._text import list_some, plain_number, show
 from armcontour.errors import InvalidInput
 
 # Kinds of joints whose position is one angle.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.jobs import RunResult, Study, same_plan
+from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, Table
 from armcontour.report.sections.motion import assigned_speeds, planned_speeds
@@ -56,7 +56,7 @@ def _plans(study: Study) -> list[tuple[str, RunResult, Explanation]]:
     for result in study.runs.values():
         if result.explanation is None:
             continue
-        same = next((x for x in found if same_plan(x[0], result)), None)
+        same = next((x for x in found if x[0].trajectory is result.trajectory), None)
         if same is None:
             found.append([result])
         else:

@@ -63,7 +63,6 @@ def _figure(name: str, result: RunResult) -> Any:
         shared_xaxes=True,
         column_titles=list(QUANTITIES),
         vertical_spacing=0.15 / n,
-        horizontal_spacing=0.06,
     )
     bounds = _bounds(result, n)
     shapes: list[dict[str, Any]] = []

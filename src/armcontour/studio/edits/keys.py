@@ -9,9 +9,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._numbers import plain_number
 from armcontour._quantities import Quantity
-from armcontour._text import show
+from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, Key, Keys, value_at
 from armcontour.io.job_file import COMPENSATION_OPTIONS, TIMING_OPTIONS

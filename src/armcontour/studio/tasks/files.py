@@ -20,7 +20,7 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.jobs import Job, RunPlan
+    from armcontour.jobs import Job, RunResult
 
 # The template whose files have names of KRL, of so many letters at most.
 KUKA, MOST_LETTERS = "kuka", 24
@@ -190,7 +190,7 @@ def export(x: Request) -> Frame:
     return _file(name, content, header)
 
 
-def _analog(kind: str, plan: RunPlan, job: Job, outputs: Callable[..., Any]) -> Any:
+def _analog(kind: str, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
     """The analog outputs of a plan, for formats that have them."""
     from armcontour.io.exports import takes_analog
 

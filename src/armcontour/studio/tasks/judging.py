@@ -43,7 +43,7 @@ def check(x: Request) -> Frame:
 
 def clearance(x: Request) -> Frame:
     """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
-    from armcontour.jobs import teach
+    from armcontour.jobs import run
     from armcontour.studio.view import short
 
     cell = x.job.cell
@@ -51,7 +51,8 @@ def clearance(x: Request) -> Frame:
         plan = x.taught
     except Collision:
         # Where it comes too near is what is asked for.
-        (plan,) = teach(replace(x.job, ignore_collisions=True), progress=x.progress).values()
+        job = replace(x.job, ignore_collisions=True)
+        (plan,) = run(job, simulate=False, progress=x.progress).runs.values()
     found = cell.check(plan.trajectory)
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
     over_time = cell.least_over(plan.trajectory(t))

@@ -13,7 +13,7 @@ from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from armcontour.jobs import Job, RunPlan, RunResult
+    from armcontour.jobs import Job, RunResult
     from armcontour.studio.preview import Previewer
     from armcontour.studio.view import View
 
@@ -81,11 +81,11 @@ class Request:
         )
 
     @cached_property
-    def taught(self) -> RunPlan:
+    def taught(self) -> RunResult:
         """Plan and taught data of the run."""
-        from armcontour.jobs import teach
+        from armcontour.jobs import run
 
-        (found,) = teach(self.job, progress=self.progress).values()
+        (found,) = run(self.job, simulate=False, progress=self.progress).runs.values()
         return found
 
     @cached_property

@@ -69,7 +69,7 @@ def read_gcode(
     runner.run(tell)
     program = machine.draft.program(source, (*machine.notes(), *runner.notes()))
     printed = printed_in_gcode(data, machine.modes.unit)
-    program = mend(program, lambda _: printed, reading)
+    program = mend(program, printed, reading)
     if tell is not None:
         tell(Step((), 1.0))
     return program
