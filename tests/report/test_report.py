@@ -110,9 +110,9 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
 
 PLACES = [
     {"rows": 6, "cols": 3, "shared_xaxes": True, "column_titles": ["a", "b", "c"],
-     "vertical_spacing": 0.025, "horizontal_spacing": 0.06},
+     "vertical_spacing": 0.025},
     {"rows": 3, "cols": 2, "shared_xaxes": True, "subplot_titles": list("abcde"),
-     "vertical_spacing": 0.22 / 3, "horizontal_spacing": 0.09},
+     "vertical_spacing": 0.22 / 3},
     {"rows": 2, "cols": 1, "shared_xaxes": True, "row_heights": [0.75, 0.25],
      "vertical_spacing": 0.05},
     {"rows": 2, "cols": 2, "subplot_titles": list("abc"), "vertical_spacing": 0.16},

@@ -332,3 +332,18 @@ def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     assert endless.jerk_limits == ()
     durations = [ac.plan(traced, arm, x, method="mac", knots=50).duration for x in (slow, endless)]
     assert durations[0] == durations[1]
+
+
+def test_a_constraint_with_two_rows_has_one_name(arm, limits):
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+
+    def coefficients(s, side):
+        one = np.ones((len(s), 2))
+        return one * (1.0, 2.0), 0 * one, 0 * one
+
+    gentle = SecondOrder("gentle", coefficients, [-0.05, -0.09], [0.05, 0.09])
+    planned = ac.plan(path, arm, limits, constraints=[gentle])
+    found = ac.explain(planned, arm, limits, constraints=[gentle])
+    assert {x.limit for x in found.bindings} & {"gentle"}
+    # The second row is the tighter one.
+    assert max(x.share for x in found.bindings if x.limit == "gentle") == pytest.approx(1, abs=1e-6)

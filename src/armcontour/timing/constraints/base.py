@@ -147,7 +147,7 @@ class Constraint:
         used = np.zeros((len(ends.grid), 1))
         for form in self.on(ends.on):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
-        return used
+        return used if self.joints else used.max(axis=1, keepdims=True)
 
 
 def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
