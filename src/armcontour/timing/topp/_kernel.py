@@ -233,6 +233,27 @@ def friction_row(
     return 0.0, offset, (within.low - offset) / within.least
 
 
+@compiled(inner=True)
+def friction_rise(
+    friction: Friction, i: int, j: int, offset: float, slope: float, w: float
+) -> tuple[float, float, float, float]:
+    """What a line in place of the root of x adds to the rise of a row: by U, X, slope, and alone.
+
+    Its product with x bends as those of b do; friction itself is off its chord.
+
+    Args:
+        friction: The friction.
+        i: The interval.
+        j: The joint.
+        offset: Of the line of `friction_row`.
+        slope: Of the line.
+        w: Length of the interval.
+    """
+    v0, v1, off = friction.viscous[i, 0, j], friction.viscous[i, 1, j], friction.within[i, j, OFF]
+    by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
+    return slope * abs(v1 - v0) * w / 2, slope * off, by_slope, offset * off
+
+
 @compiled(inner=True, fastmath=FUSED)
 def _draw_conic(
     lines: Lines,
@@ -301,11 +322,11 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
                 found.ends[i, end, r, B] += viscous * slope
                 found.ends[i, end, r, which] -= viscous * offset + (most if margins else 0.0)
                 found.ends[i, end, r, LOW + HIGH - which] = -towards * math.inf
-            v0, v1, w = friction.viscous[i, 0, j], friction.viscous[i, 1, j], width[i]
-            found.rise[i, r, BY_U] += slope * abs(v1 - v0) * w / 2
-            found.rise[i, r, BY_X] += friction.within[i, j, OFF] * slope
-            found.rise[i, r, BY_SLOPE] += slope * max(abs(v0), abs(v1)) * w * w / 4
-            found.rise[i, r, ALONE] += friction.within[i, j, OFF] * offset
+            by_u, by_x, by_slope, alone = friction_rise(friction, i, j, offset, slope, width[i])
+            found.rise[i, r, BY_U] += by_u
+            found.rise[i, r, BY_X] += by_x
+            found.rise[i, r, BY_SLOPE] += by_slope
+            found.rise[i, r, ALONE] += alone
     return found
 
 
@@ -319,9 +340,8 @@ def _draw_friction(
     for j in range(friction.within.shape[1]):
         a0, a1, b0, b1 = ends[i, 0, j, A], ends[i, 1, j, A], ends[i, 0, j, B], ends[i, 1, j, B]
         rise = _margin(rises, i, j, bounds) if margins else 0.0
-        turn, off = max(abs(a0), abs(a1)) * abs(motion[1]), friction.within[i, j, OFF]
+        turn = max(abs(a0), abs(a1)) * abs(motion[1])
         v0, v1 = friction.viscous[i, 0, j], friction.viscous[i, 1, j]
-        w, size = motion[0], max(abs(v0), abs(v1))
         for side in range(2):
             towards = 1.0 - 2.0 * side
             which = HIGH if side == 0 else LOW
@@ -330,9 +350,8 @@ def _draw_friction(
             most, offset, slope = friction_row(friction, i, j, towards, rest, within)
             room = rise
             if margins:
-                # The line's product with x bends as those of b do.
-                bend = abs(v1 - v0) * bounds.u[i] * w / 2 + size * abs(bounds.k[i]) * w * w / 4
-                room += off * (offset + slope * bounds.x[i]) + slope * bend
+                of = friction_rise(friction, i, j, offset, slope, motion[0])
+                room += of[0] * bounds.u[i] + of[1] * bounds.x[i] + of[2] * abs(bounds.k[i]) + of[3]
                 left = rest - towards * most - offset * max(towards * v0, towards * v1, 0.0)
                 _lose(lines, i, room, turn, left)
             else:

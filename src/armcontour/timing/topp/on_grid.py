@@ -28,7 +28,7 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class OnGrid:
-    """A joint path on a grid, as constraints need it; all is computed when it is asked for.
+    """A joint path on a grid, as constraints need it; each property is computed at its first use.
 
     Args:
         grid: The grid.
