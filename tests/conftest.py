@@ -206,7 +206,8 @@ def worst_ratios() -> Callable[..., dict[str, float]]:
             q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
             used: dict[str, Any] = {}
             if limits.joint_velocity is not None:
-                used["joint_velocity"] = np.abs(dq) / limits.joint_velocity
+                low, high = limits.velocity_bounds(dq.shape[1])
+                used["joint_velocity"] = np.maximum(dq / low, dq / high)
             if limits.joint_acceleration is not None:
                 low, high = limits.acceleration_bounds(dq.shape[1])
                 used["joint_acceleration"] = np.maximum(ddq / low, ddq / high)

@@ -25,12 +25,14 @@ class Quantity:
         sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
             at most WHOLE_TURN either way.
         endless: Whether the text "none" stands for infinity.
+        bounds: Whether a lower and an upper bound may stand for each value of an array.
     """
 
     unit: str
     example: str
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
     endless: bool = False
+    bounds: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +85,10 @@ SHARE = Quantity("1", "50 %")
 LARGEST_SHARE = Quantity("1", "10 %", "not negative")
 # One value for all joints, or one per joint.
 JointAngles = Annotated[FloatArray, Quantity("rad", "90 deg")]
-JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive")]
-JointAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive")]
+JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive", bounds=True)]
+JointAccelerations = Annotated[
+    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", bounds=True)
+]
 JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive")]
 Jerk = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive")]
 JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive")]

@@ -260,7 +260,9 @@ TUBE = {"outer_diameter": 0.08, "wall": 0.01, "density": 2700}
 ODD_LIMITS = (
     ({"joint_acceleration": 0.0}, "rad/s²", {"limit": "joint_acceleration"}),
     ({"joint_acceleration": [0.7, -0.1]}, "[0.7, -0.1]", {"limit": "joint_acceleration"}),
-    ({"joint_velocity": [[-1.0, 1.0]]}, "joint_velocity", "(dof,)", {"limit": "joint_velocity"}),
+    ({"joint_velocity": [[1.0, 1.0, 1.0]]}, "(dof,)", "(dof, 2)", {"limit": "joint_velocity"}),
+    ({"joint_velocity": [[0.5, 1.0]]}, "a lower bound below zero", {"limit": "joint_velocity"}),
+    ({"joint_torque": [[-1.0, 1.0]]}, "joint_torque", "(dof,)", {"limit": "joint_torque"}),
     ({"joint_velocity": [1.0, np.nan]}, "joint_velocity", "finite", {"index": 1}),
     ({"speed": 0.0}, "speed", "0 m/s"),
     ({"speed": [0.1, 0.2]}, "speed", "one number"),

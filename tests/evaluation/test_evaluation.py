@@ -181,7 +181,7 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     executed = by_hand(arm, T, ALONG, demand=demand)
     both = ac.Limits(joint_acceleration=1.0)
     assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
-    weak = both.replace(joint_deceleration=[0.5, 2.0])
+    weak = both.replace(joint_acceleration=[[-0.5, 1.0], [-2.0, 1.0]])
     found = ac.evaluate(executed, LINE, limits=weak)
     np.testing.assert_allclose(found.demand_ratio, [1.2, 0.3])
     np.testing.assert_array_equal(found.demand, [0.9, 0.6])

@@ -7,9 +7,8 @@ import armcontour as ac
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ac.Limits(
-    joint_acceleration=[0.7, 0.9],
-    joint_deceleration=0.6,
-    joint_velocity=0.8,
+    joint_acceleration=[[-0.6, 0.7], [-0.6, 0.9]],
+    joint_velocity=[[-0.8, 0.7], [-0.6, 0.8]],
     joint_jerk=1e3,
     joint_lower=-3.0,
     joint_upper=[2.0, np.inf],
@@ -35,9 +34,8 @@ def dense(plan, places):
     moving = speed > 1e-6
     across = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0])[moving] / speed[moving]
     return {
-        "joint_acceleration": (ddq / [0.7, 0.9]).max(),
-        "joint_deceleration": (-ddq / 0.6).max(),
-        "joint_velocity": np.abs(dq).max() / 0.8,
+        "joint_acceleration": max((ddq / [0.7, 0.9]).max(), (-ddq / 0.6).max()),
+        "joint_velocity": max((dq / [0.7, 0.8]).max(), (-dq / [0.8, 0.6]).max()),
         "joint_jerk": np.abs(dddq).max() / 1e3,
         "joint_lower": max((-q[:, 0] - 0.5).max() / 2.5, (np.pi - 3 - q[:, 1]).max() / np.pi),
         "joint_upper": (q[:, 0] + 0.5).max() / 2.5,

@@ -370,7 +370,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
 
 def test_refused(refuses, monkeypatch):
     bare = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
-    one_way = ac.Limits(joint_acceleration=1.0, joint_deceleration=2.0)
+    one_way = ac.Limits(joint_acceleration=[[-2.0, 1.0]])
     light = pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])
     empty = pendulum(masses=[0.0])
     assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
@@ -386,7 +386,7 @@ def test_refused(refuses, monkeypatch):
         (partial(plant, pendulum(), noise=-1e-5), "noise"),
         (partial(plant, pendulum(), seed=1.5), "seed"),
         (partial(plant, pendulum(), kp=[1.0, 2.0]), "kp has 2 values"),
-        (partial(plant, pendulum(), one_way), "joint_deceleration"),
+        (partial(plant, pendulum(), one_way), "joint_acceleration"),
         (partial(plant, light), "Joint 1 (hinge) turns no inertia"),
         (partial(plant, pendulum(), known=two_link()), "its controller knows has 2"),
         (partial(plant, pendulum(), known=pendulum(masses=None)), "pendulum are not known"),

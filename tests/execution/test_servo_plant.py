@@ -49,7 +49,7 @@ def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
 
 def test_the_resolution_is_kept_and_changes_nothing(arm):
     late = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
-    uneven = ac.Limits(joint_acceleration=[3.0, 0.5], joint_deceleration=[1.0, 2.0])
+    uneven = ac.Limits(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
         plant(arm, limit=limit, interpolation=interpolation)
         for limit, interpolation in product((None, 0.72, [3.0, 0.5]), ("linear", "step"))
@@ -132,10 +132,10 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
 
 def test_bounds_may_differ_between_directions(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    limits = ac.Limits(joint_acceleration=2.0, joint_deceleration=0.5)
+    limits = ac.Limits(joint_acceleration=[[-0.5, 2.0]])
     done = ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
     assert done.ddq.max() == 2.0 and done.ddq.min() == -0.5
-    same = ac.Limits(joint_acceleration=2.0, joint_deceleration=2.0)
+    same = ac.Limits(joint_acceleration=[[-2.0, 2.0]])
     one, other = (
         ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
         for x in (same, ac.Limits(joint_acceleration=2.0))
@@ -250,7 +250,7 @@ def test_saturation_by_default_is_in_what_is_limited():
 
 
 def test_the_range_of_the_demand_has_both_directions(arm):
-    limits = ac.Limits(joint_acceleration=[2.0, 5.0], joint_deceleration=[1.0, 3.0])
+    limits = ac.Limits(joint_acceleration=[[-1.0, 2.0], [-3.0, 5.0]])
     lag = LAG.replace(interpolation="cubic")
     cases = [
         (SERVO.replace(interpolation=x), bounds, 1e-3)

@@ -156,7 +156,8 @@ speed: 150 mm/s => {0.speed: 0.15}
 tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}
 centripetal_acceleration: 0.09 m/s^2 => {0.centripetal_acceleration: 0.09}
 joint_velocity: [90 deg/s, 1.0] => {0.joint_velocity: [1.5707963267948966, 1]}
-joint_deceleration: 0.5 rad/s^2 => {0.joint_deceleration: [0.5, 0.5]}
+joint_acceleration: [[-0.5 rad/s^2, 0.6]] => {0.joint_acceleration: [[-0.5, 0.6], [-0.5, 0.6]]}
+joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {0.joint_velocity: [[-1.5707963267948966, 1], [-2, 3]]}
 deviation: 0.1 mm => {1: 0.0001}
 """
 BAD_LIMITS = r"""

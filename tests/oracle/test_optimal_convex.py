@@ -54,7 +54,7 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
         s: Grid, which holds the breaks of the path.
         low: Lower bounds of the joint accelerations.
         high: Upper bounds.
-        velocity: Bounds of the joint velocities, or None.
+        velocity: Lower and upper bounds of the joint velocities, or None.
         tool: Curvature and bound of the tool acceleration, or None.
     """
     n = len(s) - 1
@@ -80,7 +80,8 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
             if velocity is not None:
                 square = sparse.diags(first[:, j] ** 2) @ pick
                 square = sparse.hstack([square, sparse.csr_matrix((n, 2 * n + 1))])
-                cones.add(square, np.full(n, velocity[j] ** 2), clarabel.NonnegativeConeT(n))
+                bound = np.where(first[:, j] < 0, velocity[0][j], velocity[1][j])
+                cones.add(square, bound**2, clarabel.NonnegativeConeT(n))
         if tool is not None:
             curvature, bound = tool[0] * length, tool[1] / length
             for i in range(n):
@@ -121,14 +122,14 @@ def test_random_splines(seed, worst_ratios):
     dof = int(rng.integers(2, 5))
     joint_path = ac.JointPath.spline(rng.uniform(-2, 2, (int(rng.integers(3, 6)), dof)))
     limits = ac.Limits(
-        joint_velocity=rng.uniform(0.5, 3, dof) if seed % 2 else None,
-        joint_acceleration=rng.uniform(0.5, 5, dof),
-        joint_deceleration=rng.uniform(0.5, 5, dof),
+        joint_velocity=rng.uniform(0.5, 3, (dof, 2)) * (-1, 1) if seed % 2 else None,
+        joint_acceleration=rng.uniform(0.5, 5, (dof, 2)) * (-1, 1),
     )
     arm = SimpleNamespace(dof=dof, limits=limits)
     s = np.unique(np.append(np.linspace(0, joint_path.length, INTERVALS + 1), joint_path.breaks))
     s[-1] = joint_path.breaks[-1]
-    bounds = (*limits.acceleration_bounds(dof), limits.joint_velocity)
+    velocity = limits.velocity_bounds(dof) if seed % 2 else None
+    bounds = (*limits.acceleration_bounds(dof), velocity)
     reference = convex_duration(joint_path, s, *bounds)
     # The same problem, solved another way. The forward pass always takes the fastest end of an
     # interval, which next to a point without inertia is not always the best; it costs 3e-4 at most.

@@ -89,7 +89,7 @@ def test_saturated_against_an_integrator(arm, gains, interpolation):
     # With and without dead time, in turn.
     (kp, kv), dead = gains, 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
-    limits = ac.Limits(joint_acceleration=[0.72, 3.0], joint_deceleration=[2.0, 1.0])
+    limits = ac.Limits(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
     done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
     n = round(0.3 / done.t[1])

@@ -299,7 +299,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
     _with(PLANE, corners={"at": {2: 1e-3}}),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
-    _with(PLANE, limits={"joint_deceleration": 0.7, "joint_acceleration": 0.7}),
+    _with(PLANE, limits={"joint_velocity": [[-2.0, 1.0]], "joint_acceleration": [[-0.7, 0.7]]}),
     _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
     _with(SPACE, start=None) | {"start": _BY_NAME},
     _path(start=[0.30, 0.20], segments=[_LINE]),

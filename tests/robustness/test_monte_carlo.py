@@ -98,7 +98,7 @@ def test_errors_between_two_times(job, since, until):
 
 def test_saturated_executions_and_other_limits_and_periods(mac, job):
     _, path, arm, servo, limits = job
-    uneven = limits.replace(joint_deceleration=limits.joint_acceleration * 0.8)
+    uneven = limits.replace(joint_acceleration=limits.joint_acceleration[:, None] * (-0.8, 1.0))
     for method, period, own in (
         ("inverse", PERIOD, limits),
         ("pole_placement", PERIOD, limits),

@@ -93,7 +93,7 @@ def test_refusals(refuses):
     ):
         refuses(lambda x=options: plan_optimal(path, TwoJoints(), limits, **x), ac.InvalidInput)
     # A constraint that limits nothing says so.
-    more = {"constraints": [JointMotion(np.array([1.0, 1.0]))]}
+    more = {"constraints": [JointMotion((-np.ones(2), np.ones(2)))]}
     words = "Nothing limits the acceleration"
     refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits(), **more), ac.InvalidInput, words)
 

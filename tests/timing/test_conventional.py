@@ -230,13 +230,13 @@ def test_refusals(arm, refuses):
     without = States(arm, states.q, states.dq, states.ddq)
     for name in ("joint_jerk", "tool_jerk"):
         refuses(lambda x=name: quantity(x, without), ac.InvalidInput, "states with dddq")
-    for name in ("sped", "path_jerk", "joint_lower", "joint_deceleration"):
+    for name in ("sped", "path_jerk", "joint_lower"):
         refuses(lambda x=name: quantity(x, states), ac.InvalidInput, repr(name))
     refuses(lambda: quantity("angular_speed", states), ac.InvalidInput, "a point without")
 
 
 def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
-    limits = ac.Limits(joint_acceleration=5.0, joint_deceleration=2.0).for_joints(2)
+    limits = ac.Limits(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
     states = about_joint(arm, 1)
     found = ratio("joint_acceleration", limits, states)
     np.testing.assert_allclose(found, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)

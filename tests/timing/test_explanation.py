@@ -46,7 +46,7 @@ def idle(explanation):
 
 
 def test_a_trapezoid_of_one_joint():
-    limits = ac.Limits(joint_acceleration=[1.0], joint_deceleration=[2.0], joint_velocity=[0.5])
+    limits = ac.Limits(joint_acceleration=[[-2.0, 1.0]], joint_velocity=[[-9.0, 0.5]])
     planned, found = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
     assert names(found) == ["joint 1 acceleration", "joint 1 velocity", "joint 1 acceleration"]
     middle = next(x for x in found.bindings if x.limit == "velocity")

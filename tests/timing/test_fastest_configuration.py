@@ -74,7 +74,7 @@ def test_bounds_in_closed_form():
     line = JointPath.spline([[0.0], [2.0]])
     limits = ac.Limits(joint_velocity=[2.0], joint_acceleration=[4.0])
     assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
-    slower = limits.replace(joint_deceleration=[2.0])
+    slower = limits.replace(joint_velocity=[[-1e-3, 2.0]], joint_acceleration=[[-2.0, 4.0]])
     assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
     line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
     assert bound_duration(line, ac.Limits()) == 0.0

@@ -117,10 +117,11 @@ WAYS = {
 @pytest.mark.parametrize("top", [None, 0.5])
 def test_a_straight_way_in_joint_space(top, kept):
     for way, (direction, acceleration, deceleration) in WAYS.items():
-        limits = {"joint_acceleration": acceleration, "joint_deceleration": deceleration}
+        limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
         length, speed = np.linalg.norm(direction), np.inf
         if top is not None:
-            limits["joint_velocity"] = [top] * len(direction)
+            forth = np.array(direction)[:, None] > 0
+            limits["joint_velocity"] = np.where(forth, (-9.0, top), (-top, 9.0))
             speed = (top * length / np.abs(direction)).min()
         e, both = np.array(direction) / length, np.array([acceleration, deceleration])
         up, down = (np.min(np.where(e > 0, *x) / np.abs(e)) for x in (both, both[::-1]))
@@ -363,14 +364,34 @@ def plan_what_is_allowed(path, arm, limits, **options):
     raise AssertionError("what was allowed was refused")
 
 
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_bounds_by_direction_change_sides_in_the_mirror(kept, jerk):
+    rng = np.random.default_rng(700036000)
+    points = np.cumsum(rng.normal(size=(6, 3)), axis=0)
+    bounds = {"joint_velocity": (0.3, 2), "joint_acceleration": (0.5, 5)}
+    given = {name: rng.uniform(*x, (3, 2)) * (-1, 1) for name, x in bounds.items()}
+    limits = ac.Limits(joint_jerk=jerk, **given)
+    mirrored = limits.replace(**{name: -x[:, ::-1] for name, x in given.items()})
+    planned = ac.plan(ac.JointPath.spline(points), robot(3), limits)
+    other = ac.plan(ac.JointPath.spline(-points), robot(3), mirrored)
+    assert other.duration == pytest.approx(planned.duration, rel=1e-9)
+    kept(planned, limits)
+    low, high = limits.velocity_bounds(3)
+    dq = planned(np.linspace(0, planned.duration, 20001), 1)
+    # Each way binds somewhere, and none is taken for both.
+    assert ((dq / low).max(), (dq / high).max()) == pytest.approx((1, 1), abs=1e-2)
+    smaller = np.minimum(-low, high)
+    slow = ac.plan(ac.JointPath.spline(points), robot(3), limits.replace(joint_velocity=smaller))
+    assert slow.duration > 1.02 * planned.duration
+
+
 def test_a_speed_that_a_refusal_names_is_had(kept):
     """Coarse grids, whose margins change with the speed; each end depends on the other."""
     for seed in range(40):
         rng = np.random.default_rng([seed, 700035892])
         points = np.cumsum(rng.normal(size=(int(rng.integers(3, 8)), 4)), axis=0)
-        limits = ac.Limits(
-            joint_acceleration=rng.uniform(0.3, 3, 4), joint_deceleration=rng.uniform(0.1, 0.5, 4)
-        )
+        bounds = -rng.uniform(0.1, 0.5, 4), rng.uniform(0.3, 3, 4)
+        limits = ac.Limits(joint_acceleration=np.stack(bounds, axis=1))
         options = {x: 10 ** rng.uniform(-1, 1) for x in ("start_speed", "end_speed")}
         options["intervals"], path = int(rng.integers(5, 20)), ac.JointPath.spline(points)
         refusals, planned = plan_what_is_allowed(path, robot(4), limits, **options)

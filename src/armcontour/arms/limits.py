@@ -29,12 +29,13 @@ from armcontour.errors import InvalidInput
 
 JOINT_LIMITS = {
     "joint_acceleration": "rad/s²",
-    "joint_deceleration": "rad/s²",
     "joint_velocity": "rad/s",
     "joint_torque": "N m",
     "joint_jerk": "rad/s³",
 }
 JOINT_RANGE = ("joint_lower", "joint_upper")
+# Limits of joints that may differ between the two directions.
+DIRECTED = ("joint_velocity", "joint_acceleration")
 TOOL_LIMITS = {
     "speed": "m/s",
     "tool_acceleration": "m/s²",
@@ -56,11 +57,9 @@ class Limits(Value):
     """Limits of the joints and of the tool; what is not given is not limited.
 
     Args:
-        joint_acceleration: Largest acceleration of each joint [rad/s²], (dof,); either way, unless
-            `joint_deceleration` is given.
-        joint_deceleration: Largest acceleration of each joint in its negative direction, as an
-            amount [rad/s²], (dof,).
-        joint_velocity: Largest velocity of each joint, either way [rad/s], (dof,).
+        joint_acceleration: Largest acceleration of each joint, either way [rad/s²], (dof,); or the
+            lower bounds, below zero, and the upper ones, (dof, 2).
+        joint_velocity: Largest velocity of each joint [rad/s], (dof,) or (dof, 2) in the same way.
         joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
         joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none.
         joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
@@ -74,12 +73,11 @@ class Limits(Value):
         path_jerk: Largest third derivative of the arc length over time, either way [m/s³].
 
     Raises:
-        InvalidInput: A limit that is not above zero, a deceleration without an acceleration, or a
-            range that is empty.
+        InvalidInput: A limit that is not above zero, bounds that zero is not between, or a range
+            that is empty.
     """
 
     joint_acceleration: JointAccelerations | None = None
-    joint_deceleration: JointAccelerations | None = None
     joint_velocity: JointVelocities | None = None
     joint_torque: JointTorques | None = None
     joint_jerk: JointJerks | None = None
@@ -94,56 +92,15 @@ class Limits(Value):
     path_jerk: Jerk | None = None
 
     def __post_init__(self) -> None:
-        if self.joint_deceleration is not None and self.joint_acceleration is None:
-            raise InvalidInput("joint_deceleration needs joint_acceleration beside it.")
-        for name, unit in JOINT_LIMITS.items():
+        for name in JOINT_LIMITS:
             values = getattr(self, name)
-            if values is None:
-                continue
-            # Of jerk, which files give for some joints only, infinity is no limit.
-            finite = values
-            if name == "joint_jerk":
-                finite = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
-            array = _checks.numbers(name, finite, unit)
-            object.__setattr__(self, name, _checks.lock_floats(values))
-            if array.ndim <= 1 and all(x >= _checks.SMALLEST for x in array.flat):
-                continue
-            if array.ndim > 1:
-                raise InvalidInput(
-                    f"{name} has the shape {array.shape}, but takes one value [{unit}] per joint, "
-                    "(dof,), or one for all, which limits both directions: for bounds of -2 and 2 "
-                    "give 2.",
-                    limit=name,
-                )
-            if (array <= 0).any():
-                raise InvalidInput(
-                    f"{name} must be above zero for every joint, but is {array.tolist()} {unit}.",
-                    limit=name,
-                )
-            raise InvalidInput(
-                f"{name} must be at least {_checks.SMALLEST:g} {unit} for every joint, but is "
-                f"{array.tolist()} {unit}.",
-                limit=name,
-            )
+            if values is not None:
+                self._check_joints(name, values)
+                object.__setattr__(self, name, _checks.lock_floats(values))
         for name in JOINT_RANGE:
             self._check_range(name)
         if self.joint_lower is not None and self.joint_upper is not None:
-            if len({x.size for x in (self.joint_lower, self.joint_upper)} - {1}) > 1:
-                raise InvalidInput(
-                    f"joint_lower has {self.joint_lower.size} values, but joint_upper "
-                    f"{self.joint_upper.size}: give one for all joints or one per joint."
-                )
-            empty = np.atleast_1d(self.joint_lower >= self.joint_upper)
-            if empty.any():
-                j = int(np.argmax(empty))
-                low, high = (
-                    float(np.broadcast_to(x, empty.shape)[j])
-                    for x in (self.joint_lower, self.joint_upper)
-                )
-                raise InvalidInput(
-                    f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
-                    f"below its joint_upper, {high:g} rad."
-                )
+            self._refuse_empty(self.joint_lower, self.joint_upper)
         for name, unit in TOOL_LIMITS.items():
             value = getattr(self, name)
             if value is not None:
@@ -156,6 +113,49 @@ class Limits(Value):
         return line_up("Limits" if rows else "Limits: none", rows)
 
     __repr__ = brief
+
+    def _check_joints(self, name: str, values: FloatArray) -> None:
+        unit = JOINT_LIMITS[name]
+        # Of jerk, which files give for some joints only, infinity is no limit.
+        if name == "joint_jerk":
+            values = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
+        array = amounts = _checks.numbers(name, values, unit)
+        if name in DIRECTED and array.ndim == 2 and array.shape[1] == 2:
+            amounts = array * (-1.0, 1.0)
+        elif array.ndim > 1:
+            pair = ", or a lower and an upper bound, (dof, 2)" if name in DIRECTED else ""
+            raise InvalidInput(
+                f"{name} has the shape {array.shape}, but takes one value [{unit}] per joint, "
+                f"(dof,), or one for all, which limits both directions{pair}.",
+                limit=name,
+            )
+        # Not `any`, which NaN would pass.
+        if all(x >= _checks.SMALLEST for x in amounts.flat):
+            return
+        needed = f"at least {_checks.SMALLEST:g} {unit}"
+        if (amounts <= 0).any():
+            needed = "above zero"
+        if amounts is not array:
+            needed = "a lower bound below zero and an upper bound above zero"
+        raise InvalidInput(
+            f"{name} must be {needed} for every joint, but is {array.tolist()} {unit}.",
+            limit=name,
+        )
+
+    def _refuse_empty(self, lower: FloatArray, upper: FloatArray) -> None:
+        if len({x.size for x in (lower, upper)} - {1}) > 1:
+            raise InvalidInput(
+                f"joint_lower has {lower.size} values, but joint_upper {upper.size}: give one for "
+                "all joints or one per joint."
+            )
+        empty = np.atleast_1d(lower >= upper)
+        if empty.any():
+            j = int(np.argmax(empty))
+            low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
+            raise InvalidInput(
+                f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
+                f"below its joint_upper, {high:g} rad."
+            )
 
     def _check_range(self, name: str) -> None:
         values = getattr(self, name)
@@ -229,8 +229,16 @@ class Limits(Value):
         changes: dict[str, FloatArray | None] = {}
         for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)
-            if values is None or values.shape == (dof,):
+            if values is None or values.shape in ((dof,), (dof, 2)):
                 continue
+            if values.shape == (1, 2):
+                changes[name] = _checks.lock_floats(np.repeat(values, dof, axis=0))
+                continue
+            if values.ndim == 2:
+                raise InvalidInput(
+                    f"{name} has bounds for {len(values)} joints, but the arm has {dof}: give one "
+                    f"pair for all joints or {dof}."
+                )
             if values.ndim:
                 # Infinite values are no limits, and their number is refused.
                 _checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
@@ -244,11 +252,15 @@ class Limits(Value):
         Args:
             dof: Number of joints.
         """
-        upper = or_unlimited(self.joint_acceleration, dof)
-        lower = upper if self.joint_deceleration is None else self.joint_deceleration
-        if not upper.shape == lower.shape == (dof,):
-            lower, upper = np.full(dof, lower), np.full(dof, upper)
-        return -lower, upper
+        return _bounds(self.joint_acceleration, dof)
+
+    def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bound of every joint's velocity, infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
+        return _bounds(self.joint_velocity, dof)
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of every joint's range [rad], infinite without one.
@@ -274,17 +286,42 @@ class Limits(Value):
 
     def same_both_ways(self) -> bool:
         """Whether every joint may accelerate alike in both directions."""
-        if self.joint_deceleration is None or self.joint_acceleration is None:
-            return True
-        return bool(np.array_equal(self.joint_deceleration, self.joint_acceleration))
+        values = self.joint_acceleration
+        return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
 
 
 def _list_values(values: npt.ArrayLike) -> str:
     """The values of all joints; one if they are the same."""
-    listed = [digits(x) for x in np.atleast_1d(values)]
+    rows = np.atleast_1d(values)
+    listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
     return listed[0] if len(set(listed)) == 1 else ", ".join(listed)
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     """The given joint limits, or infinity for every joint."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
+
+
+def _bounds(values: FloatArray | None, dof: int) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bound of every joint, (dof,) each, of a limit that may have directions."""
+    if values is not None and values.ndim == 2:
+        return values[:, 0].copy(), values[:, 1].copy()
+    upper = np.full(dof, np.inf if values is None else values)
+    return -upper, upper
+
+
+def by_direction(
+    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Amounts of velocities or accelerations, and what limits them in their directions.
+
+    Args:
+        values: The values, (..., dof).
+        bounds: Lower and upper bounds, (dof,) each.
+
+    Returns:
+        The amounts, (..., dof), and the largest ones, (dof,) or (..., dof).
+    """
+    low, high = bounds
+    both = np.array_equal(-low, high)
+    return np.abs(values), high if both else np.where(values < 0, -low, high)

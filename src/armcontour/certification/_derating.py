@@ -112,7 +112,7 @@ class DeratedAcceleration(JointMotion):
     """
 
     def __init__(self, low: FloatArray, high: FloatArray, derating: Derating) -> None:
-        super().__init__(low=low, high=high)
+        super().__init__(acceleration=(low, high))
         self.derating = derating
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +175,7 @@ def plan_derated(
     """
     refuse_out_of_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
-    rest = limits.replace(joint_acceleration=None, joint_deceleration=None, **others)
+    rest = limits.replace(joint_acceleration=None, **others)
     constraints: list[Constraint] = [Cap(derating)]
     if limits.joint_acceleration is not None:
         constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))

@@ -6,7 +6,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.geometry import ShapedPath
 from armcontour.motion import (
     JointAverage,
@@ -22,7 +21,7 @@ KEPT = 1e-9
 # The limits that are bounded, as `largest_shares` gives them.
 BOUNDED = (
     "joint_acceleration",
-    "joint_deceleration",
+    "down",
     "joint_velocity",
     "speed",
     "centripetal_acceleration",
@@ -40,7 +39,7 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
         limits: The limits.
     """
     low, high = limits.acceleration_bounds(arm.dof)
-    joints = np.stack([high, -low, or_unlimited(limits.joint_velocity, arm.dof)])
+    joints = np.stack([high, -low, np.minimum(*np.abs(limits.velocity_bounds(arm.dof)))])
     found = np.zeros(len(BOUNDED))
     for law in plan.laws:
         # Averages of the joints are not above what is averaged.
@@ -50,9 +49,7 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
         found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
     uses = dict(zip(BOUNDED, found.tolist(), strict=True))
     uses["centripetal_acceleration"] **= 2
-    if limits.joint_deceleration is None:
-        down = uses.pop("joint_deceleration")
-        uses["joint_acceleration"] = max(uses["joint_acceleration"], down)
+    uses["joint_acceleration"] = max(uses["joint_acceleration"], uses.pop("down"))
     return uses
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.arms.limits import or_unlimited
 from armcontour.certification._approach import Approach
 from armcontour.certification._proving import bound_uses
 from armcontour.certification._uses import (
@@ -131,9 +130,8 @@ def _uses(plan: Trajectory, approach: Approach, robot: Robot) -> dict[str, float
         robots += [x for group in groups for x in zip(group.servos, group.runs, strict=True)]
     since = 0.0 if approach.laws else None
     demand = max(_demand(robot, x, servo, since) for servo, x in robots)
-    for name in ("joint_acceleration", "joint_deceleration"):
-        if getattr(free, name) is not None:
-            uses[name] = max(uses.get(name, 0.0), demand)
+    if free.joint_acceleration is not None:
+        uses["joint_acceleration"] = max(uses.get("joint_acceleration", 0.0), demand)
     if free.joint_velocity is not None:
         uses["joint_velocity"] = max(uses.get("joint_velocity", 0.0), _command(robot, taught))
     return uses
@@ -150,8 +148,9 @@ def _command(robot: Robot, taught: TaughtData) -> float:
     """Largest use of joint velocity limits by set-points; above 1 for a set-point out of range."""
     dof = robot.arm.dof
     now = taught.q[np.searchsorted(taught.t, 0.0) :]
-    rate = np.abs(np.diff(now, axis=0)) / taught.period
-    share = (rate / or_unlimited(robot.limits.joint_velocity, dof)).max(initial=0.0)
+    rate = np.diff(now, axis=0) / taught.period
+    low, high = robot.limits.velocity_bounds(dof)
+    share = np.maximum(rate / low, rate / high).max(initial=0.0)
     lower, upper = robot.limits.joint_range(dof)
     outside = bool(((now < lower) | (now > upper)).any())
     return max(float(share), OUTSIDE if outside else 0.0)

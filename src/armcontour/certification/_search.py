@@ -86,7 +86,6 @@ POINTS = 5
 # Limits that a search derates place by place; of others it takes a share everywhere.
 BY_PLACE = (
     "joint_acceleration",
-    "joint_deceleration",
     "joint_velocity",
     "speed",
     "centripetal_acceleration",

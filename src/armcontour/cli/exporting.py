@@ -363,10 +363,10 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     """Warn of a curve through set-points that needs far more than the limits of acceleration."""
     import numpy as np
 
-    limit = limits.joint_acceleration
-    if table.ddq is None or limit is None:
+    if table.ddq is None or limits.joint_acceleration is None:
         return []
-    ratio = np.abs(table.ddq).max(axis=0) / limit
+    low, high = limits.acceleration_bounds(table.ddq.shape[1])
+    ratio = np.maximum(table.ddq / low, table.ddq / high).max(axis=0)
     joint = int(np.argmax(ratio))
     if ratio[joint] < FAR_ABOVE:
         return []

@@ -138,7 +138,7 @@ def _offer_velocities(log: Log, tally: Tally, tool: FloatArray, off: FloatArray,
     limits, slack = tally.limits, 0.0
     if limits.joint_velocity is not None:
         x = mean_rate(log, log.q, log.errors_of(0), k)
-        slack = tally.offer("joint_velocity", t, np.abs(x.mean), limits.joint_velocity, q, x.error)
+        slack = tally.joint_velocity(t, x.mean, q, x.error)
     if limits.speed is not None:
         x = mean_rate(log, tool, off[:, None], k)
         size = np.linalg.norm(x.mean, axis=1)

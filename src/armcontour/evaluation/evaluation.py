@@ -320,11 +320,14 @@ def _number_corners(pieces: Sequence[Piece]) -> tuple[CornerDeviation, ...]:
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
     """Share of the planned time [s] in which some joint was within 1 % of a limit."""
     dof = executed.arm.dof
-    low, high = limits.acceleration_bounds(dof)
     moved = (executed.t >= 0) & (executed.t <= duration)
     ddq, dq = executed.ddq[moved], executed.dq[moved]
-    near = (ddq >= NEAR * high) | (ddq <= NEAR * low)
-    near |= np.abs(dq) >= NEAR * or_unlimited(limits.joint_velocity, dof)
+    near = np.zeros(ddq.shape, dtype=bool)
+    for x, (low, high) in (
+        (ddq, limits.acceleration_bounds(dof)),
+        (dq, limits.velocity_bounds(dof)),
+    ):
+        near |= (x >= NEAR * high) | (x <= NEAR * low)
     torque = _torque(executed) if limits.joint_torque is not None else None
     if torque is not None:
         near |= np.abs(torque[moved]) >= NEAR * or_unlimited(limits.joint_torque, dof)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
+from armcontour.arms.limits import by_direction
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import least_off
 from armcontour.geometry import Path
@@ -264,15 +265,19 @@ class Tally:
         self, t: FloatArray, ddq: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
         """Offer joint accelerations, each with the limit of its direction."""
-        up, down = self.limits.joint_acceleration, self.limits.joint_deceleration
-        if up is None:
+        if self.limits.joint_acceleration is None:
             return 0.0
-        if down is None:
-            return self.offer("joint_acceleration", t, np.abs(ddq), up, q, error)
-        return max(
-            self.offer("joint_acceleration", t, np.maximum(ddq, 0.0), up, q, error),
-            self.offer("joint_deceleration", t, np.maximum(-ddq, 0.0), down, q, error),
-        )
+        amounts, most = by_direction(ddq, self.limits.acceleration_bounds(self.arm.dof))
+        return self.offer("joint_acceleration", t, amounts, most, q, error)
+
+    def joint_velocity(
+        self, t: FloatArray, dq: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
+    ) -> float:
+        """Offer joint velocities, each with the limit of its direction."""
+        if self.limits.joint_velocity is None:
+            return 0.0
+        amounts, most = by_direction(dq, self.limits.velocity_bounds(self.arm.dof))
+        return self.offer("joint_velocity", t, amounts, most, q, error)
 
     def joint_range(self, t: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0) -> None:
         """Offer joint positions to both ends of their ranges."""
@@ -342,13 +347,11 @@ class Tally:
 
     def states(self, x: States) -> None:
         """Offer all quantities of joints and tool at given states."""
-        limits = self.limits
         self.joint_range(x.t, x.q, x.errors[0])
         self.torque(x)
         self.turning(x)
         self.jerk(x)
-        if limits.joint_velocity is not None:
-            self.offer("joint_velocity", x.t, np.abs(x.dq), limits.joint_velocity, x.q, x.errors[1])
+        self.joint_velocity(x.t, x.dq, x.q, x.errors[1])
         if x.ddq is not None:
             self.joint_acceleration(x.t, x.ddq, x.q, x.errors[2])
         self.tool_motion(x)

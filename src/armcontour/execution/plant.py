@@ -310,8 +310,7 @@ class ServoPlant(Locked, Plant):
         limits: Limits with the joint accelerations or torques that saturate; the arm's own by
             default.
         saturation: Which limit saturates a servo of second order. "acceleration" is (7):
-            acceleration_limit of the servo, or without one joint_acceleration, and
-            joint_deceleration in the negative direction if it is given.
+            acceleration_limit of the servo, or without one joint_acceleration.
             "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
             state at the start of each command interval, where T is joint_torque and b is the torque
             of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints

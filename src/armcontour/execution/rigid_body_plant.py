@@ -675,14 +675,14 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
         return np.full(dof, np.inf)
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The rigid-body plant saturates alike in both directions: leave joint_deceleration out "
-            "of its limits, or give it joint_torque."
+            "The rigid-body plant saturates alike in both directions: give it one value of "
+            "joint_acceleration per joint, or joint_torque."
         )
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
     model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
     matrices = np.abs(_mujoco.mass_matrices(model, lower + shares * (upper - lower)))
-    return np.asarray(np.max([x @ limits.joint_acceleration for x in matrices], axis=0))
+    return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 
 def _every(steps: int, span: float, resolution: float) -> int:

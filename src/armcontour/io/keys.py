@@ -256,7 +256,11 @@ def _annotated(of: Any, *marks: Any) -> Any:
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)
-        return number if of is float else number | list[number]  # type: ignore[valid-type]
+        if of is float:
+            return number
+        each: Any = number | list[number]  # type: ignore[valid-type]
+        bound: Any = _number(dataclasses.replace(mark, sign="any"))
+        return each | list[tuple[bound, bound]] if mark.bounds else each
     if isinstance(mark, Choice):
         known: Any = Literal[mark.known]
         if of is not str:

@@ -90,8 +90,9 @@ def _assumed(job: Job, plan: RunResult, experiment: Experiment) -> Experiment:
     nominal = build_plant(experiment, job.arm, job.servo, plan.run.limits)
     stiffness = nominal.nominal_inertia * nominal.kv * nominal.servo.kp
     torque = np.minimum(nominal.torque_limit, FAR_OFF * stiffness)
-    given = plan.run.limits.joint_velocity, job.arm.limits.joint_velocity
-    fastest = next((x for x in given if x is not None), np.ones(job.arm.dof))
+    given = (x for x in (plan.run.limits, job.arm.limits) if x.joint_velocity is not None)
+    bounds = next((x.velocity_bounds(job.arm.dof) for x in given), (-1.0, 1.0))
+    fastest = np.maximum(*np.abs(bounds))
     own = chain.payload or Payload(mass=0.0)
     return replace(
         experiment,

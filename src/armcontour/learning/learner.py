@@ -231,7 +231,8 @@ def _next_lesson(
     own = (limits or Limits()).for_joints(lifted.dof)
     fastest = ROUGHER * _accelerations(runs[0].q, seen.period)
     if own.joint_acceleration is not None:
-        fastest = np.maximum(own.joint_acceleration, fastest)
+        slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
+        fastest = np.maximum(slowest, fastest)
     penalty = known.penalty * SLOWER**setbacks
     for _ in range(SMOOTHINGS):
         change, response = lifted.correct(known.error, penalty)

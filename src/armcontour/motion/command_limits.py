@@ -6,7 +6,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms.limits import by_direction
 from armcontour.errors import CompensationError
 from armcontour.motion.execution import TaughtData
 
@@ -32,12 +32,13 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
     _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
     rate = np.diff(taught.q, axis=0) / taught.period
-    most = or_unlimited(limits.joint_velocity, taught.q.shape[1])
-    at = _worst(np.abs(rate), most)
+    amounts, most = by_direction(rate, limits.velocity_bounds(taught.q.shape[1]))
+    at = _worst(amounts, most)
     if at is None:
         return
     k, j = at
-    needed, allowed, t = float(abs(rate[k, j])), float(most[j]), float(taught.t[k])
+    allowed, t = float(np.broadcast_to(most, rate.shape)[k, j]), float(taught.t[k])
+    needed = float(amounts[k, j])
     raise CompensationError(
         f"The set-points of joint {j + 1} move at {needed:.6g} rad/s from t = {t:.6g} s on, above "
         f"its joint_velocity of {allowed:.6g} rad/s: plan with a joint_velocity lower by "

@@ -8,7 +8,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
@@ -38,7 +37,7 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     t, is_even = t[order], order >= 2 * (len(breaks) - 1)
     q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
     shares = {
-        "usage_v": dq / or_unlimited(limits.joint_velocity, arm.dof),
+        "usage_v": _signed_shares(dq, limits.velocity_bounds(arm.dof)),
         "usage_a": demand_shares(ddq, limits),
     }
     if limits.joint_torque is not None and arm.has_bodies:
@@ -60,8 +59,12 @@ def demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
         ddq: Joint accelerations [rad/s^2], (n, dof).
         limits: The limits.
     """
-    low, high = limits.acceleration_bounds(ddq.shape[1])
-    return np.asarray(np.where(ddq > 0, ddq / high, ddq / -low))
+    return _signed_shares(ddq, limits.acceleration_bounds(ddq.shape[1]))
+
+
+def _signed_shares(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
+    low, high = bounds
+    return np.asarray(np.where(values > 0, values / high, values / -low))
 
 
 def largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:

@@ -95,6 +95,9 @@ def _sliders(
     kind = quantity_of(JobModel, keys)
     assert kind is not None
     if isinstance(value, np.ndarray):
+        # Lower and upper bounds are typed.
+        if value.ndim == 2:
+            return
         # A joint without such a loop has no gain to slide.
         given = np.flatnonzero(np.isfinite(value))
         if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(given):

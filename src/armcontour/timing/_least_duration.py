@@ -126,9 +126,7 @@ def least_duration(
     coefficients: FloatArray,
     rests: BoolArray,
     ceilings: FloatArray,
-    velocity: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    bounds: FloatArray,
 ) -> float:
     """A duration that no motion along a joint path falls below.
 
@@ -140,14 +138,14 @@ def least_duration(
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
         rests: Whether the motion rests at a break, (n + 1,).
         ceilings: Largest ds² on each piece [m²/s²], (n,).
-        velocity: Largest velocity of each joint [rad/s], (dof,).
-        low: Smallest acceleration of each joint [rad/s²], below zero, (dof,).
-        high: Largest acceleration of each joint [rad/s²], (dof,).
+        bounds: Lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
+            joints, (4, dof).
 
     Returns:
         The duration [s]; 0 if nothing limits the motion.
     """
     n, dof = len(coefficients), coefficients.shape[2]
+    slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]
     parts = _count_parts(breaks, coefficients)
     size = 0
     for i in range(n):
@@ -173,7 +171,8 @@ def least_duration(
                         first = first * share + k * coefficients[i, k, j]
                     b[row, j], c[row, j] = first / width, second / (width * width)
                     if first != 0.0:
-                        most = min(most, (velocity[j] / b[row, j]) ** 2)
+                        velocity = fast[j] if first > 0.0 else slow[j]
+                        most = min(most, (velocity / b[row, j]) ** 2)
                 most = min(most, _ceiling(b, c, row, low, high))
                 x[at + end] = min(x[at + end], most)
                 tops[at] = max(tops[at], most)

@@ -24,7 +24,7 @@ ROUNDING = 1e-6
 # Words after a unit that does not name the quantity by itself.
 OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
-RESERVED = ("joint_acceleration", "joint_deceleration", "joint_torque")
+RESERVED = ("joint_acceleration", "joint_torque")
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:

@@ -85,13 +85,13 @@ def quantity(name: str, states: States) -> FloatArray:
     """The quantity that a limit applies to, in the unit of the limit.
 
     Args:
-        name: A field of `Limits`; "joint_acceleration" stands for deceleration too. Of
-            "path_jerk" states know nothing: it belongs to a law along a path.
+        name: A field of `Limits`; of "path_jerk" states know
+            nothing: it belongs to a law along a path.
         states: The motion.
 
     Returns:
-        Values per joint, (n, dof), or of the tool, (n,). Joint accelerations have a sign, all other
-        values are amounts.
+        Values per joint, (n, dof), or of the tool, (n,). Joint velocities and accelerations have
+        a sign, all other values are amounts.
 
     Raises:
         InvalidInput: There is no such limit, the arm has no masses for torques, or the tool has no
@@ -113,8 +113,9 @@ def allowed(name: str, limits: Limits, states: States) -> FloatArray:
         states: The motion.
     """
     if name == "joint_acceleration":
-        low, high = limits.acceleration_bounds(states.arm.dof)
-        return np.where(states.ddq < 0, low, high)
+        return _directed(states.ddq, limits.acceleration_bounds(states.arm.dof))
+    if name == "joint_velocity":
+        return _directed(states.dq, limits.velocity_bounds(states.arm.dof))
     value = getattr(limits, name)
     return or_unlimited(value, states.arm.dof) if name.startswith("joint") else _or_infinite(value)
 
@@ -122,6 +123,10 @@ def allowed(name: str, limits: Limits, states: States) -> FloatArray:
 def ratio(name: str, limits: Limits, states: States) -> FloatArray:
     """Used share of a limit: 1 is the limit. Arguments as in `quantity` and `allowed`."""
     return np.asarray(quantity(name, states) / allowed(name, limits, states))
+
+
+def _directed(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
+    return np.where(values < 0, *bounds)
 
 
 def _or_infinite(value: float | None) -> FloatArray:
@@ -163,7 +168,7 @@ def _torque(x: States) -> FloatArray:
 
 
 QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
-    "joint_velocity": lambda x: np.abs(x.dq),
+    "joint_velocity": lambda x: x.dq,
     "joint_acceleration": lambda x: x.ddq,
     "joint_jerk": lambda x: np.abs(x.joint_jerk),
     "joint_torque": _torque,

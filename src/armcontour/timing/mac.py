@@ -14,7 +14,6 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
@@ -123,7 +122,7 @@ def _make_lines(
                 name=f"line {number + 1}",
                 joint_path=joint_path,
                 arm=arm,
-                limit=or_unlimited(limits.joint_acceleration, arm.dof),
+                limit=limits.acceleration_bounds(arm.dof)[1],
                 s=_knots(path.breaks[i], path.breaks[i + 1], count, rest),
                 assigned=float(assigned[i]),
             )
@@ -135,7 +134,7 @@ def _refuse_limits(limits: Limits) -> None:
     """Refuse limits that the method needs and lacks, and limits that it cannot keep.
 
     Raises:
-        InvalidInput: No joint acceleration, a tool acceleration, or a joint deceleration.
+        InvalidInput: No joint acceleration, one that differs by direction, or a tool acceleration.
     """
     if limits.joint_acceleration is None:
         raise InvalidInput(
@@ -148,8 +147,8 @@ def _refuse_limits(limits: Limits) -> None:
         )
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The method mac knows one acceleration limit per joint for both directions: leave "
-            "joint_deceleration out, or plan by the method optimal."
+            "The method mac knows one acceleration limit per joint for both directions: give one "
+            "value of joint_acceleration per joint, or plan by the method optimal."
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import TOOL_LIMITS, or_unlimited
+from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
@@ -138,13 +138,11 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
     # Rows with viscous friction come first.
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
-    velocity, low, high = None, None, None
-    if limits.joint_velocity is not None:
-        velocity = or_unlimited(limits.joint_velocity, joint_path.dof)
-    if limits.joint_acceleration is not None:
-        low, high = limits.acceleration_bounds(joint_path.dof)
-    if velocity is not None or low is not None:
-        active.append(JointMotion(velocity, low, high))
+    dof = joint_path.dof
+    velocity = None if limits.joint_velocity is None else limits.velocity_bounds(dof)
+    acceleration = None if limits.joint_acceleration is None else limits.acceleration_bounds(dof)
+    if velocity is not None or acceleration is not None:
+        active.append(JointMotion(velocity, acceleration))
     tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
     if joint_path.tool_path is None:
         if tool:

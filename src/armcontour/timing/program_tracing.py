@@ -13,7 +13,6 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm, choose_limits
-from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path, ShapedPath
@@ -553,8 +552,5 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
         bend = np.where(path.segments.bent, 0.0, path.curvatures)
         with np.errstate(divide="ignore"):
             ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
-    velocity = or_unlimited(limits.joint_velocity, dof)
-    low, high = (np.array(x) for x in limits.acceleration_bounds(dof))
-    return float(
-        least_duration(breaks, joint_path.coefficients, rests, ceilings, velocity, low, high)
-    )
+    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
+    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

@@ -346,9 +346,11 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
     """Length of a joint path: sum of the slowest joint's shortest times between knots [s]."""
-    velocity = arm.limits.joint_velocity
-    steps = np.abs(np.diff(q, axis=0)) / (1.0 if velocity is None else velocity)
-    return float(steps.max(axis=1).sum())
+    steps = np.diff(q, axis=0)
+    if arm.limits.joint_velocity is None:
+        return float(np.abs(steps).max(axis=1).sum())
+    low, high = arm.limits.velocity_bounds(arm.dof)
+    return float(np.maximum(steps / low, steps / high).max(axis=1).sum())
 
 
 def _shift_by_turns(

@@ -251,8 +251,10 @@ class _Cost:
         low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
         self.middle, self.half = (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
-        velocity = arm.limits.joint_velocity
-        pace = np.ones(arm.dof) if velocity is None else np.min(velocity) / velocity
+        pace = np.ones(arm.dof)
+        if arm.limits.joint_velocity is not None:
+            slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+            pace = np.min(slowest) / slowest
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole, share = steps.sum(axis=1, keepdims=True), np.diff(s) / (s[-1] - s[0])
         both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2

@@ -419,7 +419,7 @@ def test_a_file_of_the_field():
     np.testing.assert_allclose(limits.joint_velocity, [np.pi / 2, 1.5, 2.5, 4])
     # The smaller of acceleration and deceleration holds both ways.
     np.testing.assert_array_equal(limits.joint_acceleration, [3, 2, 10, 20])
-    assert limits.joint_deceleration is None and limits.joint_jerk is None
+    assert limits.joint_jerk is None
     np.testing.assert_array_equal(limits.joint_torque, [80, 70, 35, 15])
     np.testing.assert_allclose(limits.joint_lower, [-np.inf, -np.pi / 3, -2.5, -np.inf])
     np.testing.assert_allclose(limits.joint_upper, [np.inf, 1.0, 2.5, np.inf])
@@ -456,22 +456,21 @@ kind: planar_two_link
 base: {value: 0.1, unit: m}
 links: {value: [0.3, 0.2], unit: m}
 limits:
-  joint_acceleration: {value: [3, 4], unit: rad/s^2}
-  joint_deceleration: {value: [1, 2], unit: rad/s^2}
+  joint_acceleration: {value: [[-1, 3], [-2, 4]], unit: rad/s^2}
+  joint_velocity: {value: [2, 2], unit: rad/s}
 """)
     table = """
-{joint 1: {max_acceleration: 5}, joint 2: {max_velocity: 1}} => {joint_acceleration: [5, 4]}
-{joint 1: {max_acceleration: 5}, joint 2: {max_velocity: 1}} => {joint_deceleration: [5, 2]}
+{joint 1: {max_acceleration: 5}, joint 2: {max_deceleration: 3}} => {joint_acceleration: [5, 2]}
 {joint 1: &x {has_acceleration_limits: false}, joint 2: *x} => {joint_acceleration: null}
-{joint 1: &x {has_acceleration_limits: false}, joint 2: *x} => {joint_deceleration: null}
 """
 
     def read(text):
-        text = text.replace("max_acceleration: 5", "max_acceleration: 5, max_velocity: 1")
         file.write_text(f"joint_limits: {text}")
         return ac.load_arm(arm_file, joint_limits=file).limits
 
     values(read, table)
+    one = read("{joint 1: {max_acceleration: 5}, joint 2: {max_velocity: 1}}")
+    np.testing.assert_array_equal(one.joint_acceleration, [[-5, 5], [-2, 4]])
 
 
 def test_it_says_what_the_description_leaves_out(tmp_path):

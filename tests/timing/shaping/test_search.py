@@ -281,7 +281,7 @@ def accelerations(spline):
 
 def test_rows_of_joint_acceleration_take_each_direction_by_its_own_limit(moving):
     arm, spline = moving
-    limits = ac.Limits(joint_acceleration=2.0, joint_deceleration=3.0).for_joints(arm.dof)
+    limits = ac.Limits(joint_acceleration=[[-3.0, 2.0]]).for_joints(arm.dof)
     rows, a = span_rows(spline, arm, limits, NO_SPEEDS), accelerations(spline)
     expected = np.concatenate([a - 2.0, -a - 3.0], axis=1) * spline.h[:, None]
     np.testing.assert_allclose(rows.value, expected, atol=1e-12)

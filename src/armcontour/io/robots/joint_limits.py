@@ -14,8 +14,9 @@ from armcontour._text import plain_number, show
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
 from armcontour.errors import InvalidInput
 
-# Values of each limit, one per joint; None where a joint has no such limit.
-Table = dict[str, list[float | None]]
+# Values of each limit, one per joint, or lower and upper bounds; None where a joint has no such
+# limit.
+Table = dict[str, list[Any]]
 
 # Kinds of limits that a file switches on and off; keys of the file and names of the limits.
 KINDS = {
@@ -116,12 +117,14 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
             )
         for joint, value in zip(joints, values, strict=True):
             endless = name == "joint_jerk" and value == math.inf
-            if value is not None and not (0 < value < math.inf or endless):
+            if isinstance(value, int | float) and not (0 < value < math.inf or endless):
                 raise InvalidInput(
                     f"{where}: the {name} of joint {joint} must be above zero and finite, not "
                     f"{value:g} {unit}: give its true value in the file or with joint_limits.",
                     limit=name,
                 )
+        if any(isinstance(x, list) for x in values):
+            values = [x if isinstance(x, list) else [-x, x] for x in values]
         found[name] = values
     for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
         ends = [none if value is None else value for value in table[name]]
@@ -169,9 +172,7 @@ def _override_acceleration(table: Table, k: int, where: str, entry: Mapping[Any,
         speeding = table["joint_acceleration"][k]
         if speeding is None:
             raise InvalidInput(f"{where} has a max_deceleration but no max_acceleration: add it.")
-        table["joint_acceleration"][k] = min(abs(slowing), speeding)
-    if table["joint_deceleration"][k] is not None:
-        table["joint_deceleration"][k] = table["joint_acceleration"][k]
+        table["joint_acceleration"][k] = float(np.abs([slowing, *np.atleast_1d(speeding)]).min())
 
 
 def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Limits
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms.limits import by_direction
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.quantities import planned_torques
 from armcontour.motion import Execution
@@ -135,8 +134,7 @@ def _state(done: Execution, order: int) -> FloatArray:
 def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
     """Lower and upper bound of every joint's position, velocity and acceleration."""
     limits = result.run.limits
-    fastest = or_unlimited(limits.joint_velocity, dof)
-    return [limits.joint_range(dof), (-fastest, fastest), limits.acceleration_bounds(dof)]
+    return [limits.joint_range(dof), limits.velocity_bounds(dof), limits.acceleration_bounds(dof)]
 
 
 def _range(
@@ -185,9 +183,9 @@ def _table(name: str, result: RunResult) -> Table:
     low, high = limits.joint_range(arm.dof)
     plan = planned_torques(result)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
-    amounts = [
-        (np.abs(done.dq).max(axis=0), limits.joint_velocity),
-        _worst_accelerations(done.ddq, limits),
+    amounts: list[tuple[FloatArray, FloatArray | None]] = [
+        _worst(done.dq, limits.velocity_bounds(arm.dof)),
+        _worst(done.ddq, limits.acceleration_bounds(arm.dof)),
     ]
     if limits.joint_jerk is not None:
         header.append("jerk [rad/s³]")
@@ -203,14 +201,14 @@ def _table(name: str, result: RunResult) -> Table:
     return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
 
 
-def _worst_accelerations(ddq: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray | None]:
-    """Largest accelerations, in the direction with the larger use of the limit, and the limits."""
-    if limits.joint_acceleration is None:
-        return np.abs(ddq).max(axis=0), None
-    low, high = limits.acceleration_bounds(ddq.shape[1])
-    down, up = ddq.min(axis=0), ddq.max(axis=0)
-    braked = down / low > up / high
-    return np.where(braked, -down, up), np.where(braked, -low, high)
+def _worst(
+    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Largest amounts, in the direction with the larger use of the limit, and the limits."""
+    amounts, most = by_direction(values, bounds)
+    shares = np.where(np.isinf(most), amounts, amounts / most)
+    at = shares.argmax(axis=0), np.arange(values.shape[1])
+    return amounts[at], np.broadcast_to(most, amounts.shape)[at]
 
 
 def _ends(low: float, high: float) -> str:

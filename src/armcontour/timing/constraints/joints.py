@@ -17,36 +17,43 @@ from armcontour.timing.topp.on_grid import OnGrid
 
 
 class JointMotion(Constraint):
-    """`|q' ds| <= velocity` and `low <= q' u + q'' x <= high` for every joint.
+    """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint.
 
     Args:
-        velocity: Largest joint velocities [rad/s], infinite where there is none, (dof,); None for
-            none.
-        low: Smallest joint accelerations, negative [rad/s²], (dof,); None for none.
-        high: The largest ones, positive.
+        velocity: Lower bounds, negative, and upper ones [rad/s], infinite where there is none,
+            (dof,) each; None for none.
+        acceleration: Those of accelerations [rad/s²].
     """
 
     def __init__(
         self,
-        velocity: FloatArray | None = None,
-        low: FloatArray | None = None,
-        high: FloatArray | None = None,
+        velocity: tuple[FloatArray, FloatArray] | None = None,
+        acceleration: tuple[FloatArray, FloatArray] | None = None,
     ) -> None:
-        self.velocity, self.low, self.high = (
-            np.empty(0) if x is None else for_kernel(x) for x in (velocity, low, high)
-        )
+        none = np.empty((2, 0))
+        self.velocity = none if velocity is None else np.stack(velocity)
+        self.low, self.high = none if acceleration is None else map(for_kernel, acceleration)
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of accelerations on every interval, (n, joints) each."""
         shape = len(grid), len(self.low)
         return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
 
+    def fastest(self, path: OnGrid) -> FloatArray:
+        """Largest amounts of velocities in the directions of the joints on intervals, (n, dof)."""
+        (slopes, _), (third, _) = path.derivatives
+        certain = path.grid.width[:, None] ** 2 / 8 * third
+        low, high = np.abs(self.velocity)
+        # Where a joint may turn round, it keeps both bounds.
+        back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
+        return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
+
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The accelerations, and the squares of the velocities."""
-        n, moved, fast = len(path), len(self.low), len(self.velocity)
+        n, moved, fast = len(path), len(self.low), self.velocity.shape[1]
         rows = Rows(np.empty((n, 2, moved, 4)), np.empty((n, moved, 4)))
         squares = Squares(np.empty((n, 2, fast)), np.empty((n, fast)), np.empty((n, fast, 4)))
-        limits = self.low, self.high, 1 / self.velocity**2
+        limits = self.low, self.high, *(1 / self.velocity**2)
         joint_path = path.grid.joint_path
         own = joint_path.breaks, joint_path.coefficients
         write_joints(*own, path.intervals, limits, rows, squares)
@@ -55,15 +62,16 @@ class JointMotion(Constraint):
     @property
     def names(self) -> list[tuple[str, int | None]]:
         """The velocities, and then the accelerations."""
-        counts = (("velocity", len(self.velocity)), ("acceleration", len(self.low)))
+        counts = (("velocity", self.velocity.shape[1]), ("acceleration", len(self.low)))
         return [(name, k + 1) for name, count in counts for k in range(count)]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
         """Used shares of the limits, as `names`."""
         (first, second), _ = ends.on.derivatives
         x, u = ends.x[..., None], ends.u[..., None]
-        velocity = np.abs(first) * np.sqrt(x) / self.velocity if len(self.velocity) else None
-        found = [] if velocity is None else [velocity]
+        low, high = self.velocity
+        dq = first[..., : len(low)] * np.sqrt(x)
+        found = [np.maximum(dq / high, dq / low)]
         if len(self.low):
             value = first * u + second * x
             low, high = (y[:, None] for y in self.bounds(ends.grid))

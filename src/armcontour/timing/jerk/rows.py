@@ -57,13 +57,13 @@ class Rows:
             self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
-        self.speeds = np.full(grid.joint_path.dof, np.inf)
+        self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
         others = []
         for x in active:
             if isinstance(x, JointMotion):
                 # Their rows are polynomials, and need no margins.
-                if len(x.velocity):
-                    self.speeds = np.minimum(self.speeds, x.velocity)
+                if x.velocity.size:
+                    self.speeds = np.minimum(self.speeds, x.fastest(self.path))
                 if len(x.low):
                     low, high = x.bounds(grid)
                     self.bounded = np.minimum(self.bounded, [-low, high])
@@ -259,10 +259,10 @@ class Rows:
 
     def _speed_ceiling(self) -> FloatArray:
         """Bounds of the control points of a under joint velocity limits, (n, 3)."""
-        limited = np.isfinite(self.speeds)
+        limited = np.isfinite(self.speeds).any(axis=0)
         if not limited.any():
             return np.full((len(self.mesh.grid), 3), np.inf)
-        width, limit = self.mesh.grid.width[:, None], self.speeds[limited]
+        width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
         bulge = width**2 / 8 * third[:, limited]
         # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.

@@ -102,7 +102,8 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
         lower, upper = limits.acceleration_bounds(dof)
         found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
-        found.append(_velocity(both, e, np.asarray(limits.joint_velocity)))
+        lower, upper = limits.velocity_bounds(dof)
+        found.append(_velocity(both, e, np.concatenate([upper, -lower])))
     ends = [States(arm, knots[:-1], e[:-1], a), States(arm, knots[1:], e[1:], a)]
     if np.isfinite(speeds).any():
         found.append(_tool_speed(ends[1], speeds))
@@ -134,7 +135,7 @@ def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, most: FloatArr
 
 def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
     """`±e_i <= most`."""
-    bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
+    bound = np.broadcast_to(most, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
     return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)

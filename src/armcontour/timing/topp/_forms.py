@@ -91,12 +91,12 @@ def write_joints(
         breaks: Of the joint path [m], (pieces + 1,).
         coefficients: Of the joint path, (pieces, 6, dof).
         grid: The intervals.
-        bounds: Lower and upper bounds of accelerations [rad/s²], and 1 / v² of velocities
-            [s²/rad²], (dof,) each, or (0,) for none.
+        bounds: Lower and upper bounds of accelerations [rad/s²], and 1 / v² of lower and upper
+            bounds v of velocities [s²/rad²], (dof,) each, or (0,) for none.
         rows: Takes those of accelerations.
         squares: Takes those of velocities.
     """
-    low, high, inverse = bounds
+    low, high, back, forth = bounds
     ends, rise = rows
     square, most, rise_square = squares
     for i in range(len(grid.piece)):
@@ -116,8 +116,11 @@ def write_joints(
                 ends[i, 1, j, LOW], ends[i, 1, j, HIGH] = low[j], high[j]
                 rise[i, j, BY_U], rise[i, j, BY_X] = share * 5 * q3, share * q4 + rounding * q1
                 rise[i, j, BY_SLOPE], rise[i, j, ALONE] = share * 4 * q2, 0.0
-            if j < len(inverse):
-                by = inverse[j]
+            if j < len(forth):
+                by, certain = forth[j], share * q3
+                # Where a joint may turn round, it keeps both bounds.
+                if min(a0, a1) <= certain:
+                    by = back[j] if max(a0, a1) < -certain else max(by, back[j])
                 square[i, 0, j], square[i, 1, j] = a0 * a0 * by, a1 * a1 * by
                 most[i, j], by = q1 * q1 * by, by * share
                 rise_square[i, j, BY_U] = by * 8 * q1 * q2
