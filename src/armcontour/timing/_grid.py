@@ -75,3 +75,33 @@ def cut(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
             part += 1
     points[total] = s[len(count)]
     return points, of
+
+
+@compiled()
+def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatArray, IntArray, int]:
+    """All breaks, and the points that are not close to a break or to the point before.
+
+    Args:
+        points: Increasing numbers from the first to the last break, (m,).
+        breaks: Increasing numbers, (pieces + 1,).
+        close: Distances below this are none.
+
+    Returns:
+        The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest
+        number of intervals of a piece.
+    """
+    most, last = len(points) + len(breaks), len(breaks) - 1
+    s, piece = np.empty(most), np.empty(most, np.intp)
+    n, k, fewest = 0, 0, most
+    for i in range(last):
+        first = n
+        s[n], piece[n] = breaks[i], i
+        n += 1
+        while k < len(points) and points[k] < breaks[i + 1]:
+            if points[k] - s[n - 1] >= close and breaks[i + 1] - points[k] >= close:
+                s[n], piece[n] = points[k], i
+                n += 1
+            k += 1
+        fewest = min(fewest, n - first)
+    s[n] = breaks[last]
+    return s[: n + 1].copy(), piece[:n].copy(), fewest

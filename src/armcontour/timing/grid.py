@@ -11,7 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
-from armcontour.timing._grid import cut, turning_of
+from armcontour.timing._grid import cut, merge, turning_of
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -118,16 +118,10 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
     # A point that differs from a break or from the one before by rounding only is left out.
-    close = 1e-12 * (breaks[-1] - breaks[0])
-    after = np.clip(np.searchsorted(breaks, points, side="right"), 1, len(breaks) - 1)
-    away = np.minimum(points - breaks[after - 1], breaks[after] - points)
-    kept = points[(away >= close) & (np.diff(points, prepend=-np.inf) >= close)]
-    s = np.sort(np.concatenate([breaks, kept]))
-    piece = np.searchsorted(breaks, s[:-1], side="right") - 1
-    grid = Grid(joint_path, s, piece)
+    s, piece, fewest = merge(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
+    grid = _locked(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
-    alone = np.bincount(piece)[piece] == 1
-    return split(grid, np.where(alone, 2, 1)) if alone.any() else grid
+    return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
 
 
 def split(grid: Grid, parts: FloatArray | IntArray) -> Grid:
