@@ -99,9 +99,11 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
     acceleration = 10 ** (rng.uniform(0, 1) + rng.uniform(-0.4, 0.4, dof))
     wanted: dict[str, Any] = {"joint_acceleration": acceleration}
     if rng.random() < 0.15:
-        wanted["joint_deceleration"] = acceleration * 10 ** rng.uniform(-0.5, 0.5, dof)
+        lower = -acceleration * 10 ** rng.uniform(-0.5, 0.5, dof)
+        wanted["joint_acceleration"] = np.stack([lower, acceleration], axis=1)
     if rng.random() < 0.7:
-        wanted["joint_velocity"] = 10 ** (rng.uniform(-0.5, 0.7) + rng.uniform(-0.3, 0.3, dof))
+        velocity = 10 ** (rng.uniform(-0.5, 0.7) + rng.uniform(-0.3, 0.3, (dof, 2)))
+        wanted["joint_velocity"] = velocity * (-1, 1) if rng.random() < 0.2 else velocity[:, 0]
     factor = 10 ** rng.uniform(np.log10(2), np.log10(300))
     jerk = factor * acceleration * 10 ** rng.uniform(-0.2, 0.2, dof)
     slope = np.abs(path(np.linspace(path.breaks[0], path.breaks[-1], 200), 1)).max(axis=0)
@@ -121,7 +123,7 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
 def _speed(rng: Random, path: ac.JointPath, limits: ac.Limits) -> float:
     """A speed at an end, now and then higher than can be had."""
     slope = float(np.abs(path(path.breaks, 1)).max())
-    scale = np.sqrt(float(np.min(limits.joint_acceleration)) * path.length / slope)
+    scale = np.sqrt(float(np.abs(limits.joint_acceleration).min()) * path.length / slope)
     return float(scale * 10 ** rng.uniform(-3, 0.0))
 
 
@@ -290,7 +292,7 @@ class Sampled:
         jump = np.abs(acceleration[1:, 0] - acceleration[:-1, -1])
         scale = np.abs(acceleration).max(axis=(0, 1))
         if limits.joint_acceleration is not None:
-            scale = np.maximum(scale, np.broadcast_to(limits.joint_acceleration, scale.shape))
+            scale = np.maximum(scale, limits.acceleration_bounds(len(scale))[1])
         share = jump / np.where(scale > 0, scale, 1.0)
         if limits.joint_jerk is not None:
             share = share[:, np.isfinite(np.broadcast_to(limits.joint_jerk, scale.shape))]
@@ -307,10 +309,10 @@ def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, n
         most = getattr(limits, f"joint_{name}")
         if most is None:
             continue
-        ratio = np.abs(values) / most
-        if name == "acceleration":
-            low, high = limits.acceleration_bounds(values.shape[-1])
-            ratio = np.maximum(values / low, values / high)
+        low, high = -most, most
+        if name != "jerk":
+            low, high = getattr(limits, f"{name}_bounds")(values.shape[-1])
+        ratio = np.maximum(values / low, values / high)
         found[name] = ratio.max(axis=-1), ratio.argmax(axis=-1) + 1
     if limits.path_jerk is not None:
         ratio = np.abs(sampled.motion[2]) / limits.path_jerk

@@ -143,18 +143,20 @@ def _limits(rng: Random) -> ac.Limits:
     """Mostly the paper's, else others of their size."""
     spread = 0.0 if rng.random() < 0.5 else float(rng.choice([0.3, 1.0]))
 
-    def some(scale: float, count: int | None = None) -> Any:
+    def some(scale: float, count: int | tuple[int, int] | None = None) -> Any:
         return scale * 10 ** rng.uniform(-spread, spread, count)
 
     wanted: dict[str, Any] = {"joint_acceleration": some(0.72, 2)}
     if rng.random() < 0.1:
-        wanted["joint_deceleration"] = some(0.72, 2)
+        wanted["joint_acceleration"] = some(0.72, (2, 2)) * (-1, 1)
     if rng.random() < 0.85:
         wanted["speed"] = float(some(0.15))
     if rng.random() < 0.5:
         wanted["centripetal_acceleration"] = float(some(0.09))
     if rng.random() < 0.25:
-        wanted["joint_velocity"] = some(0.5, 2)
+        wanted["joint_velocity"] = (
+            some(0.5, (2, 2)) * (-1, 1) if rng.random() < 0.3 else some(0.5, 2)
+        )
     if rng.random() < 0.15:
         wanted["tool_acceleration"] = float(some(0.2))
     if rng.random() < 0.05:
@@ -378,7 +380,8 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
     # How far each is above its limit, and what rounding and the differences themselves may add.
     found = {"acceleration": (np.maximum(second - high, low - second).max(), rounding / h**2)}
     if limits.joint_velocity is not None:
-        found["velocity"] = ((np.abs(first) - limits.joint_velocity).max(), rounding / h)
+        low, high = limits.velocity_bounds(q.shape[1])
+        found["velocity"] = (np.maximum(first - high, low - first).max(), rounding / h)
     if limits.speed is not None:
         found["speed"] = (speed.max() - limits.speed, rounding / h)
     if limits.tool_acceleration is not None:

@@ -65,7 +65,7 @@ def _speed(rng: Random, path: ac.Path | ac.JointPath, limits: ac.Limits) -> floa
     """A speed at an end, now and then higher than can be had."""
     if isinstance(path, ac.JointPath):
         slope = np.abs(path(path.breaks[0], 1)).max() + 1e-300
-        scale = np.sqrt(np.min(limits.joint_acceleration) * path.length / slope)
+        scale = np.sqrt(np.abs(limits.joint_acceleration).min() * path.length / slope)
     else:
         scale = 0.1 if limits.speed is None else limits.speed
     return float(scale * 10 ** rng.uniform(-3, 0.3))
@@ -81,10 +81,11 @@ def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
     wanted: dict[str, Any] = {}
     if not tool or rng.random() < 0.9:
         wanted["joint_acceleration"] = some(size, dof)
-        if rng.random() < 0.3:
-            wanted["joint_deceleration"] = some(size, dof)
     if rng.random() < 0.5:
         wanted["joint_velocity"] = some(size, dof)
+    for name, most in wanted.items():
+        if rng.random() < 0.3:
+            wanted[name] = np.stack([-some(size, dof), most], axis=1)
     if tool:
         if rng.random() < 0.7:
             wanted["speed"] = float(some(0.15))
@@ -319,11 +320,12 @@ def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], flo
 
 def _least_duration(problem: Problem) -> float:
     """A time that the joints need for their ways along a joint path at full velocity [s]."""
-    path, velocity = problem.path, problem.limits.joint_velocity
-    if not isinstance(path, ac.JointPath) or velocity is None:
+    path = problem.path
+    if not isinstance(path, ac.JointPath) or problem.limits.joint_velocity is None:
         return 0.0
-    way = np.abs(np.diff(path(path.breaks), axis=0)).sum(axis=0)
-    return float((way / velocity).max())
+    low, high = problem.limits.velocity_bounds(path.dof)
+    way = np.diff(path(path.breaks), axis=0)
+    return float(np.maximum(way / low, way / high).sum(axis=0).max())
 
 
 def _leaves_reach(problem: Problem) -> bool:
@@ -410,7 +412,8 @@ def limit_ratios(
     """Ratios to limits of joints, and of the tool of an arm, by their names, (n,) each."""
     found: dict[str, np.ndarray] = {}
     if limits.joint_velocity is not None:
-        found["joint velocity"] = (np.abs(dq) / limits.joint_velocity).max(axis=1)
+        low, high = limits.velocity_bounds(q.shape[1])
+        found["joint velocity"] = np.maximum(dq / low, dq / high).max(axis=1)
     if limits.joint_acceleration is not None:
         low, high = limits.acceleration_bounds(q.shape[1])
         found["joint acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)

@@ -8,7 +8,7 @@ from tests.geometry.tables import each, refused
 
 import armcontour as ac
 from armcontour.arms import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
-from armcontour.arms.tube import Tube
+from armcontour.arms.planar import Tube
 from armcontour.frames import Frame, exp
 
 

@@ -11,7 +11,7 @@ from tests.geometry.tables import each, refused
 import armcontour as ac
 from armcontour.arms import Chain, Payload, SerialArm
 from armcontour.arms.limits import UNITS, or_unlimited
-from armcontour.arms.tube import Tube
+from armcontour.arms.planar import Tube
 from armcontour.frames import Frame, exp, log
 
 STEP = 1e-6

@@ -10,9 +10,9 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 
 import armcontour as ac
 from armcontour.frames import Frame
+from armcontour.geometry.biarcs import UNEVEN
 from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
 from armcontour.geometry.placing import drop_z, keeps_plane, lift_path, place_path
-from armcontour.geometry.transitions import UNEVEN
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))

@@ -5,7 +5,7 @@ import pytest
 from soak.certificates import random_job
 
 import armcontour as ac
-from armcontour.arms.tube import Tube
+from armcontour.arms.planar import Tube
 from armcontour.geometry._segments import search_along
 from armcontour.geometry.nearest import pack
 from armcontour.motion import LapLaw

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,7 +14,6 @@ from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.arms.serial import ChainArm
-from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
 from armcontour.scene import ArmShapes, Capsule, LinkShape
@@ -20,6 +22,51 @@ from armcontour.scene import ArmShapes, Capsule, LinkShape
 # about 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits
 # of the position.
 SINGULAR_MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube:
+    """A uniform round tube, which stands for a link whose mass and inertia are not known.
+
+    Args:
+        outer_diameter: Outer diameter [m].
+        wall: Thickness of the wall [m].
+        density: Density of the material [kg/m³].
+
+    Raises:
+        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
+    """
+
+    outer_diameter: float
+    wall: float
+    density: float
+
+    def __post_init__(self) -> None:
+        units = {"outer_diameter": "m", "wall": "m", "density": "kg/m³"}
+        for name, unit in units.items():
+            object.__setattr__(self, name, _checks.positive(name, getattr(self, name), unit))
+        if 2 * self.wall > self.outer_diameter:
+            raise InvalidInput(
+                f"The wall of a tube must be at most half its outer diameter of "
+                f"{self.outer_diameter:g} m, but is {self.wall:g} m."
+            )
+
+    def mass(self, length: float) -> float:
+        """Mass of a tube of this length [kg]."""
+        outer, inner = self._radii()
+        return self.density * math.pi * (outer**2 - inner**2) * length
+
+    def inertia(self, length: float) -> FloatArray:
+        """Inertia of a tube of this length along y, about its middle [kg m²], (3, 3)."""
+        outer, inner = self._radii()
+        mass, squares = self.mass(length), outer**2 + inner**2
+        across = mass * (3 * squares + length**2) / 12
+        return np.diag([across, mass * squares / 2, across])
+
+    def _radii(self) -> tuple[float, float]:
+        """Outer and inner radius [m]."""
+        outer = self.outer_diameter / 2
+        return outer, outer - self.wall
 
 
 class PlanarTwoLink(ChainArm):

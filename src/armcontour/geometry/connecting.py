@@ -14,15 +14,17 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._quintics import re_expand
 from armcontour._sampling import number_parts
-from armcontour.geometry.biarcs import dot, length, unit
-from armcontour.geometry.segments import EVERY, Segments, largest_bend
-from armcontour.geometry.transitions import (
+from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,
     contact_of,
+    dot,
     join_up,
     largest_change,
+    length,
+    unit,
 )
+from armcontour.geometry.segments import EVERY, Segments, largest_bend
 
 DEGREE = 7
 # The last four coefficients over what the first four leave of the end's value and derivatives.

@@ -25,10 +25,9 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._sampling import number_parts
-from armcontour.geometry.biarcs import biarcs, dot, unit
+from armcontour.geometry.biarcs import biarcs, dot, join_up, unit
 from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import REPEATED_POINT, Segments, share_demand
-from armcontour.geometry.transitions import join_up
 
 # A parabola is drawn by two arcs for each step of asinh(tan(angle of its tangent)) up to this: from
 # one arc to the next the curvature changes by a factor of 1.7 at most, 1.34 at a turn of 90°, and

@@ -16,8 +16,8 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import number_parts
 from armcontour.errors import InvalidInput
+from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.transitions import draw_arcs
 
 # Long segments are split into pieces with smaller boxes, until a point lies in about this many
 # boxes, but into at most this many pieces per segment on average.

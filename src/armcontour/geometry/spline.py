@@ -9,9 +9,8 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._quintics import re_expand
 from armcontour.errors import InvalidInput
-from armcontour.geometry.biarcs import length
+from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.geometry.transitions import UNEVEN, contact_of, join_up
 
 # Fractions of a piece at which its transition is compared with the spline, and the nodes and
 # weights with which the arc length between two of them is integrated.

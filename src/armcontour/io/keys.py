@@ -260,7 +260,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
             return number
         each: Any = number | list[number]  # type: ignore[valid-type]
         bound: Any = _number(dataclasses.replace(mark, sign="any"))
-        return each | list[tuple[bound, bound]] if mark.bounds else each
+        pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
+        return each | list[pair] if mark.bounds else each
     if isinstance(mark, Choice):
         known: Any = Literal[mark.known]
         if of is not str:

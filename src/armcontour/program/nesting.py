@@ -10,8 +10,8 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._sampling import number_parts
 from armcontour.geometry import Path
+from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
-from armcontour.geometry.transitions import draw_arcs
 from armcontour.program.moves import Contour
 
 # Chords of a quarter circle that is not seen from above as an arc.

@@ -16,9 +16,9 @@ from armcontour.arms import Arm, Limits
 from armcontour.arms.serial import ChainArm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
+from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.nearest import pack_arcs
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.transitions import draw_arcs
 from armcontour.motion import TaughtData
 from armcontour.robustness._monte_carlo import Clock, Line, Sample, Setting, execute
 from armcontour.robustness.box import Box

@@ -19,9 +19,8 @@ from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
-from armcontour.arms.planar import PlanarTwoLink
+from armcontour.arms.planar import PlanarTwoLink, Tube
 from armcontour.arms.serial import SerialArm
-from armcontour.arms.tube import Tube
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, from_rpy
 from armcontour.io.robots import derived
