@@ -35,6 +35,8 @@ JOINT_ROWS = 5
 # First rows of the vectors of a state: columns of the rotation, position, vector from the joint
 # before, axis; then velocity and angular velocity, and their first and second derivatives.
 PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
+# A state before the first joint: the rotation is none.
+AT_FIRST = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (ROWS - PLACE) * (0.0,)
 UNTURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
 # rounding there.
@@ -216,8 +218,7 @@ def tool_motion(
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
         for i in range(ROWS * B):
-            # The rotation is none at first.
-            state[i] = 1.0 if i < PLACE * B and i // B % 4 == 0 else 0.0
+            state[i] = AT_FIRST[i // B]
         for j in range(dof + 1):
             for i in range(JOINT_ROWS * B):
                 joint[i] = 0.0
