@@ -11,12 +11,11 @@ from armcontour.motion import (
     LapLaw,
     PathLaw,
     Rates,
-    SmoothedLaw,
     largest_shares,
     smooth,
     stand_still,
 )
-from armcontour.motion._bounding import path_rates
+from armcontour.motion.bounding import path_rates
 
 
 def test_laps_are_parabolas_21():
@@ -326,17 +325,16 @@ def test_a_peak_above_is_found_where_the_middles_of_intervals_miss_it(case):
 
 def test_rates_are_the_third_and_fourth_derivative_of_the_arc_length(case):
     law = case[0]
-    base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, (0.0, 0.0))
     i = np.arange(len(law.breaks) - 1)
     width = np.diff(law.breaks)
     i, width = i[width > 1e-4], width[width > 1e-4]
     middle, step = law.breaks[i] + 0.37 * width, 0.2 * width
-    found = path_rates(middle, step, base.breaks, base.rates, windows)
+    found = path_rates(law, middle, step)
     third = [law.path_position(i, middle + sign * step, 3) for sign in (-1, 0, 1)]
     size = np.abs(third[1]).max()
-    np.testing.assert_allclose(found[:, 0], third[1], rtol=1e-9, atol=1e-9 * size)
+    np.testing.assert_allclose(found[0], third[1], rtol=1e-9, atol=1e-9 * size)
     change, rounding = third[2] - third[0], 1e-8 * size
-    assert (np.abs(change - 2 * step * found[:, 1]) <= 2 * step**2 * found[:, 2] + rounding).all()
+    assert (np.abs(change - 2 * step * found[1]) <= 2 * step**2 * found[2] + rounding).all()
 
 
 @pytest.mark.parametrize("jerk", [None, 10.0])

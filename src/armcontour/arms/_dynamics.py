@@ -29,18 +29,9 @@ from armcontour.arms._kinematics import (
 # of force and moment of the motion with both, and of the first moment of all that the joint
 # carries; gravity along x and y.
 LINK_ROWS = 21
-FIRST, SECOND = 2, 3
-# Rows that `write_terms` leaves: moments about the joint axes.
-OF_U, OF_X, WEIGHT = 9, 15, 16
 # Rows of the motion that goes from link to link, three each: angular velocity, velocity, angular
 # acceleration, acceleration, gravity.
 MOTION_ROWS = 15
-
-
-@compiled(inner=True)
-def vector_of(links: FloatArray, j: int, first: int) -> Vector:
-    """Three numbers of a link."""
-    return links[j, first], links[j, first + 1], links[j, first + 2]
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -63,8 +54,9 @@ def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -
         motion: Motion rows, of the link before; of this link afterwards.
         own: Rows of the link.
     """
-    r, p, h = rotation_of(links, j), vector_of(links, j, 9), vector_of(links, j, 13)
-    first, last, mass = vector_of(links, j, 16), vector_of(links, j, 19), links[j, 12]
+    x, r, mass = links[j], rotation_of(links, j), links[j, 12]
+    p, h = (x[9], x[10], x[11]), (x[13], x[14], x[15])
+    first, last = (x[16], x[17], x[18]), (x[19], x[20], x[21])
     for i in range(B):
         c, s, rate, bend = own[i], own[B + i], own[2 * B + i], own[3 * B + i]
         # The origin of the joint, still in the frame of the link before.
@@ -104,7 +96,8 @@ def go_inward(links: FloatArray, j: int, own: FloatArray, before: FloatArray) ->
         own: Rows of the link.
         before: Rows of the link before.
     """
-    r, p, carried = rotation_of(links, j), vector_of(links, j, 9), links[j, 22]
+    r, carried = rotation_of(links, j), links[j, 22]
+    p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
         c, s = own[i], own[B + i]
         for k in range(4, 16, 6):
@@ -116,38 +109,7 @@ def go_inward(links: FloatArray, j: int, own: FloatArray, before: FloatArray) ->
         put(before, 16, i, add(get(before, 16, i), 1.0, moved))
 
 
-@compiled(inner=True, fastmath=FUSED)
-def write_terms(
-    links: FloatArray, gravity: FloatArray, rows: FloatArray, motion: FloatArray
-) -> None:
-    """Write the coefficients of a block: of dds, of ds², and the torque of gravity, for all links.
-
-    Args:
-        links: Numbers of the links, as `Dynamics` packs them, (dof, 24).
-        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
-        rows: Rows of the links, (dof, LINK_ROWS * B), with joint positions in row 0 and their
-            derivatives in FIRST and SECOND; the coefficients are written into OF_U, OF_X and
-            WEIGHT.
-        motion: Memory for the motion, (MOTION_ROWS * B,).
-    """
-    dof = len(links)
-    for m in range(MOTION_ROWS * B):
-        motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
-    for j in range(dof):
-        write_sines(rows[j])
-        go_outward(links, j, motion, rows[j])
-    for j in range(dof - 1, 0, -1):
-        go_inward(links, j, rows[j], rows[j - 1])
-    for j in range(dof):
-        own, armature = rows[j], links[j, 23]
-        for i in range(B):
-            own[OF_U * B + i] += armature * own[FIRST * B + i]
-            own[OF_X * B + i] += armature * own[SECOND * B + i]
-            weight = own[17 * B + i] * own[19 * B + i] - own[16 * B + i] * own[20 * B + i]
-            own[WEIGHT * B + i] = weight
-
-
-@compiled()
+@compiled(fastmath=FUSED)
 def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -169,12 +131,20 @@ def path_terms(
             for i in range(B):
                 # The last block is filled up with the last state.
                 at = min(begin + i, n - 1)
-                own[i] = q[at, j]
-                own[FIRST * B + i], own[SECOND * B + i] = first[at, j], second[at, j]
-        write_terms(links, gravity, rows, motion)
+                own[i], own[2 * B + i], own[3 * B + i] = q[at, j], first[at, j], second[at, j]
+        for m in range(MOTION_ROWS * B):
+            motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
         for j in range(dof):
-            own = rows[j]
+            write_sines(rows[j])
+            go_outward(links, j, motion, rows[j])
+        for j in range(dof - 1, 0, -1):
+            go_inward(links, j, rows[j], rows[j - 1])
+        for j in range(dof):
+            own, armature = rows[j], links[j, 23]
             for i in range(min(B, n - begin)):
-                a[begin + i, j], b[begin + i, j] = own[OF_U * B + i], own[OF_X * B + i]
-                c[begin + i, j] = own[WEIGHT * B + i]
+                at = begin + i
+                # Moments about the joint axis.
+                a[at, j] = own[9 * B + i] + armature * first[at, j]
+                b[at, j] = own[15 * B + i] + armature * second[at, j]
+                c[at, j] = own[17 * B + i] * own[19 * B + i] - own[16 * B + i] * own[20 * B + i]
     return a, b, c

@@ -35,6 +35,8 @@ JOINT_ROWS = 5
 # First rows of the vectors of a state: columns of the rotation, position, vector from the joint
 # before, axis; then velocity and angular velocity, and their first and second derivatives.
 PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
+# A state before the first joint: the rotation is none.
+AT_FIRST = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (ROWS - PLACE) * (0.0,)
 UNTURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
 # rounding there.
@@ -157,56 +159,6 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     return found
 
 
-@compiled(inner=True)
-def write_jacobian(frames: FloatArray, task: int, target: FloatArray, out: FloatArray) -> None:
-    """Write tool velocity and angular velocity per joint velocity.
-
-    Args:
-        frames: Results of `write_frames`.
-        task: Number of rows: 6; 5 for the angular velocity about x and y of the target only; 3 for
-            the velocity alone.
-        target: Pose of the tool that is wanted, (3, 4).
-        out: Output: the rows, (task, dof) or more.
-    """
-    tool = frames[len(frames) - 1]
-    for k in range(len(frames) - 1):
-        own = frames[k]
-        a = own[0, 2], own[1, 2], own[2, 2]
-        way = tool[0, 3] - own[0, 3], tool[1, 3] - own[1, 3], tool[2, 3] - own[2, 3]
-        out[0, k], out[1, k], out[2, k] = cross(a, way)
-        if task == 6:
-            out[3, k], out[4, k], out[5, k] = a
-        elif task == 5:
-            for j in range(2):
-                out[3 + j, k] = a[0] * target[0, j] + a[1] * target[1, j] + a[2] * target[2, j]
-
-
-@compiled()
-def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
-    n, dof = q.shape
-    out, frames = np.empty((n, 6, dof)), np.empty((dof + 1, 3, 4))
-    for i in range(n):
-        write_frames(links, q[i], frames)
-        write_jacobian(frames, 6, frames[dof], out[i])
-    return out
-
-
-@compiled(inner=True, fastmath=FUSED)
-def go_on(links: FloatArray, j: int, joint: FloatArray, state: FloatArray) -> None:
-    """Take rotation, position, vector and axis of a block to the next frame."""
-    r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
-    for i in range(B):
-        for k in range(3):
-            x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
-            way = x * p0 + y * p1 + z * p2
-            state[(PLACE + k) * B + i] += way
-            state[(WAY + k) * B + i] = way
-            x, y, z = into_link(r, joint[i], joint[B + i], (x, y, z))
-            state[k * B + i], state[(3 + k) * B + i] = x, y
-            state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
-
-
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     """Take velocities and angular velocities of a block, and their derivatives, to the next frame.
@@ -253,7 +205,7 @@ def tool_motion(
         links: Links of the chain, (dof + 1, 12).
         order: Order of the highest derivative, 0 to 3; without derivatives, poses are given.
         q: Joint positions [rad], (n, dof).
-        first: First derivatives, (n, dof); read if the order asks for them, as the next two.
+        first: First derivatives, (n, dof); of any values if above the order, as the next two.
         second: Second derivatives, (n, dof).
         third: Third derivatives, (n, dof).
 
@@ -266,24 +218,27 @@ def tool_motion(
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
         for i in range(ROWS * B):
-            # The rotation is none at first.
-            state[i] = 1.0 if i < PLACE * B and i // B % 4 == 0 else 0.0
+            state[i] = AT_FIRST[i // B]
         for j in range(dof + 1):
             for i in range(JOINT_ROWS * B):
                 joint[i] = 0.0
-            if j < dof:
-                for i in range(B):
-                    # The last block is filled up with the last state.
-                    at = min(begin + i, n - 1)
-                    joint[i] = q[at, j]
-                    if order > 0:
-                        joint[2 * B + i] = first[at, j]
-                    if order > 1:
-                        joint[3 * B + i] = second[at, j]
-                    if order > 2:
-                        joint[4 * B + i] = third[at, j]
+            for i in range(B if j < dof else 0):
+                # The last block is filled up with the last state.
+                at = min(begin + i, n - 1)
+                joint[i], joint[2 * B + i] = q[at, j], first[at, j]
+                joint[3 * B + i], joint[4 * B + i] = second[at, j], third[at, j]
             write_sines(joint)
-            go_on(links, j, joint, state)
+            r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
+            for i in range(B):
+                c, s = joint[i], joint[B + i]
+                for k in range(3):
+                    x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
+                    way = x * p0 + y * p1 + z * p2
+                    state[(PLACE + k) * B + i] += way
+                    state[(WAY + k) * B + i] = way
+                    x, y, z = into_link(r, c, s, (x, y, z))
+                    state[k * B + i], state[(3 + k) * B + i] = x, y
+                    state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
             if order > 0:
                 add_motion(order, joint, state)
         for i in range(min(B, n - begin)):
@@ -294,22 +249,6 @@ def tool_motion(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def sine_and_cosine(q: float, anchors: FloatArray, j: int) -> tuple[float, float]:
-    """Sine and cosine of joint j's angle q, from the stored sine and cosine of an angle near q.
-
-    Row j of `anchors` stores that angle, its sine and its cosine; it is updated if q is too far.
-    """
-    x = q - anchors[j, 0]
-    if not -NEAR_ANGLE < x < NEAR_ANGLE:
-        anchors[j, 0], anchors[j, 1], anchors[j, 2] = q, math.sin(q), math.cos(q)
-        return anchors[j, 1], anchors[j, 2]
-    y = x * x
-    s = x * (1 - y * (1 / 6 - y * (1 / 120 - y * (1 / 5040 - y * (1 / 362880)))))
-    c = 1 - y * (1 / 2 - y * (1 / 24 - y * (1 / 720 - y * (1 / 40320 - y * (1 / 3628800)))))
-    return anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
-
-
-@compiled(inner=True, fastmath=FUSED)
 def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
     """Tool point [m] of one state, with few evaluations of sines and cosines.
 
@@ -317,12 +256,19 @@ def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
         links: Links of the chain, (dof + 1, 12).
         q: Joint positions [rad], (dof,).
         anchors: For each joint an angle with its sine and cosine, (dof, 3), updated when the joint
-            moves far from the angle; 0, 0, 1 before the first call.
+            is far from the angle; 0, 0, 1 before the first call.
     """
     dof = len(q)
     at = links[dof, 9], links[dof, 10], links[dof, 11]
     for j in range(dof - 1, -1, -1):
-        s, c = sine_and_cosine(q[j], anchors, j)
+        x = q[j] - anchors[j, 0]
+        if not -NEAR_ANGLE < x < NEAR_ANGLE:
+            anchors[j, 0], anchors[j, 1], anchors[j, 2] = q[j], math.sin(q[j]), math.cos(q[j])
+            x = 0.0
+        y = x * x
+        s = x * (1 - y * (1 / 6 - y * (1 / 120 - y * (1 / 5040 - y * (1 / 362880)))))
+        c = 1 - y * (1 / 2 - y * (1 / 24 - y * (1 / 720 - y * (1 / 40320 - y * (1 / 3628800)))))
+        s, c = anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
         turned = out_of_link(rotation_of(links, j), c, s, at)
-        at = links[j, 9] + turned[0], links[j, 10] + turned[1], links[j, 11] + turned[2]
+        at = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
     return at

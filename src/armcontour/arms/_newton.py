@@ -9,12 +9,13 @@ joint positions.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.arms._kinematics import Vector, add, cross, write_frames, write_jacobian
+from armcontour.arms._kinematics import Vector, add, cross, write_frames
 
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.
@@ -100,15 +101,23 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
         out[3], out[4] = dot(column(target, 0), turn), dot(column(target, 1), turn)
 
 
+class Equations(NamedTuple):
+    """Memory for the equations of one pose.
+
+    Attributes:
+        frames: Frames of the joints and of the tool, (dof + 1, 3, 4).
+        rows: Jacobian of the pose error, (task, dof) or more.
+        error: The pose error, (task,) or longer.
+    """
+
+    frames: FloatArray
+    rows: FloatArray
+    error: FloatArray
+
+
 @compiled(inner=True)
 def write_equations(
-    links: FloatArray,
-    task: int,
-    q: FloatArray,
-    target: FloatArray,
-    frames: FloatArray,
-    rows: FloatArray,
-    error: FloatArray,
+    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: Equations
 ) -> None:
     """Write the error of the tool's pose and its derivatives by the joints.
 
@@ -121,13 +130,20 @@ def write_equations(
         task: Task dimension: 6, 5 or 3.
         q: Joint positions [rad], (dof,).
         target: Target pose, (3, 4).
-        frames: Output: frames of the joints and of the tool, (dof + 1, 3, 4).
-        rows: Output: rows of the Jacobian, (task, dof) or more.
-        error: Output: the error, (task,) or longer.
+        out: Output: the equations.
     """
+    dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
-    write_jacobian(frames, task, target, rows)
-    pose, turn, cosine = frames[len(q)], (0.0, 0.0, 0.0), 0.0
+    pose = frames[dof]
+    for k in range(dof):
+        axis = column(frames[k], 2)
+        way = add(column(pose, 3), -1.0, column(frames[k], 3))
+        rows[0, k], rows[1, k], rows[2, k] = cross(axis, way)
+        if task == 6:
+            rows[3, k], rows[4, k], rows[5, k] = axis
+        elif task == 5:
+            rows[3, k], rows[4, k] = dot(column(target, 0), axis), dot(column(target, 1), axis)
+    turn, cosine = (0.0, 0.0, 0.0), 0.0
     # The rotation to the target is the target times the transposed pose: sine and cosine, twice.
     for k in range(0 if task == 6 else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
@@ -141,7 +157,7 @@ def write_equations(
         # At half a turn the axis is undefined; a rotation about any axis makes progress.
         turn, scale = (1.0, 0.0, 0.0) if task == 6 else column(target, 0), math.pi
     move = add(column(target, 3), -1.0, column(pose, 3))
-    write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), error)
+    write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), out.error)
 
 
 @compiled()
@@ -163,17 +179,16 @@ def newton(
         Whether a solution was found for each pose, (n,).
     """
     n, dof = q.shape
-    found, frames = np.zeros(n, np.bool_), np.empty((dof + 1, 3, 4))
-    a, b = np.empty((dof, dof)), np.empty(dof)
+    found, a, b = np.zeros(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
+    own = Equations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         for _ in range(MOST_STEPS):
-            write_equations(links, task, q[i], targets[i], frames, a, b)
-            for r in range(dof - task):
-                value = 0.0
+            write_equations(links, task, q[i], targets[i], own)
+            for r in range(task, dof):
+                write_row(w[i, 0, r - task], a[r])
+                b[r] = 0.0
                 for k in range(dof):
-                    a[task + r, k] = w[i, 0, r, k]
-                    value += w[i, 0, r, k] * (g[i, 0, k] - q[i, k])
-                b[task + r] = value
+                    b[r] += a[r, k] * (g[i, 0, k] - q[i, k])
             if solve(a, b, dof) < SINGULAR:
                 break
             size = 0.0
@@ -186,20 +201,6 @@ def newton(
                 found[i] = True
                 break
     return found
-
-
-@compiled(inner=True)
-def bias_of(frames: FloatArray, dq: FloatArray) -> tuple[Vector, Vector, Vector]:
-    """Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0."""
-    w = e = a = (0.0, 0.0, 0.0)
-    for k in range(len(dq)):
-        # The link before the joint turns the joint axis, which adds omega x axis dq.
-        axis = column(frames[k], 2)
-        e = add(e, dq[k], cross(w, axis))
-        w = add(w, dq[k], axis)
-        way = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
-        a = add(add(a, 1.0, cross(e, way)), 1.0, cross(w, cross(w, way)))
-    return w, a, e
 
 
 @compiled()
@@ -235,41 +236,44 @@ def path_derivatives(
     """
     n, dof = q.shape
     first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
-    frames, b = np.empty((dof + 1, 3, 4)), np.empty(dof)
-    a, copy = np.empty((dof, dof)), np.empty((dof, dof))
+    frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
+    copy = np.empty((dof, dof))
     for i in range(n):
-        write_frames(links, q[i], frames)
-        write_jacobian(frames, task, targets[i], a)
-        for r in range(dof - task):
-            write_row(w[i, 0, r], a[task + r])
-        for k in range(dof):
-            write_row(a[k], copy[k])
+        write_equations(links, task, q[i], targets[i], Equations(frames, a, b))
         x = rates[i]
         move, bend = (x[0, 0], x[0, 1], x[0, 2]), (x[1, 0], x[1, 1], x[1, 2])
         turn, twist = (x[2, 0], x[2, 1], x[2, 2]), (x[3, 0], x[3, 1], x[3, 2])
         write_task(task, targets[i], move, turn, b)
-        for r in range(dof - task):
-            value = 0.0
+        for r in range(task, dof):
+            write_row(w[i, 0, r - task], a[r])
+            b[r] = 0.0
             for k in range(dof):
-                value += w[i, 0, r, k] * g[i, 1, k] - w[i, 1, r, k] * (q[i, k] - g[i, 0, k])
-            b[task + r] = value
+                b[r] += a[r, k] * g[i, 1, k] - w[i, 1, r - task, k] * (q[i, k] - g[i, 0, k])
+        for k in range(dof):
+            write_row(a[k], copy[k])
         pivot_ratio[i] = solve(copy, b, dof)
         write_row(b, first[i])
-        turned, bent, twisted = bias_of(frames, first[i])
+        # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
+        turned = bent = twisted = (0.0, 0.0, 0.0)
+        for k in range(dof):
+            # The link before the joint turns the joint axis, which adds omega x axis dq.
+            axis = column(frames[k], 2)
+            twisted = add(twisted, b[k], cross(turned, axis))
+            turned = add(turned, b[k], axis)
+            way = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
+            bent = add(bent, 1.0, cross(twisted, way))
+            bent = add(bent, 1.0, cross(turned, cross(turned, way)))
         # The tool may rotate about its axis at another rate than the target: the difference of
         # the angular velocities is along the tool axis.
         free = cross(add(turn, -1.0, turned), turn)
         twist = add(add(twist, -1.0, twisted), 1.0, free)
         write_task(task, targets[i], add(bend, -1.0, bent), twist, b)
-        for r in range(dof - task):
-            value = 0.0
+        for r in range(task, dof):
+            w0, w1, w2 = w[i, 0, r - task], w[i, 1, r - task], w[i, 2, r - task]
+            b[r] = 0.0
             for k in range(dof):
-                value += (
-                    w[i, 0, r, k] * g[i, 2, k]
-                    - 2.0 * w[i, 1, r, k] * (first[i, k] - g[i, 1, k])
-                    - w[i, 2, r, k] * (q[i, k] - g[i, 0, k])
-                )
-            b[task + r] = value
+                b[r] += w0[k] * g[i, 2, k] - 2.0 * w1[k] * (first[i, k] - g[i, 1, k])
+                b[r] -= w2[k] * (q[i, k] - g[i, 0, k])
         solve(a, b, dof)
         write_row(b, second[i])
     return first, second, pivot_ratio
@@ -291,11 +295,10 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
         Unit vectors of joint motion, (n, dof - task, dof).
     """
     n, dof = q.shape
-    found, frames = np.empty((n, dof - task, dof)), np.empty((dof + 1, 3, 4))
-    rows, rest = np.empty((dof, dof)), np.empty(dof)
+    found, rows, rest = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
+    own = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
     for i in range(n):
-        write_frames(links, q[i], frames)
-        write_jacobian(frames, task, targets[i], rows)
+        write_equations(links, task, q[i], targets[i], own)
         for r in range(dof):
             if r >= task:
                 # Start from the joint axis that is farthest from the span of the rows so far.
@@ -329,8 +332,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
 @compiled(inner=True)
 def write_shortest_step(
     task: int,
-    rows: FloatArray,
-    error: FloatArray,
+    own: Equations,
     damping: float,
     square: FloatArray,
     right: FloatArray,
@@ -342,8 +344,7 @@ def write_shortest_step(
 
     Args:
         task: Task dimension: 6, 5 or 3.
-        rows: Jacobian of the pose error, (task, dof) or more.
-        error: The pose error, (task,) or longer.
+        own: The equations.
         damping: Damping of the least squares.
         square: Memory, (6, 6).
         right: Memory, (6,).
@@ -352,14 +353,14 @@ def write_shortest_step(
     Returns:
         The largest step of a joint [rad]; infinite if the equations are singular.
     """
-    dof = rows.shape[1]
+    rows, dof = own.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
             value = damping * damping if i == j else 0.0
             for k in range(dof):
                 value += rows[i, k] * rows[j, k]
             square[i, j] = square[j, i] = value
-        right[i] = error[i]
+        right[i] = own.error[i]
     if solve(square, right, task) == 0.0:
         return math.inf
     most = 0.0
@@ -391,28 +392,25 @@ def approach(
     """
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    rows, error = np.empty((6, dof)), np.empty(6)
-    tried, missed = np.empty((6, dof)), np.empty(6)
+    best = Equations(frames, np.empty((6, dof)), np.empty(6))
+    tried = Equations(frames, np.empty((6, dof)), np.empty(6))
     step, trial, residual = np.empty(dof), np.empty(dof), np.full((n, 2), np.inf)
     for i in range(n):
         damping, cost = 0.05, math.inf
         write_row(q[i], trial)
         for _ in range(most):
-            write_equations(links, task, trial, target, frames, tried, missed)
+            write_equations(links, task, trial, target, tried)
+            error, turn = tried.error, 0.0
             for r in range(3, task):
-                missed[r] *= weight
+                error[r] *= weight
+                turn += error[r] ** 2
                 for k in range(dof):
-                    tried[r, k] *= weight
-            value = 0.0
-            for k in range(task):
-                value += missed[k] * missed[k]
-            if value < cost:
-                gain, cost = cost - value, value
-                rows, tried, error, missed = tried, rows, missed, error
+                    tried.rows[r, k] *= weight
+            place = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
+            if place + turn < cost:
+                gain, cost = cost - (place + turn), place + turn
+                best, tried = tried, best
                 write_row(trial, q[i])
-                place, turn = error[0] ** 2 + error[1] ** 2 + error[2] ** 2, 0.0
-                for k in range(3, task):
-                    turn += error[k] ** 2
                 residual[i, 0], residual[i, 1] = math.sqrt(place), math.sqrt(turn) / weight
                 damping = max(damping * 0.3, 1e-9)
                 if cost < 1e-26 or gain < 1e-12 * cost:
@@ -421,7 +419,7 @@ def approach(
                 damping *= 4.0
                 if damping > 1e3:
                     break
-            size = write_shortest_step(task, rows, error, damping, square, right, step)
+            size = write_shortest_step(task, best, damping, square, right, step)
             if not math.isfinite(size):
                 break
             scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
@@ -472,8 +470,9 @@ def follow(
     """
     ways, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    rows, error, step = np.empty((6, dof)), np.empty(6), np.empty(dof)
-    here, trial, between = np.empty(dof), np.empty(dof), np.empty((3, 4))
+    own = Equations(frames, np.empty((6, dof)), np.empty(6))
+    step, here, trial = np.empty(dof), np.empty(dof), np.empty(dof)
+    between = np.empty((3, 4))
     for way in range(ways):
         reached[way] = n
         for i in range(1, n):
@@ -487,8 +486,8 @@ def follow(
                 write_row(here, trial)
                 size, before = math.inf, math.inf
                 for _ in range(FOLLOW_CORRECTIONS):
-                    write_equations(links, task, trial, target, frames, rows, error)
-                    size = write_shortest_step(task, rows, error, 0.0, square, right, step)
+                    write_equations(links, task, trial, target, own)
+                    size = write_shortest_step(task, own, 0.0, square, right, step)
                     # Each correction must be at most half of the one before; otherwise the steps
                     # may lead to another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:

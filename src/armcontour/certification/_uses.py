@@ -399,8 +399,7 @@ def motion(
         if isinstance(law, JointAverage):
             states[:, here] = law.motion(i, local)
         else:
-            ends = law.s[i], law.s[i + 1]
-            states[:, here] = join_path(law.joint_path, ends, along, (0, 1, 2))
+            states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
     return s, states
 
 

@@ -11,8 +11,6 @@ from armcontour.motion.laws import Rates
 # Terms of the series below. They converge to rounding errors for `|slope| t²` up to 10, more than a
 # half period of a law with circular functions.
 TERMS = 18
-# Steps of a search whose bracket is halved at least in every second step.
-STEPS = 110
 
 
 @compiled(inner=True)
@@ -62,80 +60,6 @@ def whole(breaks: FloatArray, rates: Rates) -> FloatArray:
     return found
 
 
-@compiled(inner=True, allocates=True)
-def _from(
-    breaks: FloatArray,
-    s: FloatArray,
-    rates: Rates,
-    integrals: FloatArray,
-    begin: float,
-    ends: FloatArray,
-) -> FloatArray:
-    """State of a law at increasing times `ends`, with integrals from time `begin`, (n, 5).
-
-    The columns are dds, ds, the distance from the position at `begin`, and the first and second
-    integral of that distance over time. The law is at rest before its first and after its last
-    break.
-    """
-    n = len(breaks) - 1
-    found = np.zeros((len(ends), 5))
-    i = -1 if begin < breaks[0] else min(int(np.searchsorted(breaks, begin, side="right")) - 1, n)
-    # Time of the last break passed, arc length at `begin`, and the integrals up to that time.
-    now, origin = begin, s[0]
-    if i >= n:
-        origin = s[n]
-    elif i >= 0:
-        origin = s[i] + advance(rates, i, begin - breaks[i])[2]
-    one, two = 0.0, 0.0
-    for k in range(len(ends)):
-        while i < n and ends[k] >= breaks[i + 1]:
-            one, two = _advance_integrals(breaks, s, rates, integrals, i, now, origin, one, two)
-            i += 1
-            now = breaks[i]
-        u, here = ends[k] - now, s[0] - origin
-        if i >= n:
-            here = s[n] - origin
-        if i < 0 or i >= n:
-            found[k, 2] = here
-            found[k, 3], found[k, 4] = one + here * u, two + one * u + here * u * u / 2
-            continue
-        # Integrals from the start of the interval, less those up to `now`.
-        own = advance(rates, i, ends[k] - breaks[i])
-        lag = now - breaks[i]
-        first = advance(rates, i, lag)
-        here = s[i] - origin
-        found[k, 0], found[k, 1], found[k, 2] = own[0], own[1], here + own[2]
-        found[k, 3] = one + (own[3] - first[3]) + here * u
-        found[k, 4] = two + one * u + (own[4] - first[4] - first[3] * u) + here * u * u / 2
-    return found
-
-
-@compiled(inner=True)
-def _advance_integrals(
-    breaks: FloatArray,
-    s: FloatArray,
-    rates: Rates,
-    integrals: FloatArray,
-    i: int,
-    now: float,
-    origin: float,
-    one: float,
-    two: float,
-) -> tuple[float, float]:
-    """First and second integral at the end of interval i, from those at time `now` inside it."""
-    u = breaks[i + 1] - now
-    here = s[max(i, 0)] - origin
-    if i < 0:
-        return one + here * u, two + one * u + here * u * u / 2
-    if now == breaks[i]:
-        add, more = integrals[i, 0], integrals[i, 1]
-    else:
-        first = advance(rates, i, now - breaks[i])
-        add = integrals[i, 0] - first[3]
-        more = integrals[i, 1] - first[4] - first[3] * u
-    return one + add + here * u, two + one * u + more + here * u * u / 2
-
-
 @compiled()
 def average(
     t: FloatArray,
@@ -143,12 +67,12 @@ def average(
     s: FloatArray,
     rates: Rates,
     integrals: FloatArray,
-    first: float,
-    second: float,
+    windows: tuple[float, float],
 ) -> FloatArray:
-    """Moving average of a law over the last `first` seconds, then over the last `second` seconds.
+    """Moving average of a law over the last seconds of one window, then of another.
 
-    Integrals start at the window's start, so that the motion before it costs no digits.
+    Integrals start at the window's start, so that the motion before it costs no digits. The law is
+    at rest before its first and after its last break.
 
     Args:
         t: Times [s], (n,).
@@ -156,71 +80,43 @@ def average(
         s: Arc lengths at the breaks [m], (m + 1,).
         rates: Rates of the law's intervals.
         integrals: Integrals from `whole`, (m, 2).
-        first: Length of the longer window [s].
-        second: Length of the shorter window, or 0 [s].
+        windows: Lengths of the longer window, and of the shorter window or 0 [s].
 
     Returns:
         s, ds, dds and ddds of the averaged law, (n, 4).
     """
-    found = np.empty((len(t), 4))
-    last = len(breaks) - 1
+    first, second = windows
+    found, last, rest = np.empty((len(t), 4)), len(breaks) - 1, (0.0, 0.0, 0.0, 0.0, 0.0)
+    # At the ends of the windows: dds, ds, the distance from the position at the window's start, and
+    # the first and second integral of that distance over time.
+    x, ends = np.empty((4, 5)), np.empty(4)
     for k in range(len(t)):
-        begin = t[k] - first - second
-        origin = s[0]
-        if begin >= breaks[last]:
-            origin = s[last]
-        elif begin > breaks[0]:
-            i = min(int(np.searchsorted(breaks, begin, side="right")) - 1, last - 1)
-            origin = s[i] + advance(rates, i, begin - breaks[i])[2]
-        ends = np.array([begin, begin + second, begin + first, t[k]])
-        x = _from(breaks, s, rates, integrals, begin, ends)
-        if second == 0.0:
-            found[k, 0] = origin + x[3, 3] / first
-            found[k, 1] = x[3, 2] / first
-            found[k, 2] = (x[3, 1] - x[0, 1]) / first
-            found[k, 3] = (x[3, 0] - x[0, 0]) / first
-        else:
-            area = first * second
-            for c in range(4):
-                found[k, c] = (x[3, 4 - c] - x[2, 4 - c] - x[1, 4 - c] + x[0, 4 - c]) / area
-            found[k, 0] += origin
-    return found
-
-
-@compiled()
-def crossings(
-    target: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    breaks: FloatArray,
-    s: FloatArray,
-    rates: Rates,
-    integrals: FloatArray,
-    first: float,
-    second: float,
-) -> FloatArray:
-    """Times between `low` and `high` at which the averaged law, never moving back, is at `target`.
-
-    By Newton's method; the bracket is halved if a step leaves it, and in every second step. The
-    other arguments are those of `average`.
-    """
-    found = np.empty(len(target))
-    at = np.empty(1)
-    for k in range(len(target)):
-        a, b = low[k], high[k]
-        at[0] = 0.5 * (a + b)
-        for step in range(STEPS):
-            x = average(at, breaks, s, rates, integrals, first, second)
-            off = x[0, 0] - target[k]
-            if off < 0.0:
-                a = at[0]
+        now = t[k] - first - second
+        ends[0], ends[1], ends[2], ends[3] = now, now + second, now + first, t[k]
+        i = int(np.searchsorted(breaks, now, side="right")) - 1
+        # Integrals of interval i up to time `now`, and of all before since the window's start.
+        begun = advance(rates, i, now - breaks[i]) if 0 <= i < last else rest
+        origin, one, two = s[max(i, 0)] + begun[2], 0.0, 0.0
+        for e in range(4):
+            while i < last and ends[e] >= breaks[i + 1]:
+                u, here = breaks[i + 1] - now, s[max(i, 0)] - origin
+                two += one * u + here * u * u / 2
+                one += here * u
+                if i >= 0:
+                    one += integrals[i, 0] - begun[3]
+                    two += integrals[i, 1] - begun[4] - begun[3] * u
+                i += 1
+                now, begun = breaks[i], rest
+            u, here = ends[e] - now, s[max(i, 0)] - origin
+            own = advance(rates, i, ends[e] - breaks[i]) if 0 <= i < last else rest
+            x[e, 0], x[e, 1], x[e, 2] = own[0], own[1], here + own[2]
+            x[e, 3] = one + (own[3] - begun[3]) + here * u
+            x[e, 4] = two + one * u + (own[4] - begun[4] - begun[3] * u) + here * u * u / 2
+        for c in range(4):
+            if second == 0.0:
+                found[k, c] = (x[3, 3 - c] - x[0, 3 - c]) / first
             else:
-                b = at[0]
-            new = at[0] - off / x[0, 1] if x[0, 1] > 0.0 else a
-            if step % 2 == 1 or not a < new < b:
-                new = 0.5 * (a + b)
-            if new <= a or new >= b or new == at[0]:
-                break
-            at[0] = new
-        found[k] = b
+                area = first * second
+                found[k, c] = (x[3, 4 - c] - x[2, 4 - c] - x[1, 4 - c] + x[0, 4 - c]) / area
+        found[k, 0] += origin
     return found

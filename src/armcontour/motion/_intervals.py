@@ -42,31 +42,3 @@ def interval_times(
     for i in range(len(width)):
         times[i] = interval_time(width[i], begin[i], end[i], slope[i])
     return times
-
-
-@compiled()
-def law_of_squares(
-    s: FloatArray, x: FloatArray, slope: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """The law with given squares of the path speed, with a path acceleration linear in s.
-
-    Args:
-        s: Ends of the intervals [m], (n + 1,).
-        x: ds² at the ends of the intervals [m²/s²], (n + 1,).
-        slope: Slopes of dds over s [1/s²], (n,).
-
-    Returns:
-        Times of the ends of the intervals [s], (n + 1,), ds and dds at their starts, (n,) each, and
-        the first interval from rest to rest, -1 if there is none.
-    """
-    n = len(slope)
-    breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
-    breaks[0], end = 0.0, math.sqrt(x[0])
-    for i in range(n):
-        ds[i], end = end, math.sqrt(x[i + 1])
-        if ds[i] + end == 0.0:
-            return breaks, ds, dds, i
-        width = s[i + 1] - s[i]
-        dds[i] = (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
-        breaks[i + 1] = breaks[i] + interval_time(width, ds[i], end, slope[i])
-    return breaks, ds, dds, -1

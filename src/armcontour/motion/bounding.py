@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.motion._bounding import bound_motion, path_rates
 from armcontour.motion.laws import PathLaw
 from armcontour.motion.path_average import SmoothedLaw
 
 # Intervals are halved so often at most. What is not below its limit then counts with its bound.
 HALVINGS = 40
+
+# A function and its derivatives at some places, each (n,) or (dof, n).
+Derivatives: TypeAlias = list[FloatArray]
 
 
 def largest_shares(
@@ -59,15 +64,119 @@ def _shares(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """What `bound_motion` gives of intervals `i`, from begin, middle and end of a part of each."""
-    base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, (0.0, 0.0))
+    """Shares of limits in the middle of parts of intervals, and bounds of them on these parts.
+
+    A joint's velocity and acceleration, and the path speed, are quadratics about the middle, plus
+    the most that their third derivative can add.
+
+    Args:
+        law: The law.
+        i: Intervals, (n,).
+        t: Begin, middle and end of a part of each [s], (n,) each.
+        limits: As in `largest_shares`.
+        speeds: As in `largest_shares`.
+
+    Returns:
+        Of all joints the largest share of acceleration, deceleration and velocity in the middle,
+        the shares of both path speeds there, then the bounds of the five, (n, 10).
+    """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
-    s, ds, dds, _ = law.path_motion(i, middle)
-    more = path_rates(middle, half, base.breaks, base.rates, windows)
-    along = np.concatenate([np.stack([s, ds, dds], axis=1), more], axis=1)
+    v = [*law.path_motion(i, middle)[:3], *path_rates(law, middle, half)]
+    most = _bound(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
-    piece = np.clip(path.locate(s), first, path.locate(law.s[i + 1], side="left"))
-    own = path.breaks, path.coefficients
-    return np.asarray(bound_motion(half, along, piece, *own, limits, speeds))
+    piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
+    width = np.diff(path.breaks)[piece]
+    x, coefficients = (v[0] - path.breaks[piece]) / width, path.coefficients[piece]
+    # Of all joints, (dof, n): rows of many numbers are fast.
+    c, q = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1)), []
+    for _ in range(6):
+        q.append(polyval(x, c, tensor=False))
+        c = np.arange(1, len(c))[:, None, None] * c[1:] / width
+    far, cube = _bound(q, half * most[1]), half**3 / 6
+    ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
+    ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
+    fourth, more, rest = _fourth(q, v), _fifth(far, most) * cube, _fourth(far, most) * cube
+    up, down, pace = limits[:, :, None]
+    upper, lower = (_highest([x * dds, x * ddds, x * fourth], half) + more for x in (1, -1))
+    peak = np.maximum(*(_highest([x * ds, x * dds, x * ddds], half) for x in (1, -1))) + rest
+    joints = [dds / up, -dds / down, np.abs(ds) / pace, upper / up, lower / down, peak / pace]
+    here, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 3, -1)
+    along, highest = _highest(v[1:4], half) + most[4] * cube, speeds[piece].T
+    return np.concatenate([here, v[1] / highest, bounds, along / highest]).T
+
+
+def path_rates(law: PathLaw | SmoothedLaw, t: FloatArray, half: FloatArray) -> Derivatives:
+    """The third and the fourth derivative of a law's arc length, and a bound of the fifth one.
+
+    A window turns the n-th derivative into the difference of the (n - 1)-th at the window's ends,
+    divided by the window's length.
+
+    Args:
+        law: The law.
+        t: Times [s], (n,).
+        half: The bound is valid so long before and after each of the times [s], (n,).
+    """
+    base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, ())
+    lengths = [x for x in windows if x > 0]
+    edges = [(0.0, 1.0)]
+    for x in lengths:
+        edges = [(a + b, c / x) for a, sign in edges for b, c in ((0.0, sign), (x, -sign))]
+    found, order = np.zeros((3, len(t))), 3 - len(lengths)
+    for lag, sign in edges:
+        at = np.clip(t - lag, base.breaks[0], base.breaks[-1])
+        inside = (at > base.breaks[0]) & (at < base.breaks[-1])
+        i = np.clip(np.searchsorted(base.breaks, at, side="right") - 1, 0, len(base.breaks) - 2)
+        ds, dds, ddds = base.path_motion(i, at)[1:]
+        slope, jerk = base.rates.slope[i], base.rates.jerk[i]
+        # ds and dds are sums of cosh and sinh, or of cos and sin, which are less.
+        root = np.sqrt(np.abs(slope))
+        c, h = np.cosh(root * half), np.sinh(root * half)
+        with np.errstate(invalid="ignore"):
+            most = np.abs(ds) * c + np.abs(dds) * np.where(root > 0, h / root, half)
+        most_dds = np.abs(dds) * c + np.abs(ds) * root * h
+        bounds = np.abs(slope) * most + np.abs(jerk), np.abs(slope) * most_dds, slope**2 * most
+        rates = ds, dds, ddds, slope * dds
+        own = [sign * rates[order - 1], sign * rates[order], abs(sign) * bounds[order - 1]]
+        found += np.where(inside, own, 0.0)
+    return list(found)
+
+
+def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
+    """The function, and bounds of its derivatives within `reach`, by Taylor's polynomial."""
+    n = len(values)
+    own, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
+    for k in range(1, n):
+        powers.append(powers[-1] * reach / k)
+    bounds = [sum(own[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]
+    return [values[0], *map(np.asarray, bounds)]
+
+
+def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
+    """The largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
+    f0, f1, f2 = f
+    ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where((f2 < 0) & (np.abs(f1) < -f2 * half), f0 - f1**2 / (2 * f2), ends)
+
+
+def _fifth(q: Derivatives, v: Derivatives) -> FloatArray:
+    """The fifth derivative of q(s(t)), from those of q over s and of s over time."""
+    return np.asarray(
+        q[5] * v[1] ** 5
+        + 10 * q[4] * v[1] ** 3 * v[2]
+        + q[3] * (10 * v[1] ** 2 * v[3] + 15 * v[1] * v[2] ** 2)
+        + q[2] * (10 * v[2] * v[3] + 5 * v[1] * v[4])
+        + q[1] * v[5]
+    )
+
+
+def _fourth(q: Derivatives, v: Derivatives) -> FloatArray:
+    """The fourth derivative of q(s(t))."""
+    return np.asarray(
+        q[4] * v[1] ** 4
+        + 6 * q[3] * v[1] ** 2 * v[2]
+        + q[2] * (3 * v[2] ** 2 + 4 * v[1] * v[3])
+        + q[1] * v[4]
+    )

@@ -13,7 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.motion._intervals import interval_times, law_of_squares
+from armcontour.motion._intervals import interval_times
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
 
@@ -258,13 +258,18 @@ class PathLaw(LawAlongPath):
         Raises:
             InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
         """
-        breaks, ds, dds, stuck = law_of_squares(s, x, slope)
-        if stuck >= 0:
+        speeds, width = np.sqrt(x), s[1:] - s[:-1]
+        rest = speeds[:-1] + speeds[1:] == 0.0
+        if rest.any():
+            stuck = int(np.argmax(rest))
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
             )
+        dds = (x[1:] - x[:-1]) / (2 * width) - slope * width / 2
+        times = interval_times(width, speeds[:-1], speeds[1:], _checks.for_kernel(slope))
+        breaks = np.concatenate([[0.0], np.cumsum(times)])
         # Zeros of a new array take no memory until they are written.
-        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
+        rates = Rates(ds=speeds[:-1].copy(), dds=dds, slope=slope, jerk=np.zeros(len(slope)))
         # Nobody else has these arrays, so locking needs no copies.
         for values in (breaks, *rates):
             values.setflags(write=False)
@@ -289,13 +294,12 @@ class PathLaw(LawAlongPath):
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
-        ends = self.s[i], self.s[i + 1]
-        return join_path(self.joint_path, ends, self.path_motion(i, t), (order,))[0]
+        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[0]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """Q and its derivatives up to an order by the chain rule, (n, dof) each."""
-        ends, orders = (self.s[i], self.s[i + 1]), tuple(range(order + 1))
-        return join_path(self.joint_path, ends, self.path_motion(i, t), orders)
+        orders = tuple(range(order + 1))
+        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
@@ -312,17 +316,14 @@ class PathLaw(LawAlongPath):
 
 
 def join_path(
-    joint_path: JointPath,
-    ends: tuple[FloatArray, FloatArray],
-    along: FloatArray,
-    orders: tuple[int, ...],
+    joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
     """Derivatives of joint positions over time along a joint path, by the chain rule.
 
     Args:
         joint_path: The joint path.
-        ends: Arc lengths of the start and end of the law's interval at each place [m]. At a break
-            of the joint path they decide between the interval before and after it.
+        end: Arc length of the end of the law's interval at each place [m]: a place at a break of
+            the joint path is before the break if the interval ends there.
         along: s and its derivatives over time up to the third, (4, n).
         orders: The orders that are asked for; 0 for the positions.
 
@@ -332,11 +333,10 @@ def join_path(
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
     found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
-    begin, end = (flatten(x, shape) for x in ends)
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
-    joint_motions(along.reshape(4, count), begin, end, only, *tables, found)
+    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, found)
     # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
     return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
 

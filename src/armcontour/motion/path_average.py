@@ -8,12 +8,14 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour.motion._averaging import average, crossings, whole
+from armcontour.motion._averaging import average, whole
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import LawAlongPath, PathLaw, join_path
 
 # Breaks that differ by less than this fraction of the duration count as one.
 SAME = 1e-13
+# Steps of a search whose bracket is halved at least in every second step.
+STEPS = 110
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,32 +77,43 @@ class SmoothedLaw(LawAlongPath):
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
-        return join_path(
-            self.joint_path, (self.s[i], self.s[i + 1]), self.path_motion(i, t), (order,)
-        )[0]
+        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[0]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """Q and its derivatives up to an order by the chain rule, (n, dof) each."""
-        ends, orders = (self.s[i], self.s[i + 1]), tuple(range(order + 1))
-        return join_path(self.joint_path, ends, self.path_motion(i, t), orders)
+        orders = tuple(range(order + 1))
+        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
         return self._crossings(s, self.breaks[i], self.breaks[i + 1])
 
     def _crossings(self, s: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Times between `low` and `high` at which the averaged law is at `s` [s], (n,)."""
-        law = self.law
-        return np.asarray(
-            crossings(s, low, high, law.breaks, law.s, law.rates, self.integrals, *self.windows)
-        )
+        """Times between `low` and `high` at which the averaged law is at `s` [s], (n,).
+
+        By Newton's method; the bracket is halved if a step leaves it, and in every second step.
+        """
+        found, left, t = high.copy(), np.arange(len(s)), 0.5 * (low + high)
+        for step in range(STEPS):
+            way, speed = self._path(t)[:, :2].T
+            missing = s[left] - way
+            low, high = np.where(missing > 0.0, t, low), np.where(missing > 0.0, high, t)
+            found[left] = high
+            with np.errstate(divide="ignore", invalid="ignore"):
+                new = t + missing / speed
+            keeps = (low < new) & (new < high) & (speed > 0.0) & (step % 2 == 0)
+            new = np.where(keeps, new, 0.5 * (low + high))
+            more = (low < new) & (new < high) & (new != t)
+            if not more.any():
+                break
+            left, low, high, t = left[more], low[more], high[more], new[more]
+        return found
 
     def _path(self, t: FloatArray) -> FloatArray:
         """s, ds, dds and ddds of the averaged law at times `t`, (n, 4)."""
         at = np.ascontiguousarray(t, dtype=np.float64)
-        return average(
-            at, self.law.breaks, self.law.s, self.law.rates, self.integrals, *self.windows
-        )
+        law = self.law
+        return average(at, law.breaks, law.s, law.rates, self.integrals, self.windows)
 
     def _with_joints(self, t: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Times and arc lengths of breaks, with those of the joint path's breaks added."""

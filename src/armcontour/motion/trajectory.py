@@ -16,7 +16,7 @@ from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion._laws import Motion, joint_motions, path_motions, place_times
+from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 
 # Number of times that are computed together, to save memory.
@@ -633,6 +633,8 @@ class JoinedLaws:
         starts: Start times of the laws [s], (laws,).
         rows: Rows of the laws' first breaks, and the number of all rows, (laws + 1,).
         breaks: Breaks, counted from the start of each law [s], (n,).
+        times: Breaks, counted from the start of the trajectory and rounded as those of the
+            trajectory are [s], (n,).
         s: Arc lengths there [m], (n,).
         rates: The columns of `Rates` for the interval after each break, (n,) each.
         path_rows: Rows of the first breaks of the laws' joint paths, (laws + 1,).
@@ -643,6 +645,7 @@ class JoinedLaws:
     starts: FloatArray
     rows: IntArray
     breaks: FloatArray
+    times: FloatArray
     s: FloatArray
     rates: tuple[FloatArray, ...]
     path_rows: IntArray
@@ -657,6 +660,7 @@ class JoinedLaws:
             starts=starts,
             rows=_first_rows([x.breaks for x in laws]),
             breaks=_join([x.breaks for x in laws]),
+            times=_join([at + x.breaks for at, x in zip(starts, laws, strict=True)]),
             s=_join([x.s for x in laws]),
             rates=tuple(_join_padded([x.rates[k] for x in laws]) for k in range(4)),
             path_rows=_first_rows([x.breaks for x in paths]),
@@ -675,17 +679,16 @@ class JoinedLaws:
             side: "right" or "left": the interval to which a break belongs.
             orders: The orders, from 0 to 3.
         """
-        local = np.empty(len(t))
-        after = int(side == "right")
-        row = place_times(law, t, after, self.starts, self.rows, self.breaks, local)
+        row = np.searchsorted(self.times, t, side=_checks.side(side)) - 1
+        row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
+        local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
         for x in (row, local):
             x.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
         found = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
-        begin, end = _locked(self.s[row]), _locked(self.s[row + 1])
         tables = self.path_rows, self.path_breaks, self.coefficients
-        joint_motions(along, begin, end, law, *tables, found)
+        joint_motions(along, _locked(self.s[row + 1]), law, *tables, found)
         return tuple(found[k] for k in orders)
 
 

@@ -112,7 +112,12 @@ def _(law: JointAverage) -> FloatArray:
 
 def _fastest_along(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
-    return np.asarray(_travel.fastest_along(law.breaks, *law.rates))
+    (ds, dds, slope, jerk), speeds = law.rates, law.speeds
+    # ds² is a parabola over s, or ds one over time, with a peak where the acceleration is 0.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over_s = np.where(slope < 0, np.sqrt(ds**2 - dds**2 / slope), 0.0)
+        peaks = np.where(jerk < 0, ds - dds**2 / (2 * jerk), over_s)
+    return np.maximum(np.maximum(speeds[:-1], speeds[1:]), np.where(dds > 0, peaks, 0.0))
 
 
 def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:

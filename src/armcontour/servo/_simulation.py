@@ -57,19 +57,6 @@ class Run(NamedTuple):
 
 
 @compiled(inner=True, fastmath=FUSED)
-def find_piece(starts: FloatArray, now: float) -> int:
-    """Number of pieces of the command that have begun at time `now` [s]."""
-    low, high = 0, len(starts)
-    while low < high:
-        middle = (low + high) // 2
-        if starts[middle] - now <= NEAR:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@compiled(inner=True, fastmath=FUSED)
 def piece_at(pieces: FloatArray, starts: FloatArray, at: int, now: float) -> Cubic:
     """The command from time `now` [s] on, in its piece `at`."""
     u = Cubic(pieces[at, 0], pieces[at, 1], pieces[at, 2], pieces[at, 3])
@@ -91,42 +78,21 @@ def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArra
 
 
 @compiled(inner=True, fastmath=FUSED)
-def stop_before(starts: FloatArray, at: int, until: float) -> float:
-    """The time `until`, or that at which the next piece begins, if it does before [s]."""
-    if at < len(starts) and starts[at] < until - NEAR:
-        return float(starts[at])
-    return until
-
-
-@compiled(inner=True, fastmath=FUSED)
-def follow_delayed(
-    pieces: FloatArray, starts: FloatArray, times: FloatArray, m: Motion, out: FloatArray
-) -> Motion:
-    """Simulate a joint that follows its command exactly; arguments as in `march`."""
-    q, w = m.q, m.w
-    at, last = find_piece(starts, times[0]), len(starts)
-    for row in range(1, len(times)):
-        while at < last and starts[at] < times[row] - NEAR:
-            at += 1
-        u = piece_at(pieces, starts, at, times[row])
-        q, w = u.value, u.rate
-        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, 2 * u.second
-    return Motion(q, w, 0.0, m.saturated, min(m.lowest, 0.0), max(m.highest, 0.0))
-
-
-@compiled(inner=True, fastmath=FUSED)
 def march_held(
     servo: Servo,
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
     m: Motion,
+    at: int,
     out: FloatArray,
 ) -> Motion:
-    """Simulate a joint whose acceleration or velocity is held for a piece; as `march`."""
+    """Simulate a joint whose acceleration or velocity is held for a piece; as `march`.
+
+    `at` is the number of pieces that have begun at times[0].
+    """
     q, w, held, saturated, lowest, highest = m
-    first = servo.kv == 0.0
-    at, last, now = find_piece(starts, times[0]), len(starts), times[0]
+    first, last, now = servo.kv == 0.0, len(starts), times[0]
     if 0 < at and starts[at - 1] > now - NEAR:
         at -= 1
     z = held
@@ -142,7 +108,7 @@ def march_held(
                     held = min(max(z, servo.lower), servo.upper)
                 lowest, highest = min(lowest, z), max(highest, z)
                 continue
-            stop = stop_before(starts, at, until)
+            stop = starts[at] if at < last and starts[at] < until - NEAR else until
             h = stop - now
             if first:
                 q, w = q + h * held, held
@@ -181,14 +147,12 @@ def march(
     Returns:
         State at the end; not finite if time steps as short as the servo needs make no progress.
     """
-    if math.isinf(servo.kp):
-        return follow_delayed(pieces, starts, times, motion, out)
-    if kind == 2:
-        return march_held(servo, pieces, starts, times, motion, out)
-    m = motion
-    kept = np.full((KEPT, COLUMNS), -1.0)
-    oldest = 0
-    at, last, now = find_piece(starts, times[0]), len(starts), times[0]
+    m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
+    # The number of pieces that have begun.
+    at = np.searchsorted(starts, now + NEAR, side="right")
+    if kind == 2 and not delays:
+        return march_held(servo, pieces, starts, times, m, at, out)
+    kept, oldest = np.full((KEPT, COLUMNS), -1.0), 0
     for row in range(1, len(times)):
         until = times[row]
         u = piece_at(pieces, starts, at, now)
@@ -197,8 +161,10 @@ def march(
                 at += 1
                 u = piece_at(pieces, starts, at, now)
                 continue
-            stop = stop_before(starts, at, until)
-            span, slot = stop - now, -1
+            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            span, now, slot = stop - now, stop, -1
+            if delays:
+                continue
             for i in range(KEPT):
                 if abs(kept[i, 0] - span) <= NEAR:
                     slot = i
@@ -211,9 +177,14 @@ def march(
             for _ in range(int(x[1])):
                 m = respond(servo, step, u, m)
                 u = shift(u, step.time)
-            now = stop
-        now, z = until, demand(servo, u, m.q, m.w)
-        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = m.q, m.w, z
+        now = until
+        if delays:
+            u, z = piece_at(pieces, starts, at, now), 0.0
+            m = Motion(u.value, u.rate, 0.0, m.saturated, m.lowest, m.highest)
+            out[row - 1, 2] = 2 * u.second
+        else:
+            out[row - 1, 2] = z = demand(servo, u, m.q, m.w)
+        out[row - 1, 0], out[row - 1, 1] = m.q, m.w
         m = Motion(m.q, m.w, 0.0, m.saturated, min(m.lowest, z), max(m.highest, z))
     return m
 
