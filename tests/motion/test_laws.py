@@ -284,43 +284,43 @@ def dense(law):
     width = np.diff(law.breaks)[:, None]
     t = np.clip((law.breaks[:-1, None] + width * shares).ravel(), law.breaks[i], law.breaks[i + 1])
     ddq = law.on_interval(i, t, 2)
-    dq = np.abs(law.on_interval(i, t, 1))
-    return ddq.max(axis=0), -ddq.min(axis=0), dq.max(axis=0), law.path_position(i, t, 1).max()
+    ends = [f(x, axis=0) for x in (ddq, law.on_interval(i, t, 1)) for f in (np.min, np.max)]
+    return np.array(ends), law.path_position(i, t, 1).max()
 
 
 def limits_of(law):
     """Limits that the densest look at a law takes in full, each by a joint of its own or by ds."""
-    up, down, pace, ds = dense(law)
-    pieces = len(law.joint_path.breaks) - 1
+    ends, ds = dense(law)
+    pieces, sign = len(law.joint_path.breaks) - 1, np.array([[-1], [1], [-1], [1]])
     # A joint that stands still takes rounding only.
-    return np.maximum([up, down, pace], 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
+    return sign * np.maximum(sign * ends, 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
 
 
 def test_what_is_taken_in_full_is_proven_up_to_what_a_dense_look_misses(case):
     law, limits, speeds = case
     found = largest_shares(law, limits, speeds, 1 + NEAR)
     assert (found <= 1 + NEAR).all()
-    assert found == pytest.approx([1, 1, 1, 1, 0.5], rel=2e-3)
+    # Of what is proven, the share is that in the middles of intervals.
+    assert found == pytest.approx([1, 1, 1, 1, 1, 0.5], rel=5e-3)
     # At random times it is no more.
     t = np.random.default_rng(0).uniform(0, law.breaks[-1], 50_000)
     i = np.clip(np.searchsorted(law.breaks, t) - 1, 0, len(law.breaks) - 2)
-    ddq = law.on_interval(i, t, 2)
-    assert (ddq / limits[0]).max() <= 1 + NEAR and (-ddq / limits[1]).max() <= 1 + NEAR
-    assert (np.abs(law.on_interval(i, t, 1)) / limits[2]).max() <= 1 + NEAR
-    assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, found[3])
-    none = np.full_like(limits, np.inf), np.full_like(speeds, np.inf)
+    for values, bounds in ((law.on_interval(i, t, k), limits[4 - 2 * k :][:2]) for k in (1, 2)):
+        assert max((values / x).max() for x in bounds) <= 1 + NEAR
+    assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, found[4])
+    none = np.inf * limits, np.full_like(speeds, np.inf)
     np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
 
 
 def test_a_peak_above_is_found_where_the_middles_of_intervals_miss_it(case):
     law, limits, speeds = case
-    for k, name in enumerate(("acceleration", "deceleration", "velocity", "speed", "bent")):
+    for k in range(6):
         # All others are out of reach.
         wide = [100 * limits, 100 * speeds]
-        (wide[0] if k < 3 else wide[1].T)[k % 3] = (limits if k < 3 else speeds.T)[k % 3]
-        full = 0.5 if k == 4 else 1.0
-        assert largest_shares(law, *wide, (1 - 1e-7) * full)[k] > (1 - 1e-7) * full, name
-        assert largest_shares(law, *wide, (1 + NEAR) * full)[k] <= (1 + NEAR) * full, name
+        (wide[0] if k < 4 else wide[1].T)[k % 4] = (limits if k < 4 else speeds.T)[k % 4]
+        full = 0.5 if k == 5 else 1.0
+        assert largest_shares(law, *wide, (1 - 1e-7) * full)[k] > (1 - 1e-7) * full, k
+        assert largest_shares(law, *wide, (1 + NEAR) * full)[k] <= (1 + NEAR) * full, k
 
 
 def test_rates_are_the_third_and_fourth_derivative_of_the_arc_length(case):
@@ -349,10 +349,10 @@ def test_long_intervals_lose_no_peak(jerk):
         for windows in ((), (0.3,), (0.2, 0.1)):
             law = (smooth(plan, *windows) if windows else plan).laws[0]
             full, speeds = limits_of(law)
-            for row in range(3):
-                only = np.full((3, 6), 1e3)
+            for row in range(4):
+                only = 1e3 * np.sign(full)
                 only[row] = full[row]
                 found = largest_shares(law, only, 100 * speeds, 1 - 1e-7)
                 assert found[row] > 1 - 1e-7, (k, windows, row)
             found = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
-            assert found[3] > 1 - 1e-7, (k, windows)
+            assert found[4] > 1 - 1e-7, (k, windows)

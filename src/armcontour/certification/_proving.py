@@ -18,14 +18,6 @@ from armcontour.motion import (
 
 # A limit is exceeded by a share above 1 and this: rounding.
 KEPT = 1e-9
-# The limits that are bounded, as `largest_shares` gives them.
-BOUNDED = (
-    "joint_acceleration",
-    "down",
-    "joint_velocity",
-    "speed",
-    "centripetal_acceleration",
-)
 
 
 def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
@@ -38,19 +30,22 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
         arm: The arm.
         limits: The limits.
     """
-    low, high = limits.acceleration_bounds(arm.dof)
-    joints = np.stack([high, -low, np.minimum(*np.abs(limits.velocity_bounds(arm.dof)))])
-    found = np.zeros(len(BOUNDED))
+    joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
+    found = np.zeros(6)
     for law in plan.laws:
         # Averages of the joints are not above what is averaged.
         law = law.original if isinstance(law, JointAverage) else law
         assert isinstance(law, PathLaw | SmoothedLaw)
         speeds = _highest_speeds(law.joint_path, limits)
         found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
-    uses = dict(zip(BOUNDED, found.tolist(), strict=True))
-    uses["centripetal_acceleration"] **= 2
-    uses["joint_acceleration"] = max(uses["joint_acceleration"], uses.pop("down"))
-    return uses
+    acceleration, velocity = found[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, bent = found[4:].tolist()
+    return {
+        "joint_acceleration": acceleration,
+        "joint_velocity": velocity,
+        "speed": speed,
+        "centripetal_acceleration": bent**2,
+    }
 
 
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:

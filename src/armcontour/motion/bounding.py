@@ -29,21 +29,21 @@ def largest_shares(
 
     Args:
         law: The law.
-        limits: Highest acceleration, deceleration [rad/s²] and velocity [rad/s] of every joint,
-            infinite without one, (3, dof).
+        limits: Lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
+            joint, infinite without one, (4, dof).
         speeds: Two highest path speeds on every interval of the joint path [m/s], (m, 2).
         allowed: The share that is to be proven.
 
     Returns:
-        Of acceleration, deceleration, velocity and both path speeds, (5,).
+        Of these four and of both path speeds, (6,).
     """
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
-    largest = np.zeros(5)
+    largest = np.zeros(6)
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
         shares = _shares(law, i, (begin, middle, end), limits, speeds)
-        here, bound = shares[:, :5], shares[:, 5:]
+        here, bound = shares[:, :6], shares[:, 6:]
         largest = np.maximum(largest, here.max(axis=0))
         unknown = ((bound > allowed) & (here <= allowed)).any(axis=1)
         if not unknown.any():
@@ -77,8 +77,8 @@ def _shares(
         speeds: As in `largest_shares`.
 
     Returns:
-        Of all joints the largest share of acceleration, deceleration and velocity in the middle,
-        the shares of both path speeds there, then the bounds of the five, (n, 10).
+        The largest shares of the limits of all joints and of both path speeds in the middle, then
+        the bounds of the six, (n, 12).
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
@@ -98,11 +98,15 @@ def _shares(
     ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
     fourth, more, rest = _fourth(q, v), _fifth(far, most) * cube, _fourth(far, most) * cube
-    up, down, pace = limits[:, :, None]
-    upper, lower = (_highest([x * dds, x * ddds, x * fourth], half) + more for x in (1, -1))
-    peak = np.maximum(*(_highest([x * ds, x * dds, x * ddds], half) for x in (1, -1))) + rest
-    joints = [dds / up, -dds / down, np.abs(ds) / pace, upper / up, lower / down, peak / pace]
-    here, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 3, -1)
+    values, ends = [], []
+    for f, left in (([dds, ddds, fourth], more), ([ds, dds, ddds], rest)):
+        for sign in (-1, 1):
+            values.append(f[0])
+            ends.append(sign * (_highest([sign * x for x in f], half) + left))
+    joints = [
+        x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
+    ]
+    here, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
     along, highest = _highest(v[1:4], half) + most[4] * cube, speeds[piece].T
     return np.concatenate([here, v[1] / highest, bounds, along / highest]).T
 
